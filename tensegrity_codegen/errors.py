@@ -1,0 +1,188 @@
+"""What can go wrong: one base class, one subclass a fault.
+
+Every message says what was given, what is allowed, where, and what to try. The class attribute
+`exit_code` is the code that the command line ends with (2 bad input, 3 no convergence or unstable).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+__all__ = [
+    "AbiMismatchError",
+    "CompileError",
+    "CompilerMissingError",
+    "ConvergenceError",
+    "DuplicateNameError",
+    "FormulationError",
+    "InvalidNameError",
+    "InvalidValueError",
+    "LibraryError",
+    "MissingExtraError",
+    "NonFiniteError",
+    "OutputError",
+    "SceneError",
+    "SceneSyntaxError",
+    "StructureError",
+    "TensegrityError",
+    "UnknownKeyError",
+    "UnknownNameError",
+    "UnstableError",
+    "suggest",
+]
+
+
+class TensegrityError(Exception):
+    """Base of every error raised on purpose.
+
+    problem: one sentence; where: file and key; given: the offending value; allowed: what would be
+    accepted; hint: what to try.
+    """
+
+    exit_code: ClassVar[int] = 2
+
+    def __init__(
+        self, problem: str, *, where: str = "", given: Any = None, allowed: str = "", hint: str = ""
+    ) -> None:
+        self.problem, self.where, self.given, self.allowed, self.hint = problem, where, given, allowed, hint
+        super().__init__(problem)
+
+    def __str__(self) -> str:
+        lines = [f"{self.where}: {self.problem}" if self.where else self.problem]
+        if self.given is not None:
+            lines.append(f"  given:   {shorten(self.given)}")
+        if self.allowed:
+            lines.append(f"  allowed: {self.allowed}")
+        if self.hint:
+            lines.append(f"  try:     {self.hint}")
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the error as one JSON-ready object."""
+        given = None if self.given is None else shorten(self.given)
+        return {
+            "error": type(self).__name__,
+            "problem": self.problem,
+            "where": self.where,
+            "given": given,
+            "allowed": self.allowed,
+            "hint": self.hint,
+        }
+
+
+class SceneError(TensegrityError):
+    """A scene, or a file to import, that cannot be used."""
+
+
+class SceneSyntaxError(SceneError):
+    """A file that is not well-formed TOML, CSV or YAML, or too large to be a scene."""
+
+
+class UnknownKeyError(SceneError):
+    """A key that the schema does not have."""
+
+
+class UnknownNameError(SceneError):
+    """A reference to a node, member, class, group, quantity or method that does not exist."""
+
+
+class DuplicateNameError(SceneError):
+    """Two things under one name, or two members on one pair of nodes."""
+
+
+class InvalidNameError(SceneError):
+    """A name that is no C identifier."""
+
+
+class InvalidValueError(SceneError):
+    """A value outside its range or of the wrong type."""
+
+
+class NonFiniteError(InvalidValueError):
+    """A NaN or an infinity where a finite number is needed."""
+
+
+class StructureError(SceneError):
+    """Values that are fine one by one but do not make a structure."""
+
+
+class FormulationError(TensegrityError):
+    """A request that the chosen formulation or emitter cannot serve."""
+
+
+class OutputError(TensegrityError):
+    """A file or folder that cannot be written."""
+
+
+class MissingExtraError(TensegrityError):
+    """An optional package that is needed here and not installed."""
+
+
+class CompilerMissingError(TensegrityError):
+    """No C compiler was found."""
+
+
+class CompileError(TensegrityError):
+    """The C compiler failed; `log` keeps all that it wrote."""
+
+    def __init__(self, problem: str, *, log: str = "", where: str = "", hint: str = "") -> None:
+        super().__init__(problem, where=where, hint=hint)
+        self.log = log
+
+    def __str__(self) -> str:
+        return f"{super().__str__()}\n{self.log}".rstrip()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the error and the compiler's log as one JSON-ready object."""
+        return super().as_dict() | {"log": self.log}
+
+
+class LibraryError(TensegrityError):
+    """A compiled library that is missing, broken, or not what its manifest says."""
+
+
+class AbiMismatchError(LibraryError):
+    """A compiled library made for another version of the C interface."""
+
+
+class ConvergenceError(TensegrityError):
+    """An iteration that did not reach its tolerance; `evidence` says how far it came."""
+
+    exit_code: ClassVar[int] = 3
+
+    def __init__(
+        self, problem: str, *, evidence: Mapping[str, Any] | None = None, where: str = "", hint: str = ""
+    ) -> None:
+        super().__init__(problem, where=where, hint=hint)
+        self.evidence = dict(evidence or {})
+
+    def __str__(self) -> str:
+        rows = [f"  {key}: {value}" for key, value in self.evidence.items()]
+        return "\n".join([super().__str__(), *rows])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the error and its evidence as one JSON-ready object."""
+        return super().as_dict() | {"evidence": self.evidence}
+
+
+class UnstableError(ConvergenceError):
+    """A time integration or an equilibrium that is unstable."""
+
+
+def suggest(given: str, known: Iterable[str], *, most: int = 12) -> str:
+    """Return a hint for an unknown word: the closest known ones, else the whole list."""
+    names = sorted(known)
+    close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+    if close:
+        return "did you mean " + " or ".join(repr(name) for name in close) + "?"
+    shown = ", ".join(repr(name) for name in names[:most])
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"known: {shown}{more}" if names else "none are defined"
+
+
+def shorten(value: Any, most: int = 120) -> str:
+    """Return `repr(value)` cut to a readable length."""
+    text = repr(value)
+    return text if len(text) <= most else text[: most - 1] + "…"

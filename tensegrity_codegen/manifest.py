@@ -1,0 +1,166 @@
+"""What a generated library says of itself: the one thing that codegen writes and runtime reads."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.errors import AbiMismatchError, LibraryError
+
+__all__ = [
+    "ABI_VERSION",
+    "STATUS",
+    "ArgumentSpec",
+    "FunctionSpec",
+    "IntegratorSpec",
+    "LeftOut",
+    "Manifest",
+    "Pattern",
+]
+
+ABI_VERSION = 1
+
+# Status codes of every generated function, by number.
+STATUS = ("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer")
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Compressed-column sparsity: row indices and column starts."""
+
+    shape: tuple[int, int]
+    row: tuple[int, ...]
+    column_start: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ArgumentSpec:
+    """One argument: its shape, unit and meaning, the names it runs over, its value in the scene."""
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    sentence: str
+    nominal: tuple[float, ...]
+    over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FunctionSpec:
+    """One function: C symbol `<scene>_compute_<quantity>`, the arguments that matter, the result."""
+
+    quantity: str
+    symbol: str
+    arguments: tuple[str, ...]
+    shape: tuple[int, ...]
+    unit: str
+    sentence: str
+    operations: int
+    pattern: Pattern | None = None
+
+
+@dataclass(frozen=True)
+class IntegratorSpec:
+    """One integrator: C symbol `<scene>_integrate_<name>`, the arguments it passes on, its work array."""
+
+    name: str
+    symbol: str
+    arguments: tuple[str, ...]
+    work_size: int
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One thing that the scene does not need: why, and what leaving it out saved."""
+
+    what: str
+    why: str
+    functions: int
+    arguments: int
+    operations: int
+    object_bytes: int | None = None
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The whole description of one generated library."""
+
+    abi_version: int
+    name: str
+    scene_hash: str
+    formulation: str
+    emitter: str
+    made_by: dict[str, str]
+    axes: tuple[int, ...]
+    node_name: tuple[str, ...]
+    member_name: tuple[str, ...]
+    connectivity: tuple[tuple[int, int], ...]
+    coordinate_node_axis: tuple[tuple[int, int], ...]
+    node_position: tuple[tuple[float, float, float], ...]
+    node_velocity: tuple[tuple[float, float, float], ...]
+    input_name: tuple[str, ...]
+    arguments: tuple[ArgumentSpec, ...]
+    functions: tuple[FunctionSpec, ...]
+    integrators: tuple[IntegratorSpec, ...]
+    left_out: tuple[LeftOut, ...]
+
+    def argument(self, name: str) -> ArgumentSpec:
+        """Return the argument of that name."""
+        return next(item for item in self.arguments if item.name == name)
+
+    def to_json(self) -> str:
+        """Return the manifest as JSON text, the same for the same content."""
+        return json.dumps(dataclasses.asdict(self), indent=1, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, where: str = "manifest") -> Manifest:
+        """Return the manifest that `text` holds; raises LibraryError or AbiMismatchError."""
+        try:
+            data = json.loads(text)
+            version = data["abi_version"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
+        if version != ABI_VERSION:
+            raise AbiMismatchError(
+                "the library was made for another version of the C interface",
+                where=where,
+                given=version,
+                allowed=str(ABI_VERSION),
+                hint="build it again with this version of tensegrity_codegen",
+            )
+        try:
+            return _decode(data)
+        except (KeyError, TypeError) as error:
+            raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
+
+    @classmethod
+    def read(cls, path: Path) -> Manifest:
+        """Read a manifest file."""
+        try:
+            return cls.from_json(path.read_text(encoding="utf-8"), where=str(path))
+        except OSError as error:
+            raise LibraryError("no manifest beside the library", where=str(path)) from error
+
+
+def _decode(data: dict[str, Any]) -> Manifest:
+    data = {key: _freeze(value) for key, value in data.items()}
+    data["made_by"] = dict(data["made_by"])
+    data["arguments"] = tuple(ArgumentSpec(**item) for item in data["arguments"])
+    data["functions"] = tuple(
+        FunctionSpec(**{**item, "pattern": Pattern(**item["pattern"]) if item["pattern"] else None})
+        for item in data["functions"]
+    )
+    data["integrators"] = tuple(IntegratorSpec(**item) for item in data["integrators"])
+    data["left_out"] = tuple(LeftOut(**item) for item in data["left_out"])
+    return Manifest(**data)
+
+
+def _freeze(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_freeze(item) for item in value)
+    if isinstance(value, dict):
+        return {key: _freeze(item) for key, item in value.items()}
+    return value

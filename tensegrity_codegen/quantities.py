@@ -1,0 +1,206 @@
+"""The table of every quantity and argument: name, symbol, unit, shape, sentence, source.
+
+Registered once; header comments, docstrings, help texts and shape checks all read it from here.
+Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
+`n_states` = 2 n_coordinates, `n_inputs`, `n_parameters` (all run-time parameters, stacked in argument
+order); `k` is the number of nodes or members that the scene keeps changeable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from tensegrity_codegen.errors import UnknownNameError, suggest
+
+__all__ = ["ARGUMENTS", "PARAMETERS", "QUANTITIES", "Quantity", "find_quantity"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One row of the table; `sparse` results are handed out as compressed columns."""
+
+    name: str
+    symbol: str
+    unit: str
+    shape: tuple[str, ...]
+    sentence: str
+    source: str = "MODEL 1"
+    sparse: bool = False
+    needs_mass: bool = False
+
+
+def _table(*rows: Quantity) -> Mapping[str, Quantity]:
+    return MappingProxyType({row.name: row for row in rows})
+
+
+ARGUMENTS = _table(
+    Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),
+    Quantity("velocity", "q'", "m/s", ("n_coordinates",), "Rates of the free node coordinates."),
+    Quantity("input", "u", "m or N", ("n_inputs",), "Rest-length changes and forces of the actuated inputs."),
+    Quantity("rest_length", "rho", "m", ("k",), "Rest lengths of the changeable members."),
+    Quantity("spring_constant", "mu", "N/m", ("k",), "Spring constants of the changeable members."),
+    Quantity("axial_stiffness", "EA", "N", ("k",), "Axial stiffnesses of the changeable members.", "SCS"),
+    Quantity("damping", "c", "N s/m", ("k",), "Damping constants of the changeable members."),
+    Quantity("node_mass", "m", "kg", ("k",), "Point masses of the changeable nodes."),
+    Quantity("node_load", "F", "N", ("k", "n_axes"), "Loads on the changeable nodes, constant in direction."),
+    Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
+    Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
+)
+
+PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "input"))
+
+QUANTITIES = _table(
+    Quantity("member_vector", "d", "m", ("n_members", "n_axes"), "Member vectors d_e = r_i - r_j."),
+    Quantity("member_length", "l", "m", ("n_members",), "Member lengths l_e = |d_e|."),
+    Quantity(
+        "member_tension",
+        "t",
+        "N",
+        ("n_members",),
+        "Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.",
+    ),
+    Quantity("force_density", "t/l", "N/m", ("n_members",), "Force densities t_e / l_e."),
+    Quantity(
+        "node_force", "f", "N", ("n_nodes", "n_axes"), "Sum of member forces, weight and loads on every node."
+    ),
+    Quantity(
+        "node_residual",
+        "-dU/dq",
+        "N",
+        ("n_coordinates",),
+        "Static force (no damping) on every free coordinate; zero in equilibrium.",
+    ),
+    Quantity(
+        "support_reaction",
+        "R",
+        "N",
+        ("n_anchored_coordinates",),
+        "Static force that the anchors exert on the structure, anchored coordinate by coordinate.",
+    ),
+    Quantity("elastic_energy", "U_e", "J", (), "Strain energy sum mu_e (l_e - rho_e)^2 / 2 of taut members."),
+    Quantity("potential_energy", "U", "J", (), "Strain energy minus the work of gravity and loads."),
+    Quantity("kinetic_energy", "T", "J", (), "Kinetic energy q'^T H q' / 2.", needs_mass=True),
+    Quantity("total_energy", "T + U", "J", (), "Kinetic plus potential energy.", needs_mass=True),
+    Quantity(
+        "acceleration",
+        "q''",
+        "m/s2",
+        ("n_coordinates",),
+        "Accelerations q'' = H^-1 f of the free coordinates.",
+        needs_mass=True,
+    ),
+    Quantity(
+        "state_derivative",
+        "x'",
+        "m/s, m/s2",
+        ("n_states",),
+        "Derivative of the state x = (q, q').",
+        needs_mass=True,
+    ),
+    Quantity(
+        "mass_matrix",
+        "H",
+        "kg",
+        ("n_coordinates", "n_coordinates"),
+        "Mass matrix; a uniform bar adds (m/6) [2 1; 1 2] kron I.",
+        "MODEL 1, 6",
+        True,
+        True,
+    ),
+    Quantity(
+        "material_stiffness",
+        "K_M",
+        "N/m",
+        ("n_coordinates", "n_coordinates"),
+        "Material part of the tangent stiffness: mu_e d d^T / l^2 of each taut member.",
+        "MODEL 3",
+        True,
+    ),
+    Quantity(
+        "geometric_stiffness",
+        "K_G",
+        "N/m",
+        ("n_coordinates", "n_coordinates"),
+        "Geometric part of the tangent stiffness: t_e/l_e (I - d d^T / l^2).",
+        "MODEL 3",
+        True,
+    ),
+    Quantity(
+        "tangent_stiffness",
+        "K",
+        "N/m",
+        ("n_coordinates", "n_coordinates"),
+        "Tangent stiffness K = K_M + K_G, the Hessian of the potential energy.",
+        "MODEL 3",
+        True,
+    ),
+    Quantity(
+        "damping_matrix",
+        "C",
+        "N s/m",
+        ("n_coordinates", "n_coordinates"),
+        "Damping matrix -df/dq': c_e d d^T / l^2 of each taut member.",
+        "MODEL 1",
+        True,
+    ),
+    Quantity(
+        "equilibrium_matrix",
+        "A",
+        "1",
+        ("n_coordinates", "n_members"),
+        "Equilibrium matrix: A t balances the loads on the free coordinates.",
+        "MODEL 1",
+        True,
+    ),
+    Quantity(
+        "state_jacobian",
+        "dx'/dx",
+        "1/s, 1/s2",
+        ("n_states", "n_states"),
+        "Jacobian of the state derivative to the state.",
+        "MODEL 3",
+        True,
+        True,
+    ),
+    Quantity(
+        "input_jacobian",
+        "dx'/du",
+        "m/s2 per input",
+        ("n_states", "n_inputs"),
+        "Jacobian of the state derivative to the inputs.",
+        "MODEL 3",
+        True,
+        True,
+    ),
+    Quantity(
+        "rest_length_jacobian",
+        "dx'/drho",
+        "1/s2",
+        ("n_states", "n_members"),
+        "Jacobian of the state derivative to the rest lengths of all members.",
+        "MODEL 3",
+        True,
+        True,
+    ),
+    Quantity(
+        "parameter_jacobian",
+        "dx'/dp",
+        "mixed",
+        ("n_states", "n_parameters"),
+        "Jacobian of the state derivative to all run-time parameters.",
+        "MODEL 3",
+        True,
+        True,
+    ),
+)
+
+
+def find_quantity(name: str) -> Quantity:
+    """Return the table's row of `name`; an unknown name raises UnknownNameError with the known ones."""
+    if name not in QUANTITIES:
+        raise UnknownNameError(
+            "unknown quantity", where="quantities", given=name, hint=suggest(name, QUANTITIES)
+        )
+    return QUANTITIES[name]

@@ -1,0 +1,110 @@
+"""The structure as frozen arrays, free of files and of formulations.
+
+Sign convention, said once and kept everywhere: `member_tension` is positive in tension, for bars too;
+the member vector of member e = (i, j) is d_e = r_i - r_j, so a member in tension pulls node i along
+-d_e and node j along +d_e.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ActuatedInput", "Structure"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ActuatedInput:
+    """One scalar input u of the structure.
+
+    kind "rest_length": u [m] is added to the rest length of every listed member.
+    kind "force": u [N] times the unit `direction` (3,) acts on every listed node.
+    """
+
+    name: str
+    kind: Literal["rest_length", "force"]
+    targets: tuple[int, ...]
+    direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Nodes, members and what acts on them; SI units; every array is read-only.
+
+    A member is a spring of constant mu = spring_constant + axial_stiffness / rest_length [N/m] (one of the
+    two is zero); both zero means a rigid bar. Members with `tension_only` carry no force when slack.
+    """
+
+    name: str
+    axes: tuple[int, ...]  # modelled axes, a subset of (0, 1, 2)
+    node_name: tuple[str, ...]
+    node_position: FloatArray  # (n_nodes, 3) [m]
+    node_velocity: FloatArray  # (n_nodes, 3) [m/s]
+    node_mass: FloatArray  # (n_nodes,) [kg], point masses; bars add their own
+    node_anchored: NDArray[np.bool_]  # (n_nodes, 3), axis by axis
+    node_load: FloatArray  # (n_nodes, 3) [N], constant in direction
+    gravity: FloatArray  # (3,) [m/s2]
+    member_name: tuple[str, ...]
+    member_class: tuple[str, ...]
+    connectivity: NDArray[np.int64]  # (n_members, 2) node indices (i, j)
+    is_bar: NDArray[np.bool_]  # (n_members,)
+    tension_only: NDArray[np.bool_]  # (n_members,)
+    rest_length: FloatArray  # (n_members,) [m]
+    spring_constant: FloatArray  # (n_members,) [N/m], 0 where axial_stiffness is given
+    axial_stiffness: FloatArray  # (n_members,) [N], 0 where spring_constant is given
+    damping: FloatArray  # (n_members,) [N s/m]
+    member_mass: FloatArray  # (n_members,) [kg], a bar's own, spread evenly along it
+    radius: FloatArray  # (n_members,) [m], 0 where not given
+    groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # member indices
+    inputs: tuple[ActuatedInput, ...] = ()
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                frozen = np.array(value, order="C")
+                frozen.flags.writeable = False
+                object.__setattr__(self, item.name, frozen)
+        object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.node_name)
+
+    @property
+    def n_members(self) -> int:
+        """Number of members."""
+        return len(self.member_name)
+
+    @property
+    def coordinate_node_axis(self) -> NDArray[np.int64]:
+        """(n_coordinates, 2): node and axis of each free coordinate, node by node."""
+        free = ~self.node_anchored
+        return np.array(
+            [(node, axis) for node in range(self.n_nodes) for axis in self.axes if free[node, axis]],
+            dtype=np.int64,
+        ).reshape(-1, 2)
+
+    @property
+    def is_rigid(self) -> NDArray[np.bool_]:
+        """(n_members,): members without any stiffness, which keep their length exactly."""
+        rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)
+        return rigid
+
+    def member_length(self) -> FloatArray:
+        """Return the member lengths at the stated node positions, (n_members,) [m]."""
+        ends = self.node_position[self.connectivity]
+        length: FloatArray = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+        return length
+
+    def with_changes(self, **changes: Any) -> Structure:
+        """Return a copy with some fields replaced."""
+        return replace(self, **changes)
