@@ -26,7 +26,7 @@ class Quantity:
     unit: str
     shape: tuple[str, ...]
     sentence: str
-    source: str = "MODEL 1"
+    source: str = "S&K 2"
     sparse: bool = False
     needs_mass: bool = False
 
@@ -105,7 +105,7 @@ QUANTITIES = _table(
         "kg",
         ("n_coordinates", "n_coordinates"),
         "Mass matrix; a uniform bar adds (m/6) [2 1; 1 2] kron I.",
-        "MODEL 1, 6",
+        "S&K 2; consistent mass of a uniform bar",
         True,
         True,
     ),
@@ -115,7 +115,7 @@ QUANTITIES = _table(
         "N/m",
         ("n_coordinates", "n_coordinates"),
         "Material part of the tangent stiffness: mu_e d d^T / l^2 of each taut member.",
-        "MODEL 3",
+        "S&K 5",
         True,
     ),
     Quantity(
@@ -124,7 +124,7 @@ QUANTITIES = _table(
         "N/m",
         ("n_coordinates", "n_coordinates"),
         "Geometric part of the tangent stiffness: t_e/l_e (I - d d^T / l^2).",
-        "MODEL 3",
+        "S&K 5",
         True,
     ),
     Quantity(
@@ -133,7 +133,7 @@ QUANTITIES = _table(
         "N/m",
         ("n_coordinates", "n_coordinates"),
         "Tangent stiffness K = K_M + K_G, the Hessian of the potential energy.",
-        "MODEL 3",
+        "S&K 5",
         True,
     ),
     Quantity(
@@ -142,7 +142,7 @@ QUANTITIES = _table(
         "N s/m",
         ("n_coordinates", "n_coordinates"),
         "Damping matrix -df/dq': c_e d d^T / l^2 of each taut member.",
-        "MODEL 1",
+        "S&K 2",
         True,
     ),
     Quantity(
@@ -151,7 +151,7 @@ QUANTITIES = _table(
         "1",
         ("n_coordinates", "n_members"),
         "Equilibrium matrix: A t balances the loads on the free coordinates.",
-        "MODEL 1",
+        "S&K 2",
         True,
     ),
     Quantity(
@@ -160,7 +160,7 @@ QUANTITIES = _table(
         "1/s, 1/s2",
         ("n_states", "n_states"),
         "Jacobian of the state derivative to the state.",
-        "MODEL 3",
+        "S&K 5",
         True,
         True,
     ),
@@ -170,7 +170,7 @@ QUANTITIES = _table(
         "m/s2 per input",
         ("n_states", "n_inputs"),
         "Jacobian of the state derivative to the inputs.",
-        "MODEL 3",
+        "S&K 5",
         True,
         True,
     ),
@@ -180,7 +180,7 @@ QUANTITIES = _table(
         "1/s2",
         ("n_states", "n_members"),
         "Jacobian of the state derivative to the rest lengths of all members.",
-        "MODEL 3",
+        "S&K 5",
         True,
         True,
     ),
@@ -190,7 +190,7 @@ QUANTITIES = _table(
         "mixed",
         ("n_states", "n_parameters"),
         "Jacobian of the state derivative to all run-time parameters.",
-        "MODEL 3",
+        "S&K 5",
         True,
         True,
     ),

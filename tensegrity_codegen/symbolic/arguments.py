@@ -1,0 +1,120 @@
+"""Run-time arguments as symbols, everything else as numbers that fold away.
+
+An expression built on these values carries only what the scene keeps changeable: a number takes part in
+CasADi's constant folding (0 x -> 0, x + 0 -> x), so an absent gravity or damping leaves no trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["SymbolicArguments"]
+
+Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
+
+
+class SymbolicArguments:
+    """Values of a structure, element by element: a symbol where it may change at run time, else a number.
+
+    structure: the structure; parameters: argument name -> indices that stay changeable.
+    Raises FormulationError for an argument that no structure has.
+    """
+
+    def __init__(self, structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> None:
+        for name in parameters:
+            if name not in PARAMETERS:
+                raise FormulationError(
+                    "unknown run-time parameter",
+                    where="parameters",
+                    given=name,
+                    hint=suggest(name, PARAMETERS),
+                )
+        self.structure = structure
+        self.parameters = parameters
+        self.symbols: dict[str, ca.SX] = {}
+        axes = list(structure.axes)
+        self.free = structure.coordinate_node_axis
+        n_coordinates = len(self.free)
+        self._symbol("coordinate", n_coordinates)
+        self._symbol("velocity", n_coordinates)
+        self._symbol("input", len(structure.inputs))
+        self.rest_length = self._members("rest_length", structure.rest_length)
+        self.spring_constant = self._members("spring_constant", structure.spring_constant)
+        self.axial_stiffness = self._members("axial_stiffness", structure.axial_stiffness)
+        self.damping = self._members("damping", structure.damping)
+        self.node_mass = self._members("node_mass", structure.node_mass)
+        self.node_load = self._vectors("node_load", structure.node_load[:, axes])
+        self.gravity = self._gravity(structure.gravity[axes])
+        self.position = self._positions(self._vectors("anchor_position", structure.node_position[:, axes]))
+        self.velocity = self._velocities()
+        self.add_inputs()
+
+    def ordered_symbols(self) -> dict[str, ca.SX]:
+        """Return the symbols in the fixed argument order."""
+        return {name: self.symbols[name] for name in ARGUMENTS if name in self.symbols}
+
+    def parameter_symbols(self) -> ca.SX:
+        """Return all run-time parameters stacked in argument order, (n_parameters, 1)."""
+        chosen = [self.symbols[name] for name in PARAMETERS if name in self.parameters]
+        return ca.vertcat(*[ca.vec(symbol) for symbol in chosen]) if chosen else ca.SX(0, 1)
+
+    def add_inputs(self) -> None:
+        """Let each actuated input change rest lengths or loads: rho_e + u, F_i + u direction."""
+        for index, item in enumerate(self.structure.inputs):
+            u = self.symbols["input"][index]
+            for target in item.targets:
+                if item.kind == "rest_length":
+                    self.rest_length[target] = self.rest_length[target] + u
+                else:
+                    load = self.node_load[target]
+                    for column, axis in enumerate(self.structure.axes):
+                        load[column] = load[column] + u * item.direction[axis]
+
+    def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
+        self.symbols[name] = ca.SX.sym(name, rows, columns)
+        return self.symbols[name]
+
+    def _members(self, name: str, values: Any) -> list[Scalar]:
+        result = [ca.SX(float(value)) for value in values]
+        if name in self.parameters:
+            symbol = self._symbol(name, len(self.parameters[name]))
+            for position, index in enumerate(self.parameters[name]):
+                result[index] = symbol[position]
+        return result
+
+    def _vectors(self, name: str, values: Any) -> list[list[Scalar]]:
+        result = [[ca.SX(float(value)) for value in row] for row in np.asarray(values)]
+        if name in self.parameters:
+            # Columns are nodes, so that the bytes are those of a C-ordered (k, n_axes) array.
+            symbol = self._symbol(name, len(self.structure.axes), len(self.parameters[name]))
+            for position, index in enumerate(self.parameters[name]):
+                result[index] = [symbol[row, position] for row in range(len(self.structure.axes))]
+        return result
+
+    def _gravity(self, values: Any) -> list[Scalar]:
+        if "gravity" in self.parameters:
+            symbol = self._symbol("gravity", len(values))
+            return [symbol[row] for row in range(len(values))]
+        return [ca.SX(float(value)) for value in values]
+
+    def _positions(self, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
+        column = {axis: position for position, axis in enumerate(self.structure.axes)}
+        result = [list(row) for row in fixed]
+        for index, (node, axis) in enumerate(self.free):
+            result[node][column[axis]] = self.symbols["coordinate"][index]
+        return result
+
+    def _velocities(self) -> list[list[Scalar]]:
+        column = {axis: position for position, axis in enumerate(self.structure.axes)}
+        result = [[ca.SX(0.0) for _ in self.structure.axes] for _ in range(self.structure.n_nodes)]
+        for index, (node, axis) in enumerate(self.free):
+            result[node][column[axis]] = self.symbols["velocity"][index]
+        return result

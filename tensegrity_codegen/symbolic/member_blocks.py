@@ -1,0 +1,57 @@
+"""The small square block that one member adds to a matrix over node coordinates.
+
+Symmetric blocks share their off-diagonal expressions, so nothing is computed twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+__all__ = ["MemberBlocks", "stiffness_blocks"]
+
+Scalar = Any
+Vector = list[Scalar]
+
+
+@dataclass(frozen=True)
+class MemberBlocks:
+    """Entries of one member's (n_axes, n_axes) block, row by row."""
+
+    entries: tuple[tuple[Scalar, ...], ...]
+
+    @classmethod
+    def outer(cls, a: Vector, b: Vector, scale: Scalar) -> MemberBlocks:
+        """Return scale a b^T; symmetric entries are shared when a is b."""
+        scaled = [scale * x for x in a]
+        rows = [[x * y for y in b] for x in scaled]
+        if a is b:
+            rows = [[rows[min(r, c)][max(r, c)] for c in range(len(b))] for r in range(len(a))]
+        return cls(tuple(tuple(row) for row in rows))
+
+    def plus(self, other: MemberBlocks) -> MemberBlocks:
+        """Return the sum of two blocks."""
+        return MemberBlocks(
+            tuple(
+                tuple(x + y for x, y in zip(row, other_row, strict=True))
+                for row, other_row in zip(self.entries, other.entries, strict=True)
+            )
+        )
+
+
+def stiffness_blocks(
+    vector: Vector, length: Scalar, slope: Scalar, density: Scalar
+) -> tuple[MemberBlocks, MemberBlocks]:
+    """Return one member's material and geometric stiffness blocks [N/m].
+
+    material = (dt/dl) d d^T / l^2, geometric = (t/l) (I - d d^T / l^2); slope = dt/dl [N/m],
+    density = t/l [N/m] (S&K 5, the same as mu [(1 - rho/l) I + (rho/l^3) d d^T]).
+    """
+    unit = [component / length for component in vector]
+    material = MemberBlocks.outer(unit, unit, slope)
+    along = MemberBlocks.outer(unit, unit, -density)
+    size = range(len(vector))
+    identity = MemberBlocks(tuple(tuple(density if r == c else ca.SX(0.0) for c in size) for r in size))
+    return material, identity.plus(along)

@@ -1,0 +1,97 @@
+"""From nodes and members to coordinates: where each entry of a vector or matrix lands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import casadi as ca
+
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
+
+__all__ = ["CoordinateMap"]
+
+Scalar = Any
+
+
+class CoordinateMap:
+    """Index of every free coordinate by (node, axis), and assembly into sparse matrices."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.axes = structure.axes
+        self.index = {
+            (int(node), int(axis)): position
+            for position, (node, axis) in enumerate(structure.coordinate_node_axis)
+        }
+        self.n_coordinates = len(self.index)
+        self.anchored_places = [
+            (node, column)
+            for node in range(structure.n_nodes)
+            for column, axis in enumerate(self.axes)
+            if structure.node_anchored[node, axis]
+        ]
+
+    def indices(self, nodes: list[int], axis: int) -> list[int]:
+        """Return the coordinates of free `nodes` along `axis`."""
+        return [self.index[node, axis] for node in nodes]
+
+    def free(self, vectors: list[list[Scalar]]) -> ca.SX:
+        """Return the free components of one vector a node, (n_coordinates, 1)."""
+        column = {axis: position for position, axis in enumerate(self.axes)}
+        return ca.vertcat(*[vectors[node][column[axis]] for node, axis in self.index])
+
+    def anchored(self, vectors: list[list[Scalar]]) -> ca.SX:
+        """Return the anchored components of one vector a node, (n_anchored_coordinates, 1)."""
+        values = [vectors[node][column] for node, column in self.anchored_places]
+        return ca.vertcat(*values) if values else ca.SX(0, 1)
+
+    def assemble(self, blocks: Iterable[tuple[ca.SX, list[int]]]) -> ca.SX:
+        """Return the sum of square blocks at their coordinates, sparse (n_coordinates, n_coordinates)."""
+        entries: dict[tuple[int, int], Scalar] = {}
+        for block, places in blocks:
+            for r, row in enumerate(places):
+                for c, column in enumerate(places):
+                    if block.sparsity().has_nz(r, c):
+                        self._add(entries, row, column, block[r, c])
+        return self._sparse(entries, self.n_coordinates)
+
+    def member_matrix(self, blocks: Iterable[tuple[MemberBlocks, tuple[int, int]]]) -> ca.SX:
+        """Return the sum of [S -S; -S S] over members (i, j), sparse (n_coordinates, n_coordinates)."""
+        entries: dict[tuple[int, int], Scalar] = {}
+        for block, (i, j) in blocks:
+            for r, row_axis in enumerate(self.axes):
+                for c, column_axis in enumerate(self.axes):
+                    value = block.entries[r][c]
+                    for a, b, sign in ((i, i, 1), (i, j, -1), (j, i, -1), (j, j, 1)):
+                        row, column = self.index.get((a, row_axis)), self.index.get((b, column_axis))
+                        if row is not None and column is not None:
+                            self._add(entries, row, column, value, sign)
+        return self._sparse(entries, self.n_coordinates)
+
+    def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:
+        """Return one column +u at node i, -u at node j a member, sparse (n_coordinates, n_members)."""
+        entries: dict[tuple[int, int], Scalar] = {}
+        for member, (direction, (i, j)) in enumerate(zip(directions, ends, strict=True)):
+            for component, axis in zip(direction, self.axes, strict=True):
+                for node, sign in ((i, 1), (j, -1)):
+                    row = self.index.get((node, axis))
+                    if row is not None:
+                        self._add(entries, row, member, component, sign)
+        return self._sparse(entries, len(directions))
+
+    def _add(
+        self, entries: dict[tuple[int, int], Scalar], row: int, column: int, value: Scalar, sign: int = 1
+    ) -> None:
+        present = entries.get((row, column))
+        if present is None:
+            entries[row, column] = value if sign > 0 else -value
+        else:
+            entries[row, column] = present + value if sign > 0 else present - value
+
+    def _sparse(self, entries: dict[tuple[int, int], Scalar], columns: int) -> ca.SX:
+        places = sorted((key for key, value in entries.items() if not value.is_zero()), key=lambda k: (k[1], k[0]))
+        values = [entries[place] for place in places]
+        rows, cols = [place[0] for place in places], [place[1] for place in places]
+        stacked = ca.vertcat(*values) if values else ca.SX(0, 1)
+        return ca.SX.triplet(rows, cols, stacked, self.n_coordinates, columns)
