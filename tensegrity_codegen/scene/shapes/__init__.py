@@ -1,0 +1,54 @@
+"""Structures by a few words: prism, stacked tower, icosahedron, two nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
+from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
+from tensegrity_codegen.scene.shapes.prism import PrismShape
+from tensegrity_codegen.scene.shapes.tower import TowerShape
+from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
+
+__all__ = ["IcosahedronShape", "PrismShape", "Shape", "TowerShape", "TwoNodeShape", "expand_shape"]
+
+Shape: TypeAlias = Annotated[
+    PrismShape | TowerShape | IcosahedronShape | TwoNodeShape, Field(discriminator="kind")
+]
+
+_ADAPTER: TypeAdapter[Any] = TypeAdapter(Shape)
+
+
+def expand_shape(shape: BaseModel | Mapping[str, Any], where: str = "shape") -> dict[str, Any]:
+    """Return the nodes, members and groups that a shape stands for, as a plain scene document.
+
+    Raises InvalidValueError or UnknownKeyError for a mapping that states no shape, StructureError where a
+    `prestress` is asked of a geometry that has no unique self-stress with every cable in tension.
+    """
+    given = shape if isinstance(shape, BaseModel) else _validate(shape, where)
+    if not isinstance(given, PrismShape | TowerShape | IcosahedronShape | TwoNodeShape):
+        raise InvalidValueError("not a shape", where=where, given=given, allowed="one of the shape models")
+    return given.expand(where)
+
+
+def _validate(shape: Mapping[str, Any], where: str) -> BaseModel:
+    try:
+        model: BaseModel = _ADAPTER.validate_python(dict(shape))
+    except ValidationError as error:
+        first = min(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
+        key = str(first["loc"][-1]) if first["loc"] else "kind"
+        if first["type"] == "extra_forbidden":
+            known = _known_keys(str(first["loc"][0]))
+            raise UnknownKeyError(
+                "unknown key", where=where, given=key, allowed=", ".join(known), hint=suggest(key, known)
+            ) from None
+        raise InvalidValueError(first["msg"], where=f"{where}.{key}", given=first["input"]) from None
+    return model
+
+
+def _known_keys(kind: str) -> list[str]:
+    models = (PrismShape, TowerShape, IcosahedronShape, TwoNodeShape)
+    return [key for model in models if model.kind_name() == kind for key in model.model_fields]

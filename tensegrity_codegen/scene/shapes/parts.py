@@ -1,0 +1,105 @@
+"""What all shapes share: their base model, and the plain document that they are written into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from tensegrity_codegen.scene.names import NAME_PATTERN
+from tensegrity_codegen.scene.shapes.selfstress import find_selfstress
+
+__all__ = ["Angle", "ClassName", "Parts", "Positive", "ShapeModel", "ring"]
+
+Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Angle: TypeAlias = Annotated[float, Field(gt=-360, lt=360, allow_inf_nan=False)]
+ClassName: TypeAlias = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+Point: TypeAlias = tuple[float, float, float]
+
+
+class ShapeModel(BaseModel):
+    """Base of the shape models: strict values, no unknown keys, frozen."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+    node_mass: Positive | None = Field(None, description="Point mass of every node [kg]; bars add their own.")
+
+    @classmethod
+    def kind_name(cls) -> str:
+        """Return the word that `kind` must be for this shape."""
+        return str(cls.model_fields["kind"].default)
+
+    def expand(self, where: str) -> dict[str, Any]:
+        """Return the nodes, members and groups of the shape as a plain document."""
+        raise NotImplementedError
+
+
+class Parts:
+    """Nodes, members and groups while a shape is put together."""
+
+    def __init__(self, node_mass: float | None) -> None:
+        self.node_mass = node_mass
+        self.nodes: dict[str, dict[str, Any]] = {}
+        self.members: dict[str, dict[str, Any]] = {}
+        self.groups: dict[str, list[str]] = {"bars": [], "cables": []}
+
+    def add_node(self, name: str, position: Point, *, anchored: bool = False) -> None:
+        """Add one node at `position` [m]."""
+        node: dict[str, Any] = {"position": list(position)}
+        if self.node_mass is not None:
+            node["mass"] = self.node_mass
+        if anchored:
+            node["anchored"] = True
+        self.nodes[name] = node
+
+    def add_bar(self, name: str, class_name: str, ends: Sequence[str]) -> None:
+        """Add one bar to the members and to the group `bars`."""
+        self._add(name, class_name, ends, "bars")
+
+    def add_cable(self, name: str, class_name: str, ends: Sequence[str], group: str = "") -> None:
+        """Add one cable to the members, to the group `cables` and to its own `group`."""
+        self._add(name, class_name, ends, "cables")
+        if group:
+            self.groups.setdefault(group, []).append(name)
+
+    def _add(self, name: str, class_name: str, ends: Sequence[str], group: str) -> None:
+        self.members[name] = {"class": class_name, "nodes": list(ends)}
+        self.groups[group].append(name)
+
+    def geometry(self) -> tuple[list[Point], list[tuple[int, int]], list[bool]]:
+        """Return node positions, node index pairs of the members, and which members are bars."""
+        index = {name: number for number, name in enumerate(self.nodes)}
+        points: list[Point] = [
+            (node["position"][0], node["position"][1], node["position"][2]) for node in self.nodes.values()
+        ]
+        pairs = [(index[m["nodes"][0]], index[m["nodes"][1]]) for m in self.members.values()]
+        bars = set(self.groups["bars"])
+        return points, pairs, [name in bars for name in self.members]
+
+    def document(self, prestress: float | None, where: str) -> dict[str, Any]:
+        """Return the document; with `prestress` [N] every member carries its self-stress tension.
+
+        Raises StructureError where the free structure has no unique self-stress with taut cables.
+        """
+        if prestress is not None:
+            points, pairs, is_bar = self.geometry()
+            tension = find_selfstress(points, pairs, is_bar, prestress, where)
+            for member, value in zip(self.members.values(), tension, strict=True):
+                member["prestress"] = value
+        groups = {name: members for name, members in self.groups.items() if members}
+        return {"nodes": self.nodes, "members": self.members, "groups": groups}
+
+
+def ring(count: int, radius: float, height: float, start: float, step: float) -> list[Point]:
+    """Return `count` points (x, y, z) [m] on a circle about z; angles start + i step [rad].
+
+    Coordinates within rounding of zero are zero.
+    """
+
+    def snap(value: float) -> float:
+        return 0.0 if abs(value) < 1e-15 * radius else value
+
+    angles = [start + number * step for number in range(count)]
+    return [(snap(radius * math.cos(t)), snap(radius * math.sin(t)), height) for t in angles]

@@ -1,0 +1,79 @@
+"""The tensegrity prism: p bars between two rings of p nodes.
+
+Seen from above (p = 3); b1 is at angle 0, the rings run anticlockwise, the bottom ring at z = 0:
+
+            b2 . . . . t1            bar i       from b_i to t_i, turned by `twist`
+             \\         |            vertical i  from b_i to t_(i-1), turned by `twist` - 360/p
+              \\   z    |            bottom i    from b_i to b_(i+1)
+               o ----- b1 -> x      top i       from t_i to t_(i+1)
+
+`twist` is the angle from b_i to t_i about +z. Equal and opposite moments of bars and verticals ask for
+sin(twist) = sin(twist - 360/p), hence twist = 90 + 180/p [deg] whatever the radii and the height: 150 deg
+for p = 3, where the verticals are turned by 30 deg. A negative twist gives the mirror image.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from pydantic import Field
+
+from tensegrity_codegen.scene.shapes.parts import Angle, ClassName, Parts, Positive, ShapeModel, ring
+
+__all__ = ["PrismShape", "selfstress_twist"]
+
+
+def selfstress_twist(bars: int) -> float:
+    """Return the twist [deg] at which a prism of `bars` bars has a self-stress: 90 + 180/p."""
+    return 90 + 180 / bars
+
+
+class PrismShape(ShapeModel):
+    """A prism: nodes b1.., t1..; members bar1.., bottom1.., top1.., vertical1.."""
+
+    kind: Literal["prism"] = Field("prism", description="Name of the shape.")
+    bars: int = Field(3, ge=3, le=1000, description="Number of bars.")
+    bottom_radius: Positive = Field(description="Radius of the ring of bottom nodes [m].")
+    top_radius: Positive | None = Field(None, description="Radius of the top ring [m]; default bottom_radius.")
+    height: Positive = Field(description="Distance between the rings [m]; the bottom ring lies at z = 0.")
+    twist: Angle | None = Field(
+        None,
+        description="Angle from a bar's bottom node to its top node [deg]; default 90 + 180/bars, the angle of "
+        "self-stress; negative: mirrored.",
+    )
+    anchor_bottom: bool = Field(False, description="Hold the bottom nodes on all axes.")
+    bar_class: ClassName = Field("bar", description="Class of the bars.")
+    bottom_class: ClassName = Field("cable", description="Class of the bottom cables.")
+    top_class: ClassName = Field("cable", description="Class of the top cables.")
+    vertical_class: ClassName = Field("cable", description="Class of the cables between the rings.")
+    prestress: Positive | None = Field(
+        None, description="Largest cable tension [N] of the self-stress that the members are given."
+    )
+
+    def expand(self, where: str) -> dict[str, Any]:
+        """Return the prism as a plain document; raises StructureError for an impossible `prestress`."""
+        parts = Parts(self.node_mass)
+        numbers = range(1, self.bars + 1)
+        for letter, points in zip("bt", self._rings(), strict=True):
+            for number, point in zip(numbers, points, strict=True):
+                parts.add_node(f"{letter}{number}", point, anchored=self.anchor_bottom and letter == "b")
+        for i in numbers:
+            parts.add_bar(f"bar{i}", self.bar_class, (f"b{i}", f"t{i}"))
+        for i in numbers:
+            following = i % self.bars + 1
+            parts.add_cable(f"bottom{i}", self.bottom_class, (f"b{i}", f"b{following}"), "bottom_cables")
+        for i in numbers:
+            following = i % self.bars + 1
+            parts.add_cable(f"top{i}", self.top_class, (f"t{i}", f"t{following}"), "top_cables")
+        for i in numbers:
+            before = (i - 2) % self.bars + 1
+            parts.add_cable(f"vertical{i}", self.vertical_class, (f"b{i}", f"t{before}"), "vertical_cables")
+        return parts.document(self.prestress, where)
+
+    def _rings(self) -> tuple[list[tuple[float, float, float]], list[tuple[float, float, float]]]:
+        twist = selfstress_twist(self.bars) if self.twist is None else self.twist
+        step = math.copysign(2 * math.pi / self.bars, twist)
+        top_radius = self.bottom_radius if self.top_radius is None else self.top_radius
+        bottom = ring(self.bars, self.bottom_radius, 0.0, 0.0, step)
+        return bottom, ring(self.bars, top_radius, self.height, math.radians(twist), step)

@@ -1,0 +1,87 @@
+"""Self-stress of a free pin-jointed structure: tensions that balance on every node without any load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import StructureError
+
+__all__ = ["MOST_MEMBERS", "equilibrium_matrix", "find_selfstress", "selfstress_modes"]
+
+MOST_MEMBERS = 1200  # a dense singular value decomposition stays within seconds
+_RANK_TOLERANCE = 1e-10  # of the largest singular value
+_TENSION_TOLERANCE = 1e-6  # of the largest tension
+_HINT = (
+    "leave out shape.prestress, give the cable classes a prestress, and settle the scene with `equilibrium`"
+)
+
+
+def equilibrium_matrix(points: ArrayLike, pairs: ArrayLike) -> NDArray[np.float64]:
+    """Return the equilibrium matrix A (3 n_nodes, n_members) of the free structure.
+
+    Column e holds the unit vector of member e at its first node and the opposite at its second one:
+    A t = 0 for a self-stress t [N]. points (n_nodes, 3) [m], pairs (n_members, 2) node indices.
+    """
+    position, ends = np.asarray(points, dtype=float), np.asarray(pairs, dtype=np.int64)
+    vector = position[ends[:, 0]] - position[ends[:, 1]]
+    unit = vector / np.linalg.norm(vector, axis=1, keepdims=True)
+    matrix = np.zeros((len(position), 3, len(ends)))
+    column = np.arange(len(ends))
+    matrix[ends[:, 0], :, column] = unit
+    matrix[ends[:, 1], :, column] = -unit
+    return matrix.reshape(3 * len(position), len(ends))
+
+
+def selfstress_modes(points: ArrayLike, pairs: ArrayLike) -> NDArray[np.float64]:
+    """Return an orthonormal basis (n_modes, n_members) of the self-stresses of the free structure."""
+    matrix = equilibrium_matrix(points, pairs)
+    _, singular, right = np.linalg.svd(matrix)
+    rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
+    modes: NDArray[np.float64] = right[rank:]
+    return modes
+
+
+def find_selfstress(
+    points: Sequence[Sequence[float]],
+    pairs: Sequence[tuple[int, int]],
+    is_bar: Sequence[bool],
+    prestress: float,
+    where: str,
+) -> list[float]:
+    """Return the member tensions [N] of the only self-stress, its largest cable tension being `prestress`.
+
+    Values are rounded to 13 significant digits, so that they do not depend on the linear algebra library.
+    Raises StructureError unless there is exactly one self-stress and it has every cable in tension.
+    """
+    if len(pairs) > MOST_MEMBERS:
+        raise StructureError(
+            "the shape has too many members to find its self-stress",
+            where=f"{where}.prestress",
+            given=len(pairs),
+            allowed=f"up to {MOST_MEMBERS} members",
+            hint=_HINT,
+        )
+    modes = selfstress_modes(points, pairs)
+    if len(modes) != 1:
+        raise StructureError(
+            f"the free structure has {len(modes)} independent self-stresses at this geometry",
+            where=f"{where}.prestress",
+            given=prestress,
+            allowed="a geometry with exactly one self-stress (leave out `twist` for the default one)",
+            hint=_HINT,
+        )
+    cable = ~np.asarray(is_bar, dtype=bool)
+    mode = modes[0] * np.sign(modes[0][cable].sum())
+    if mode[cable].min() <= _TENSION_TOLERANCE * np.abs(mode).max():
+        raise StructureError(
+            f"the only self-stress leaves {int(np.sum(mode[cable] <= 0))} cables slack or without tension",
+            where=f"{where}.prestress",
+            given=prestress,
+            allowed="a geometry whose self-stress has every cable in tension",
+            hint=_HINT,
+        )
+    tension = mode * (prestress / mode[cable].max())
+    return [float(f"{value:.12e}") for value in tension]
