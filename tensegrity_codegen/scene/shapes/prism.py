@@ -35,7 +35,9 @@ class PrismShape(ShapeModel):
     kind: Literal["prism"] = Field("prism", description="Name of the shape.")
     bars: int = Field(3, ge=3, le=1000, description="Number of bars.")
     bottom_radius: Positive = Field(description="Radius of the ring of bottom nodes [m].")
-    top_radius: Positive | None = Field(None, description="Radius of the top ring [m]; default bottom_radius.")
+    top_radius: Positive | None = Field(
+        None, description="Radius of the top ring [m]; default bottom_radius."
+    )
     height: Positive = Field(description="Distance between the rings [m]; the bottom ring lies at z = 0.")
     twist: Angle | None = Field(
         None,

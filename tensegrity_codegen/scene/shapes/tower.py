@@ -48,7 +48,11 @@ class TowerShape(ShapeModel):
     radius: Positive = Field(description="Radius of every ring of nodes [m].")
     height: Positive = Field(description="Height of one stage [m]; the bottom ring lies at z = 0.")
     overlap: float = Field(
-        0.2, ge=0, lt=1, allow_inf_nan=False, description="Overlap of neighbouring stages, as part of the height."
+        0.2,
+        ge=0,
+        lt=1,
+        allow_inf_nan=False,
+        description="Overlap of neighbouring stages, as part of the height.",
     )
     twist: Angle | None = Field(
         None,

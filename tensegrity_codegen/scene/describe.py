@@ -1,0 +1,104 @@
+"""From a structure back to a scene document: every node and member in full, nothing implied."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import ActuatedInput, Structure
+
+__all__ = ["describe_structure"]
+
+_LETTERS = "xyz"
+_NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
+
+
+def describe_structure(structure: Structure, request: ModelRequest | None = None) -> dict[str, Any]:
+    """Return the flat scene document of `structure`: positions, stiffnesses and rest lengths [m] explicit.
+
+    Reading it back gives the same numbers bit by bit. `request` adds what is wanted of it.
+    """
+    document: dict[str, Any] = {"name": structure.name}
+    document["axes"] = "".join(_LETTERS[axis] for axis in structure.axes)
+    if np.any(structure.gravity):
+        document["gravity"] = structure.gravity.tolist()
+    if request is not None:
+        document |= _describe_request(structure, request)
+    kinds = {name: _kind(bar) for name, bar in zip(structure.member_class, structure.is_bar, strict=True)}
+    document["classes"] = {name: {"kind": kind} for name, kind in kinds.items() if name}
+    document["nodes"] = {name: _describe_node(structure, i) for i, name in enumerate(structure.node_name)}
+    document["members"] = {
+        name: _describe_member(structure, e) for e, name in enumerate(structure.member_name)
+    }
+    document["groups"] = {
+        name: [structure.member_name[e] for e in members]
+        for name, members in structure.groups.items()
+        if members
+    }
+    loaded = np.flatnonzero(np.any(structure.node_load != 0, axis=1))
+    document["loads"] = [
+        {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded
+    ]
+    document["inputs"] = [_describe_input(structure, item) for item in structure.inputs]
+    return {key: value for key, value in document.items() if value}
+
+
+def _kind(is_bar: bool | np.bool_) -> str:
+    return "bar" if is_bar else "cable"
+
+
+def _describe_node(structure: Structure, i: int) -> dict[str, Any]:
+    node: dict[str, Any] = {"position": structure.node_position[i].tolist()}
+    if structure.node_mass[i]:
+        node["mass"] = float(structure.node_mass[i])
+    held = "".join(_LETTERS[axis] for axis in structure.axes if structure.node_anchored[i, axis])
+    if held:
+        node["anchored"] = True if len(held) == len(structure.axes) else held
+    if np.any(structure.node_velocity[i]):
+        node["velocity"] = structure.node_velocity[i].tolist()
+    return node
+
+
+def _describe_member(structure: Structure, e: int) -> dict[str, Any]:
+    owner = structure.member_class[e]
+    member: dict[str, Any] = {"class": owner} if owner else {"kind": _kind(structure.is_bar[e])}
+    member["nodes"] = [structure.node_name[i] for i in structure.connectivity[e]]
+    member["rest_length"] = float(structure.rest_length[e])
+    values = {
+        "spring_constant": structure.spring_constant,
+        "axial_stiffness": structure.axial_stiffness,
+        "damping": structure.damping,
+        "mass": structure.member_mass,
+        "radius": structure.radius,
+    }
+    member |= {key: float(column[e]) for key, column in values.items() if column[e]}
+    if not structure.is_bar[e] and not structure.tension_only[e]:
+        member["tension_only"] = False
+    return member
+
+
+def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]:
+    if item.kind == "rest_length":
+        names = [structure.member_name[e] for e in item.targets]
+        return {"name": item.name, "kind": item.kind, "members": names}
+    names = [structure.node_name[i] for i in item.targets]
+    return {"name": item.name, "kind": item.kind, "nodes": names, "direction": list(item.direction)}
+
+
+def _describe_request(structure: Structure, request: ModelRequest) -> dict[str, Any]:
+    model = {
+        "formulation": request.formulation,
+        "emitter": request.emitter,
+        "quantities": list(request.quantities),
+        "integrators": list(request.integrators),
+    }
+    parameters: dict[str, Any] = {}
+    for name, targets in request.parameters.items():
+        owners = structure.node_name if name in _NODE_PARAMETERS else structure.member_name
+        if name == "gravity" or len(targets) == len(owners):
+            parameters[name] = "all"
+        elif targets:
+            parameters[name] = [owners[index] for index in targets]
+    return {"model": model, "parameters": parameters}
