@@ -1,0 +1,3 @@
+"""What is given: the scene file, its schema, checks and shapes, and the structure made from it."""
+
+__all__: list[str] = []

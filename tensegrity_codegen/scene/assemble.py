@@ -1,0 +1,115 @@
+"""From a Scene to a Structure and a ModelRequest: references resolved, laws applied, all checked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from tensegrity_codegen.errors import DuplicateNameError
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.check import check_structure
+from tensegrity_codegen.scene.geometry import check_freedom, find_fully_anchored
+from tensegrity_codegen.scene.members import build_member_arrays
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.nodes import build_node_arrays, spread_vectors
+from tensegrity_codegen.scene.schema import Scene, SceneParts
+from tensegrity_codegen.scene.shapes import expand_shape
+from tensegrity_codegen.scene.targets import Targets, build_inputs, build_parameters
+from tensegrity_codegen.scene.translate import translate
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble"]
+
+# What a scene gets that asks for no quantities; the second where a free node has no mass.
+DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
+MASSLESS_QUANTITIES = ("member_tension", "node_residual", "potential_energy")
+
+
+def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelRequest]:
+    """Return the structure that `scene` states and what it wants of it; `where` names the source in errors.
+
+    Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
+    """
+    parts = _with_shape(scene, where)
+    axes = tuple("xyz".index(letter) for letter in scene.axes)
+    node = build_node_arrays(parts.nodes, scene.loads, axes, where)
+    member = build_member_arrays(
+        scene.classes, parts.members, node["node_name"], node["node_position"], where
+    )
+    targets = Targets(
+        node["node_name"],
+        member["member_name"],
+        member["member_class"],
+        scene.classes,
+        parts.groups,
+        where,
+    )
+    rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
+    check_freedom(member["connectivity"], node["node_anchored"], axes, node["node_name"], where)
+    structure = Structure(
+        name=scene.name,
+        axes=axes,
+        gravity=spread_vectors([scene.gravity], axes, [("gravity",)], where)[0],
+        groups=targets.groups,
+        inputs=build_inputs(scene.inputs, targets, rigid, axes),
+        **node,
+        **member,
+    )
+    check_structure(structure, where)
+    return structure, _build_request(scene, structure, targets)
+
+
+def _with_shape(scene: Scene, where: str) -> SceneParts:
+    """Return the nodes, members and groups of the scene's shape, then those of the scene itself."""
+    if scene.shape is None:
+        return scene
+    document = expand_shape(scene.shape, key_path(where, "shape"))
+    try:
+        made = SceneParts.model_validate(document)
+    except ValidationError as error:
+        raise translate(error, document, key_path(where, "shape")) from None
+    for section in ("nodes", "members", "groups"):
+        twice = getattr(made, section).keys() & getattr(scene, section).keys()
+        if twice:
+            name = min(twice)
+            raise DuplicateNameError(
+                f"the shape makes {section} of this name too",
+                where=key_path(where, section, name),
+                given=name,
+                allowed="a name that the shape does not use",
+                hint="rename it",
+            )
+    return SceneParts.model_construct(
+        nodes={**made.nodes, **scene.nodes},
+        members={**made.members, **scene.members},
+        groups={**made.groups, **scene.groups},
+    )
+
+
+def _build_request(scene: Scene, structure: Structure, targets: Targets) -> ModelRequest:
+    parameters = build_parameters(
+        scene.parameters,
+        targets,
+        spring_constant=structure.spring_constant,
+        axial_stiffness=structure.axial_stiffness,
+        anchored=structure.node_anchored,
+        axes=structure.axes,
+    )
+    default = MASSLESS_QUANTITIES if _massless(structure).any() else DEFAULT_QUANTITIES
+    return ModelRequest(
+        quantities=scene.model.quantities or default,
+        parameters=parameters,
+        integrators=tuple(dict.fromkeys(scene.model.integrators)),
+        formulation=scene.model.formulation,
+        emitter=scene.model.emitter,
+    )
+
+
+def _massless(structure: Structure) -> NDArray[np.bool_]:
+    """Return which nodes are free to move and have no mass, neither their own nor of a bar."""
+    mass = structure.node_mass.copy()
+    for end in (0, 1):
+        np.add.at(mass, structure.connectivity[:, end], structure.member_mass)
+    massless: NDArray[np.bool_] = (mass == 0) & ~find_fully_anchored(structure.node_anchored, structure.axes)
+    return massless

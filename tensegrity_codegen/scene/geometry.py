@@ -1,0 +1,141 @@
+"""Checks of how members join nodes, and of what stays free to move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import DuplicateNameError, StructureError
+from tensegrity_codegen.scene.names import key_path, name_list
+from tensegrity_codegen.scene.refuse import refuse
+
+__all__ = ["check_connectivity", "check_freedom", "compute_member_length", "find_fully_anchored"]
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+# Nodes closer than this part of the structure's extent count as coincident.
+COINCIDENT = 1e-12
+
+
+def compute_member_length(connectivity: IndexArray, node_position: FloatArray) -> FloatArray:
+    """Return l_e = |r_i - r_j|, (n_members,) [m]; connectivity (n_members, 2), position (n_nodes, 3) [m]."""
+    length: FloatArray = np.linalg.norm(
+        node_position[connectivity[:, 0]] - node_position[connectivity[:, 1]], axis=1
+    )
+    return length
+
+
+def find_fully_anchored(node_anchored: NDArray[np.bool_], axes: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return which nodes (n_nodes,) are held on all modelled axes; node_anchored (n_nodes, 3)."""
+    held: NDArray[np.bool_] = np.all(node_anchored[:, axes], axis=1)
+    return held
+
+
+def check_connectivity(
+    connectivity: IndexArray,
+    member_name: tuple[str, ...],
+    node_name: tuple[str, ...],
+    node_position: FloatArray,
+    where: str,
+) -> None:
+    """Raise unless every member joins two different, not coincident nodes, and no two join the same pair.
+
+    Raises StructureError or DuplicateNameError (two members on one pair, in either order).
+    """
+    first, second = connectivity[:, 0], connectivity[:, 1]
+    place = _Ends(connectivity, node_name)
+    refuse(
+        first == second,
+        StructureError,
+        "the member joins a node to itself",
+        section="members",
+        names=member_name,
+        where=where,
+        key="nodes",
+        given=place,
+        allowed="two different nodes",
+    )
+    _check_pairs(connectivity, member_name, node_name, where)
+    extent = float(np.ptp(node_position, axis=0).max()) if len(node_position) else 0.0
+    refuse(
+        compute_member_length(connectivity, node_position) <= COINCIDENT * extent,
+        StructureError,
+        "the member joins two nodes at one place",
+        section="members",
+        names=member_name,
+        where=where,
+        key="nodes",
+        given=place,
+        allowed="nodes at different positions",
+        hint="move one of the nodes, or make the two one node",
+    )
+
+
+def check_freedom(
+    connectivity: IndexArray,
+    node_anchored: NDArray[np.bool_],
+    axes: tuple[int, ...],
+    node_name: tuple[str, ...],
+    where: str,
+) -> None:
+    """Raise StructureError unless there are nodes and members, a free coordinate, and a member at every node.
+
+    An anchored node without a member is refused too: nothing hangs on it, so it is a slip of the pen.
+    """
+    problem = ""
+    if not node_name:
+        problem, allowed, hint = "the scene has no nodes", "two nodes or more", "add [nodes] or a [shape]"
+    elif not len(connectivity):
+        problem, allowed, hint = (
+            "the scene has no members",
+            "one member or more",
+            "add [members] or a [shape]",
+        )
+    elif node_anchored[:, axes].all():
+        problem = "no node is free to move: all are anchored on all modelled axes"
+        allowed, hint = "one free axis or more", "set anchored = false on a node"
+    if problem:
+        key = "nodes" if node_name and len(connectivity) else ""
+        raise StructureError(problem, where=key_path(where, key), allowed=allowed, hint=hint)
+    degree = np.bincount(connectivity.ravel(), minlength=len(node_name))
+    refuse(
+        degree == 0,
+        StructureError,
+        "no member joins this node",
+        section="nodes",
+        names=node_name,
+        where=where,
+        allowed="one member or more at every node",
+        hint="join it by a member, or leave it out",
+    )
+
+
+def _check_pairs(
+    connectivity: IndexArray, member_name: tuple[str, ...], node_name: tuple[str, ...], where: str
+) -> None:
+    low, high = np.sort(connectivity, axis=1).T
+    pair = low * max(len(node_name), 1) + high
+    _, first, inverse = np.unique(pair, return_index=True, return_inverse=True)
+    twin = first[inverse.ravel()]
+    again = np.flatnonzero(twin != np.arange(len(pair)))
+    if again.size:
+        others = f" (and again {name_list(member_name[row] for row in again[1:])})" if again.size > 1 else ""
+        row = int(again[0])
+        raise DuplicateNameError(
+            f"members {member_name[twin[row]]!r} and {member_name[row]!r} join the same two nodes{others}",
+            where=key_path(where, "members", member_name[row], "nodes"),
+            given=[node_name[node] for node in connectivity[row]],
+            allowed="one member for a pair of nodes",
+            hint="remove one, or add up their stiffness in one member",
+        )
+
+
+class _Ends:
+    """The names of a member's two nodes, made on demand."""
+
+    def __init__(self, connectivity: IndexArray, node_name: tuple[str, ...]) -> None:
+        self._connectivity, self._node_name = connectivity, node_name
+
+    def __getitem__(self, row: int) -> list[str]:
+        return [self._node_name[node] for node in self._connectivity[row]]

@@ -1,0 +1,91 @@
+"""Names that are safe in C, C++, file names and shells, and the way places in a scene are written."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+
+from tensegrity_codegen.errors import DuplicateNameError, InvalidNameError
+
+__all__ = [
+    "KEYWORDS",
+    "NAME_PATTERN",
+    "NAME_RULE",
+    "check_name",
+    "check_names",
+    "is_name",
+    "key_path",
+    "name_list",
+]
+
+NAME_PATTERN = "^[A-Za-z][A-Za-z0-9_]{0,62}$"
+NAME_RULE = "a letter, then up to 62 letters, digits or _; no C or C++ keyword"
+
+_BARE = re.compile(r"[A-Za-z0-9_-]{1,63}")
+_NAME = re.compile(NAME_PATTERN[1:-1])
+
+# Keywords of C23 and C++23 (those that a name here could equal: none with a leading underscore).
+_KEYWORDS = """
+alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t
+class co_await co_return co_yield compl concept const consteval constexpr constinit const_cast
+continue decltype default delete do double dynamic_cast else enum explicit export extern false float
+for friend goto if inline int long mutable namespace new noexcept not not_eq nullptr
+operator or or_eq private protected public register reinterpret_cast requires restrict return short
+signed sizeof static static_assert static_cast struct switch template this thread_local throw true try
+typedef typeid typename typeof typeof_unqual union unsigned using virtual void volatile wchar_t while
+xor xor_eq
+"""
+KEYWORDS = frozenset(_KEYWORDS.split())
+
+
+def is_name(text: str) -> bool:
+    """Return whether `text` can name a thing: it matches NAME_PATTERN and is no keyword."""
+    return _NAME.fullmatch(text) is not None and text not in KEYWORDS
+
+
+def check_name(text: str, where: str = "") -> None:
+    """Raise InvalidNameError unless `text` can name a thing."""
+    if not isinstance(text, str) or not is_name(text):
+        keyword = isinstance(text, str) and text in KEYWORDS
+        raise InvalidNameError(
+            "the name is a keyword of C or C++" if keyword else "not a valid name",
+            where=where,
+            given=text,
+            allowed=NAME_RULE,
+            hint=f"rename it, for example {text}_1" if keyword else "",
+        )
+
+
+def check_names(names: Sequence[str], what: str, where: str = "") -> None:
+    """Raise InvalidNameError or DuplicateNameError unless all `names` are valid and differ."""
+    seen: set[str] = set()
+    for name in names:
+        check_name(name, key_path(where, what))
+        if name in seen:
+            raise DuplicateNameError(
+                f"two {what} under one name",
+                where=key_path(where, what),
+                given=name,
+                allowed="each name once",
+            )
+        seen.add(name)
+
+
+def key_path(where: str, *parts: str | int) -> str:
+    """Return the place of a key: `key_path("a.toml", "nodes", "a1", "mass")` is "a.toml: nodes.a1.mass"."""
+    path = ""
+    for part in parts:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part:
+            shown = part if _BARE.fullmatch(part) else json.dumps(part if len(part) < 64 else part[:60] + "…")
+            path += f".{shown}" if path else shown
+    return ": ".join(text for text in (where, path) if text)
+
+
+def name_list(names: Iterable[str], most: int = 5) -> str:
+    """Return the first few names and the number of the others: "a, b, c and 4 more"."""
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

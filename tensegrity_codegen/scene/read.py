@@ -1,0 +1,170 @@
+"""Reading a scene: file -> TOML document -> checked Scene."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from tensegrity_codegen.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    SceneError,
+    SceneSyntaxError,
+    UnknownKeyError,
+    suggest,
+)
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.schema import Scene
+from tensegrity_codegen.scene.translate import translate
+
+__all__ = ["LARGEST_FILE", "parse_scene", "read_document", "read_scene"]
+
+LARGEST_FILE = 64 * 2**20  # bytes
+
+_POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+_HEADER = re.compile(r"^[ \t]*\[+([^\[\]\n]+)\]", re.MULTILINE)
+_KEY = re.compile(r"\s*\[*\s*([^=\[\]\n]{1,200}?)\s*[=\]]")
+_TWICE = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|Duplicate inline table key")
+# The first statement, after blank lines and comments, if its key is a bare one.
+_FIRST_KEY = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+\n)*+\[*([A-Za-z0-9_-]++)[ \t]*+[=.\]]")
+# A dotted key of more than 32 parts: the TOML reader takes quadratic time for it.
+_LONG_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){32}")
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Read and check a scene file.
+
+    Raises SceneError (not readable), SceneSyntaxError (not TOML, not UTF-8, too large),
+    DuplicateNameError (a name twice), or what `parse_scene` raises.
+    """
+    return parse_scene(read_document(path, known=_known_keys()), str(path))
+
+
+def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:
+    """Return the scene that a plain `document` (the dict form of the TOML) states; `where` names its source.
+
+    Raises UnknownKeyError, InvalidNameError, UnknownNameError, NonFiniteError or InvalidValueError.
+    """
+    if not isinstance(document, Mapping):
+        raise InvalidValueError("not a scene", where=where, given=document, allowed="a table (dict)")
+    try:
+        return Scene.model_validate(dict(document))
+    except ValidationError as error:
+        raise translate(error, document, where) from None
+    except RecursionError:
+        raise SceneSyntaxError("the scene is nested too deeply", where=where) from None
+
+
+def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Read a TOML file as a plain dict, unchecked.
+
+    With `known`, a file that starts with another top-level key is refused at once with UnknownKeyError.
+    Raises SceneError (not readable), SceneSyntaxError (not TOML) or DuplicateNameError (a name twice).
+    """
+    where = str(path)
+    text = _read_text(Path(path), where)
+    _refuse_nonsense(text, known, where)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(text.replace("\r\n", "\n"), str(error), where) from None
+    except RecursionError:
+        raise SceneSyntaxError("the file is nested too deeply to be a scene", where=where) from None
+    except ValueError as error:  # an integer of thousands of digits
+        raise SceneSyntaxError(f"not a scene: {error}", where=where) from None
+
+
+def _known_keys() -> frozenset[str]:
+    return frozenset(Scene.model_fields)
+
+
+def _read_text(path: Path, where: str) -> str:
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise SceneError(
+            f"the file cannot be read: {reason}", where=where, hint="check the path and its permissions"
+        ) from None
+    except ValueError as error:  # a path with a null character
+        raise SceneError(f"no such file: {error}", where=repr(where)) from None
+    if len(data) > LARGEST_FILE:
+        raise SceneSyntaxError(
+            "the file is too large to be a scene", where=where, allowed=f"up to {LARGEST_FILE >> 20} MB"
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SceneSyntaxError(
+            "the file is not UTF-8 text",
+            where=f"{where}: line {line}",
+            given=bytes(data[error.start : error.start + 8]),
+            allowed="TOML, which is UTF-8",
+            hint="save it as UTF-8",
+        ) from None
+
+
+def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
+    """Refuse in linear time what the TOML reader would chew on for long."""
+    first = _FIRST_KEY.match(text)
+    if known and first and first[1] not in known:
+        key = first[1][:80]
+        raise UnknownKeyError(
+            "unknown key", where=where, given=key, allowed=", ".join(sorted(known)), hint=suggest(key, known)
+        )
+    long_key = _LONG_KEY.search(text)
+    if long_key:
+        line = text.count("\n", 0, long_key.start()) + 1
+        raise SceneSyntaxError(
+            "a dotted key has too many parts", where=f"{where}: line {line}", allowed="up to 32 parts"
+        )
+
+
+def _syntax_error(text: str, message: str, where: str) -> SceneError:
+    """Return the error for a TOML reader's `message`, with the line, its text and the key named."""
+    found = _POSITION.search(message)
+    problem = message[: found.start()] if found else message
+    lines = text.split("\n")
+    if found and found[1]:
+        number, column = int(found[1]), int(found[2])
+    else:  # the end of the document
+        while len(lines) > 1 and not lines[-1].strip():
+            lines.pop()
+        number, column = len(lines), len(lines[-1]) + 1
+    line = lines[number - 1]
+    if _TWICE.match(problem):
+        return _twice(lines, number, problem, where)
+    start = max(0, column - 50)
+    return SceneSyntaxError(
+        f"not valid TOML: {problem[:100]}",
+        where=f"{where}: line {number}, column {column}",
+        given=line[start : start + 80],
+        hint="strings need quotes, a table stays on one line, see https://toml.io",
+    )
+
+
+def _twice(lines: list[str], number: int, problem: str, where: str) -> DuplicateNameError:
+    line = lines[number - 1]
+    inline = re.search(r"Duplicate inline table key '(.*)'", problem)
+    key = _KEY.match(line)
+    name = inline[1] if inline else key[1] if key else line.strip()
+    section = ""
+    if not line.lstrip().startswith("["):
+        headers = _HEADER.findall("\n".join(lines[: number - 1]))
+        section = headers[-1].strip() if headers else ""
+    owner = key[1] if inline and key and key[1] != name else ""
+    path = ".".join(part for part in (section, owner, name) if part)
+    return DuplicateNameError(
+        "the name is defined twice",
+        where=f"{key_path(where)}: line {number}: {path[:200]}",
+        given=name[:80],
+        allowed="each key and each name once",
+        hint="rename or remove one of the two",
+    )

@@ -1,0 +1,45 @@
+"""One way to refuse rows of a table: the first bad row in full, the others counted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import SceneError
+from tensegrity_codegen.scene.names import key_path, name_list
+
+__all__ = ["refuse"]
+
+
+def refuse(
+    bad: NDArray[np.bool_],
+    error: type[SceneError],
+    problem: str,
+    *,
+    section: str,
+    names: Sequence[str],
+    where: str,
+    key: str = "",
+    given: Any = None,
+    allowed: str = "",
+    hint: str = "",
+) -> None:
+    """Raise `error` for the first row that is `bad` (n_rows,), if any; the others are listed in `problem`.
+
+    The place is "<where>: <section>.<names[row]>.<key>"; `given` holds one value a row, or is None.
+    """
+    rows = np.flatnonzero(bad)
+    if not rows.size:
+        return
+    others = f" (also in {name_list(names[row] for row in rows[1:])})" if rows.size > 1 else ""
+    value = None if given is None else given[rows[0]]
+    raise error(
+        problem + others,
+        where=key_path(where, section, names[rows[0]], key),
+        given=value.tolist() if isinstance(value, np.ndarray | np.generic) else value,
+        allowed=allowed,
+        hint=hint,
+    )

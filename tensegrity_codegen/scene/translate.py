@@ -1,0 +1,207 @@
+"""From the validator's list of errors to one error of this package that names file, key, value and range."""
+
+from __future__ import annotations
+
+import functools
+import math
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from tensegrity_codegen.errors import (
+    InvalidNameError,
+    InvalidValueError,
+    NonFiniteError,
+    SceneError,
+    UnknownKeyError,
+    UnknownNameError,
+    suggest,
+)
+from tensegrity_codegen.scene.names import NAME_RULE, key_path
+from tensegrity_codegen.scene.schema import scene_json_schema
+
+__all__ = ["translate"]
+
+MOST_SHOWN = 5
+
+_RANGE = {
+    "greater_than": ("gt", "a number greater than {}"),
+    "greater_than_equal": ("ge", "a number not less than {}"),
+    "less_than": ("lt", "a number less than {}"),
+    "less_than_equal": ("le", "a number not greater than {}"),
+    "too_short": ("min_length", "at least {} of them"),
+    "too_long": ("max_length", "at most {} of them"),
+}
+_TYPE = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "tuple_type": "a list [...]",
+    "dict_type": "a table {...}",
+    "model_type": "a table {...}",
+    "model_attributes_type": "a table {...}",
+}
+
+
+def translate(error: ValidationError, document: Mapping[str, Any], where: str) -> SceneError:
+    """Return the first of the validator's errors as one of ours; up to five others are listed in its hint.
+
+    Unknown keys come first: a misspelt key is also a missing one.
+    """
+    details = _without_echoes(error.errors(include_url=False))
+    details.sort(key=lambda item: item["type"] != "extra_forbidden")
+    first = _translate_one(details[0], where)
+    others = details[1:]
+    if others:
+        shown = [_translate_one(item, "") for item in others[:MOST_SHOWN]]
+        lines = [f"{item.where}: {item.problem}" for item in shown]
+        if len(others) > MOST_SHOWN:
+            lines.append(f"and {len(others) - MOST_SHOWN} more")
+        first.problem += f" ({len(others)} more problem{'s' if len(others) > 1 else ''} below)"
+        first.hint = "\n           ".join(part for part in (first.hint, "also mend", *lines) if part)
+    return first
+
+
+def _without_echoes(details: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Drop "too short" of a list whose items were refused: the list was long enough."""
+    lists = {item["loc"][:-1] for item in details}
+    kept = [item for item in details if item["type"] != "too_short" or item["loc"] not in lists]
+    return kept or details
+
+
+def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
+    kind, loc, context = detail["type"], list(detail["loc"]), detail.get("ctx", {})
+    is_key = bool(loc) and loc[-1] == "[key]"
+    path = _path_without_tags(loc[:-1] if is_key else loc)
+    place = key_path(where, *path)
+    given = loc[-2] if is_key else _shown(detail["input"])
+    if kind == "extra_forbidden":
+        known = list(_schema_at(loc[:-1]).get("properties", {}))
+        key = str(loc[-1])[:80]
+        return UnknownKeyError(
+            "unknown key", where=place, given=key, allowed=", ".join(known), hint=suggest(key, known)
+        )
+    if kind in ("string_pattern_mismatch", "name_keyword"):
+        problem = "the name is a keyword of C or C++" if kind == "name_keyword" else "not a valid name"
+        return InvalidNameError(problem, where=place, given=given, allowed=NAME_RULE, hint="rename it")
+    if kind == "unknown_name":
+        hint = suggest(str(given)[:80], context["known"])
+        known_names = ", ".join(context["known"])
+        return UnknownNameError(
+            f"unknown {context['what']}", where=place, given=given, allowed=known_names, hint=hint
+        )
+    if kind == "missing":
+        allowed, hint = _meaning(loc), f"add {path[-1]!r}"
+        return InvalidValueError("a needed key is missing", where=place, allowed=allowed, hint=hint)
+    if kind == "finite_number" or (isinstance(given, float) and not math.isfinite(given)):
+        return NonFiniteError("not a finite number", where=place, given=given, allowed=_meaning(loc))
+    return _invalid_value(detail, loc, place, given)
+
+
+def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given: Any) -> InvalidValueError:
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in _RANGE:
+        key, text = _RANGE[kind]
+        problem, allowed = "the value is out of range", text.format(f"{context[key]:g}")
+    elif kind in _TYPE:
+        problem, allowed = f"{_article(detail['input'])} where {_TYPE[kind]} is needed", _TYPE[kind]
+    elif kind in ("literal_error", "union_tag_invalid"):
+        problem = "not one of the allowed words"
+        allowed = str(context.get("expected", context.get("expected_tags", "")))
+    elif kind == "union_tag_not_found":
+        problem, allowed = "the key 'kind' is missing", ", ".join(_kinds_at(loc))
+    else:
+        problem, allowed = detail["msg"][:1].lower() + detail["msg"][1:], ""
+    allowed = "; ".join(part for part in (allowed, _meaning(loc)) if part)
+    return InvalidValueError(problem, where=place, given=given, allowed=allowed)
+
+
+def _article(value: Any) -> str:
+    names = {bool: "a truth value", str: "a text", int: "a number", float: "a number"}
+    names |= {dict: "a table", list: "a list", tuple: "a list"}
+    return names.get(type(value), f"a {type(value).__name__}")
+
+
+class _Shown(str):
+    """A text that is shown without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _shown(value: Any) -> Any:
+    """Return a scalar as it is, a container as a short text (it may be deep and long), a long text cut."""
+    if isinstance(value, bool):
+        return _Shown("true" if value else "false")
+    if isinstance(value, str):
+        return value[:200]
+    return value if value is None or isinstance(value, float) else _Shown(reprlib.repr(value))
+
+
+# The schema is walked with the validator's path, in which the tags of unions appear as extra steps.
+
+
+@functools.cache
+def _schema() -> dict[str, Any]:
+    return scene_json_schema()
+
+
+def _path_without_tags(loc: list[str | int]) -> list[str | int]:
+    root = node = _schema()
+    path: list[str | int] = []
+    for step in loc:
+        node, is_tag = _step(root, node, step)
+        if not is_tag:
+            path.append(step)
+    return path
+
+
+def _schema_at(loc: list[str | int]) -> dict[str, Any]:
+    root = node = _schema()
+    for step in loc:
+        node, _ = _step(root, node, step)
+    return node
+
+
+def _step(root: dict[str, Any], node: dict[str, Any], step: str | int) -> tuple[dict[str, Any], bool]:
+    """Return the schema below `node` and whether `step` was only the tag of a union."""
+    if isinstance(step, str) and step.startswith("@"):
+        return node, True
+    mapping = node.get("discriminator", {}).get("mapping", {})
+    if step in mapping:
+        return _resolve(root, {"$ref": mapping[step]}), True
+    below = node.get("items", {}) if isinstance(step, int) else _below(node, step)
+    return _resolve(root, below), False
+
+
+def _below(node: dict[str, Any], key: str) -> dict[str, Any]:
+    more = node.get("additionalProperties")
+    patterns: dict[str, Any] = next(iter(node.get("patternProperties", {}).values()), {})
+    found: dict[str, Any] = node.get("properties", {}).get(key) or (
+        more if isinstance(more, dict) else patterns
+    )
+    return found
+
+
+def _resolve(root: dict[str, Any], node: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" not in node:
+        return node
+    target = root["$defs"][node["$ref"].rsplit("/", 1)[1]]
+    return {**target, **{key: value for key, value in node.items() if key != "$ref"}}
+
+
+def _kinds_at(loc: list[str | int]) -> list[str]:
+    return list(_schema_at(loc).get("discriminator", {}).get("mapping", {}))
+
+
+def _meaning(loc: list[str | int]) -> str:
+    """Return the sentence of the innermost key of `loc` that has one."""
+    for end in range(len(loc), max(len(loc) - 3, 0), -1):
+        text = str(_schema_at(loc[:end]).get("description", ""))
+        if text:
+            return text
+    return ""
