@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, OutputError
+from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.names import key_path
 
-__all__ = ["format_scene", "write_scene"]
+__all__ = ["describe_structure", "format_scene", "write_scene"]
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}

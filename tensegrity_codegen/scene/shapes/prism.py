@@ -41,8 +41,8 @@ class PrismShape(ShapeModel):
     height: Positive = Field(description="Distance between the rings [m]; the bottom ring lies at z = 0.")
     twist: Angle | None = Field(
         None,
-        description="Angle from a bar's bottom node to its top node [deg]; default 90 + 180/bars, the angle of "
-        "self-stress; negative: mirrored.",
+        description="Angle from a bar's bottom node to its top node [deg]; default 90 + 180/bars, the "
+        "angle of self-stress; negative: mirrored.",
     )
     anchor_bottom: bool = Field(False, description="Hold the bottom nodes on all axes.")
     bar_class: ClassName = Field("bar", description="Class of the bars.")

@@ -56,8 +56,8 @@ class TowerShape(ShapeModel):
     )
     twist: Angle | None = Field(
         None,
-        description="Angle from a bar's bottom node to its top node in the first stage [deg], in turn positive and "
-        "negative above; default 90 + 180/bars, with `prestress` the angle of self-stress.",
+        description="Angle from a bar's bottom node to its top node in the first stage [deg], in turn "
+        "positive and negative above; default 90 + 180/bars, with `prestress` the angle of self-stress.",
     )
     anchor_bottom: bool = Field(False, description="Hold the bottom ring on all axes.")
     bar_class: ClassName = Field("bar", description="Class of the bars.")
@@ -152,8 +152,8 @@ def find_tower_twist(tower: TowerShape, where: str = "shape") -> float:
         where=f"{where}.prestress",
         given=tower.prestress,
         allowed=f"up to {MOST_STAGES_FOR_TWIST} stages, and an overlap above 0 that such a twist exists for",
-        hint="try 3 bars and an overlap of 0.1 to 0.3; or leave out shape.prestress, give the cable classes a "
-        "prestress, and settle the scene with `equilibrium`",
+        hint="try 3 bars and an overlap of 0.1 to 0.3; or leave out shape.prestress, give the cable "
+        "classes a prestress, and settle the scene with `equilibrium`",
     )
 
 
@@ -192,7 +192,7 @@ def _symmetric_equations(tower: TowerShape, twist: float) -> NDArray[np.float64]
     runs = matrix.reshape(len(matrix), 3, -1, p).sum(axis=3)
     radial = position[::p] * (1, 1, 0) / tower.radius
     tangential = radial[:, [1, 0, 2]] * (-1, 1, 0)
-    axial = np.zeros_like(radial) + (0, 0, 1)
+    axial = np.tile((0.0, 0.0, 1.0), (len(radial), 1))
     frame = np.stack((radial, tangential, axial), axis=1)
     rows: NDArray[np.float64] = np.einsum("nij,njr->nir", frame, runs).reshape(3 * len(matrix), -1)
     return rows[:-2]
