@@ -1,0 +1,227 @@
+"""Minimum of the potential energy by Newton's method in a trust region.
+
+Each step minimises the quadratic model g.s + s.K s / 2 within a radius that grows and shrinks with the
+agreement of model and energy. Stiff bars that turn make narrow curved valleys; there the step is bent
+back into the valley by repeated solves with the same factors (chord iterations on the shifted problem).
+Where the residual vanishes and the energy still curves down, the search leaves the saddle along the
+lowest eigenvector, so that it ends in minima. Savings too small to show in the energy, through rounding,
+are taken from the forces instead: half the sum of residuals at both ends times the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.runtime.curvature import build_curvature, find_lowest_curvature
+from tensegrity_codegen.runtime.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.runtime.static_problem import Point, StaticProblem
+from tensegrity_codegen.runtime.step import SINGULAR, Curvature, Step
+
+__all__ = ["Outcome", "Progress", "Stability", "find_minimum", "find_stability"]
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, float], None]
+
+ENERGY_DIGITS = 1e-7  # of the energy's scale: smaller savings are judged by the forces
+MOST_BENDS = 4
+PATIENCE = 6  # iterations without a better residual once rounding is reached
+MOST_ESCAPES = 20
+FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbounded
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be."""
+
+    smallest_eigenvalue: float
+    direction: FloatArray
+    neutral_motions: int
+    rounding: float
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the energy curves down along `direction`, beyond rounding."""
+        return self.smallest_eigenvalue < -self.rounding
+
+    @property
+    def is_neutral(self) -> bool:
+        """Whether the smallest eigenvalue is zero to rounding."""
+        return abs(self.smallest_eigenvalue) <= self.rounding
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where a search ended, why, after how many iterations, and what is worth saying about it."""
+
+    status: str
+    point: Point
+    iterations: int
+    message: str = ""
+
+
+def find_stability(problem: StaticProblem, point: Point) -> Stability:
+    """Return the smallest eigenvalue of the tangent stiffness with neutral rigid motions projected off."""
+    stiffness = problem.stiffness(point.coordinate)
+    position = problem.node_position(point.coordinate)
+    spread = float(np.linalg.norm(position - position.mean(axis=0)))
+    turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
+    motions = build_rigid_motions(problem.model.manifest, position)
+    neutral = find_neutral_motions(stiffness, motions, turned)
+    lowest, direction = find_lowest_curvature(stiffness, neutral)
+    rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    return Stability(lowest, direction, neutral.shape[1], rounding)
+
+
+def find_minimum(
+    problem: StaticProblem,
+    start: Point,
+    *,
+    tolerance: float,
+    max_iterations: int,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Return the minimum of the energy that Newton's method reaches from `start`.
+
+    status: "converged"; "rounding_limited" (the residual is as small as rounding lets it be, and larger
+    than asked); "unstable" (a saddle that no step leaves); "unbounded"; "stalled"; "iteration_limit".
+    """
+    search = _Search(problem, start)
+    for iteration in range(max_iterations):
+        if progress is not None:
+            progress(iteration, search.point.node_force)
+        ended = search.advance(tolerance)
+        if ended is not None:
+            return Outcome(ended[0], search.best, iteration, ended[1])
+    return Outcome("iteration_limit", search.best, max_iterations, "the iterations were used up")
+
+
+class _Search:
+    """The moving state of one minimisation."""
+
+    def __init__(self, problem: StaticProblem, start: Point) -> None:
+        self.problem, self.start, self.point, self.best = problem, start, start, start
+        position = problem.node_position(start.coordinate)
+        self.extent = max(float(np.ptp(position, axis=0).max(initial=0.0)), start.longest)
+        self.radius = 0.1 * start.longest * np.sqrt(max(problem.size, 1))
+        self.shift = 0.0
+        self.waited = 0
+        self.escapes = 0
+
+    def advance(self, tolerance: float) -> tuple[str, str] | None:
+        """Make one iteration; return status and message where the search ends."""
+        try:
+            stiffness = self.problem.stiffness(self.point.coordinate)
+        except NonFiniteError:
+            return "stalled", "the stiffness is not finite"
+        floor = self.problem.rounding_floor(stiffness, self.point)
+        self._note_best(floor)
+        if self.point.is_balanced(tolerance, floor):
+            self.best = self.point
+            return self._settle("converged", "")
+        if self.waited >= PATIENCE:
+            self.point = self.best
+            return self._settle("rounding_limited", "rounding keeps the residual above the tolerance")
+        curvature = build_curvature(stiffness, floor, self.shift)
+        moved = self._move(curvature)
+        self.shift = curvature.shift
+        return self._look_around(moved, floor)
+
+    def _note_best(self, floor: float) -> None:
+        """Follow the point; below the rounding floor keep the best and count the wait for a better one."""
+        force = self.point.node_force
+        better = force < self.best.node_force
+        if force > floor or force < 0.5 * self.best.node_force:
+            self.waited = 0
+        else:
+            self.waited += 1
+        if force > floor or better:
+            self.best = self.point
+
+    def _look_around(self, moved: bool, floor: float) -> tuple[str, str] | None:
+        """Return status and message where no further step makes sense."""
+        if np.abs(self.point.coordinate - self.start.coordinate).max(initial=0.0) > FARTHEST * self.extent:
+            return "unbounded", "the loads drive the structure away without bound"
+        if moved or self.radius > 1e-15 * self.extent:
+            return None
+        if self.point.node_force <= floor:
+            self.point = self.best
+            return self._settle("rounding_limited", "rounding keeps the residual above the tolerance")
+        return "stalled", "no step lowers the energy any further"
+
+    def _settle(self, status: str, message: str) -> tuple[str, str] | None:
+        """End in a minimum, or leave a saddle along its lowest eigenvector."""
+        stability = find_stability(self.problem, self.point)
+        if not stability.is_unstable:
+            return status, message
+        if self.escapes < MOST_ESCAPES and self._escape(stability):
+            self.escapes += 1
+            return None
+        return "unstable", "the forces balance on a saddle of the energy that no step could leave"
+
+    def _escape(self, stability: Stability) -> bool:
+        """Step along the lowest eigenvector, either way, to where the energy is lower."""
+        here = self.point
+        for length in self.extent * np.geomspace(0.1, 1e-7, 13):
+            if -stability.smallest_eigenvalue * length**2 / 2 < 1e-14 * here.energy_scale:
+                break
+            ways = (length * stability.direction, -length * stability.direction)
+            found = [self.problem.find_point(here.coordinate + way) for way in ways]
+            lower = [p for p in found if p is not None and p.energy < here.energy]
+            if lower:
+                self.point = self.best = min(lower, key=lambda p: p.energy)
+                self.radius, self.waited = 2 * float(length), 0
+                return True
+        return False
+
+    def _move(self, curvature: Curvature) -> bool:
+        """Try one step, bent into the valley where the energy asks for it, and adapt the radius."""
+        step = curvature.find_step(-self.point.residual, self.radius)
+        length = float(np.linalg.norm(step.vector))
+        if step.predicted <= 0.0 or length == 0.0:
+            self.radius *= 0.1
+            self.waited += 1
+            return False
+        trial, saved = self._bend(curvature, step)
+        ratio = saved / step.predicted
+        if ratio < 0.25:
+            self.radius = 0.3 * min(length, self.radius)
+        elif ratio > 0.6 and step.at_boundary:
+            self.radius *= 2.5
+        if trial is None or (ratio < 1e-4 and not self._quieter(trial, step)):
+            return False
+        self.point = trial
+        return True
+
+    def _quieter(self, trial: Point, step: Step) -> bool:
+        """Whether a step too small to judge by energies has brought the residual down."""
+        small = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
+        return small and trial.node_force < 0.9 * self.point.node_force
+
+    def _bend(self, curvature: Curvature, step: Step) -> tuple[Point | None, float]:
+        """Return the best point of the step and its corrections, and the energy saved there [J]."""
+        vector, judge = step.vector, step.predicted <= ENERGY_DIGITS * self.point.energy_scale
+        best, most = None, -np.inf
+        for _ in range(1 + MOST_BENDS):
+            trial = self.problem.find_point(self.point.coordinate + vector)
+            if trial is None:
+                break
+            saved = self._saving(trial, vector, by_force=judge)
+            if saved <= most:
+                break
+            best, most = trial, saved
+            if saved > 0.75 * step.predicted:
+                break
+            vector = vector + curvature.solve_shifted(trial.residual - curvature.shift * vector)
+            if not np.linalg.norm(vector) < 2 * self.radius:
+                break
+        return best, most
+
+    def _saving(self, trial: Point, vector: FloatArray, *, by_force: bool) -> float:
+        if by_force:
+            return float((self.point.residual + trial.residual) @ vector) / 2
+        return self.point.energy - trial.energy

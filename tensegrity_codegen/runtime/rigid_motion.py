@@ -1,0 +1,85 @@
+"""Rigid motions of the free coordinates: which the anchors permit, and which of them cost no force."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.manifest import Manifest
+
+__all__ = ["build_rigid_motions", "find_neutral_motions"]
+
+FloatArray = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-10  # of motions scaled to unit size
+ROUNDING = 1e-13  # of the norm of the stiffness
+
+
+def build_rigid_motions(manifest: Manifest, position: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k).
+
+    One translation along each modelled axis and one infinitesimal rotation in each plane of two modelled
+    axes, combined so that every anchored coordinate rests. position: (n_nodes, 3) [m]. Motions that move
+    nothing (a rod about its own axis) are dropped.
+    """
+    axes = manifest.axes
+    motions = _all_motions(axes, position)
+    free = np.zeros((len(position), 3), dtype=bool)
+    for node, axis in manifest.coordinate_node_axis:
+        free[node, axis] = True
+    chosen = free[:, list(axes)].ravel()
+    permitted = motions[chosen] @ _null_space(motions[~chosen])
+    if permitted.size == 0:
+        return np.zeros((int(chosen.sum()), 0))
+    left, singular, _ = np.linalg.svd(permitted, full_matrices=False)
+    basis: FloatArray = left[:, singular > RANK_TOLERANCE]
+    return basis
+
+
+def find_neutral_motions(stiffness: Any, motions: FloatArray, force_noise: float) -> FloatArray:
+    """Return a basis of those `motions` that the stiffness annihilates to rounding, (n_coordinates, m).
+
+    stiffness: (n_coordinates, n_coordinates) [N/m], sparse or dense. force_noise [N]: the change of force
+    that a unit motion may cause and still count as none, on top of rounding. A rotation that tilts loads,
+    such as a pendulum's, is no neutral motion.
+    """
+    if motions.shape[1] == 0:
+        return motions
+    size = float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    threshold = ROUNDING * size * np.sqrt(len(motions)) + force_noise
+    _, singular, right = np.linalg.svd(np.asarray(stiffness @ motions), full_matrices=False)
+    neutral: FloatArray = motions @ right[singular <= threshold].T
+    return neutral
+
+
+def _all_motions(axes: tuple[int, ...], position: FloatArray) -> FloatArray:
+    """Translations and rotations about the middle, each of unit size, (n_nodes * n_axes, k)."""
+    local = position[:, list(axes)]
+    local = local - local.mean(axis=0)
+    columns = []
+    for axis in range(len(axes)):
+        shift = np.zeros_like(local)
+        shift[:, axis] = 1.0
+        columns.append(shift.ravel())
+    for first, second in combinations(range(len(axes)), 2):
+        turn = np.zeros_like(local)
+        turn[:, first], turn[:, second] = -local[:, second], local[:, first]
+        columns.append(turn.ravel())
+    motions = np.array(columns).T
+    norm = np.linalg.norm(motions, axis=0)
+    scaled: FloatArray = motions / np.where(norm > 0, norm, 1.0)
+    return scaled
+
+
+def _null_space(matrix: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the null space of a tall or empty matrix, by SVD."""
+    count = matrix.shape[1]
+    if matrix.shape[0] == 0:
+        return np.eye(count)
+    _, singular, right = np.linalg.svd(matrix, full_matrices=True)
+    rank = int((singular > RANK_TOLERANCE).sum())
+    null: FloatArray = right[rank:].T
+    return null

@@ -1,0 +1,172 @@
+"""The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.runtime.interface import Model
+
+__all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
+
+FloatArray = NDArray[np.float64]
+
+EQUILIBRIUM_QUANTITIES = (
+    "potential_energy",
+    "node_residual",
+    "tangent_stiffness",
+    "member_length",
+    "member_tension",
+)
+
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One configuration with its energy and forces; `node_force` is the largest residual of a node [N]."""
+
+    coordinate: FloatArray  # (n_coordinates,) [m]
+    energy: float  # [J]
+    residual: FloatArray  # (n_coordinates,) [N], minus the gradient of the energy
+    node_force: float  # [N]
+    largest_force: float  # [N], over the members
+    longest: float  # [m], longest member
+
+    def is_balanced(self, tolerance: float, floor: float) -> bool:
+        """Return whether the largest node residual is at most `tolerance` times the largest member force.
+
+        Where no member force exceeds the rounding `floor` [N], the members count as unstressed and the
+        residual is held against the floor itself.
+        """
+        if self.largest_force <= floor:
+            return self.node_force <= floor
+        return self.node_force <= tolerance * self.largest_force
+
+    @property
+    def energy_scale(self) -> float:
+        """Size of the numbers that the energy is summed up from, for judging its rounding [J]."""
+        return abs(self.energy) + self.largest_force * self.longest
+
+
+class StaticProblem:
+    """A model with all arguments fixed but the coordinates, at rest.
+
+    arguments: values of inputs and parameters that differ from the scene's. Raises FormulationError where
+    the model lacks a function and InvalidValueError where `arguments` hold a coordinate or velocity.
+    """
+
+    def __init__(self, model: Model, arguments: Mapping[str, Any] | None = None) -> None:
+        self.model = model
+        self.arguments = dict(arguments or {})
+        _check_arguments(self.arguments)
+        _check_functions(model)
+        pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
+        self.node, self.axis = pairs[:, 0], pairs[:, 1]
+        self.size = len(pairs)
+        self._given = {**self.arguments, "velocity": np.zeros(self.size)}
+
+    def compute(self, quantity: str, coordinate: FloatArray) -> Any:
+        """Return one quantity at `coordinate`."""
+        return self.model.compute(quantity, coordinate=coordinate, **self._given)
+
+    def find_point(self, coordinate: FloatArray) -> Point | None:
+        """Return the configuration with its energy and forces, None where any of them is not finite."""
+        try:
+            residual = np.array(self.compute("node_residual", coordinate))
+            energy = float(self.compute("potential_energy", coordinate))
+            tension = self.compute("member_tension", coordinate)
+            length = self.compute("member_length", coordinate)
+        except NonFiniteError:
+            return None
+        if not all(np.all(np.isfinite(values)) for values in (energy, residual, tension, length)):
+            return None
+        return Point(
+            np.array(coordinate, dtype=float),
+            energy,
+            residual,
+            self.largest_node_norm(residual),
+            float(np.abs(tension).max(initial=0.0)),
+            float(np.max(length, initial=0.0)),
+        )
+
+    def find_residual(self, coordinate: FloatArray) -> FloatArray | None:
+        """Return the residual forces alone, (n_coordinates,) [N], None where they are not finite."""
+        try:
+            residual = np.array(self.compute("node_residual", coordinate))
+        except NonFiniteError:
+            return None
+        return residual if np.all(np.isfinite(residual)) else None
+
+    def stiffness(self, coordinate: FloatArray) -> Any:
+        """Return the tangent stiffness, a (n_coordinates, n_coordinates) sparse array [N/m]."""
+        return self.compute("tangent_stiffness", coordinate)
+
+    def largest_node_norm(self, vector: FloatArray) -> float:
+        """Return the largest Euclidean norm of a node's part of a vector over the coordinates."""
+        square = np.zeros(len(self.model.manifest.node_name))
+        np.add.at(square, self.node, vector**2)
+        return float(np.sqrt(square.max(initial=0.0)))
+
+    def find_unbalanced_axis(self, residual: FloatArray, noise: float) -> tuple[int, float] | None:
+        """Return the first axis without any anchor whose residuals do not add up to zero, and their sum [N].
+
+        Member forces cancel in that sum, so the loads along such an axis have nothing to hold them.
+        """
+        n_nodes = len(self.model.manifest.node_name)
+        for axis in self.model.manifest.axes:
+            along = residual[self.axis == axis]
+            bound = 1e-12 * float(np.abs(along).sum()) + noise
+            if len(along) == n_nodes and abs(along.sum()) > bound:
+                return axis, float(along.sum())
+        return None
+
+    def node_position(self, coordinate: FloatArray) -> FloatArray:
+        """Return all node positions, (n_nodes, 3) [m], anchors moved by `anchor_position` where given."""
+        manifest = self.model.manifest
+        position = np.array(manifest.node_position, dtype=float).reshape(-1, 3)
+        if self.arguments.get("anchor_position") is not None:
+            spec = manifest.argument("anchor_position")
+            rows = [manifest.node_name.index(name) for name in spec.over]
+            moved = np.asarray(self.arguments["anchor_position"], dtype=float).reshape(spec.shape)
+            position[np.ix_(rows, list(manifest.axes))] = moved
+        position[self.node, self.axis] = coordinate
+        return position
+
+    def rounding_floor(self, stiffness: Any, point: Point) -> float:
+        """Return the residual that rounding alone explains, 64 eps max(mu l) [N].
+
+        The largest diagonal entry of the stiffness stands for the largest spring constant mu, the longest
+        member for l.
+        """
+        diagonal = np.abs(stiffness.diagonal())
+        return 64 * EPSILON * float(diagonal.max(initial=0.0)) * point.longest
+
+
+def _check_arguments(arguments: Mapping[str, Any]) -> None:
+    for name in ("coordinate", "velocity"):
+        if name in arguments:
+            raise InvalidValueError(
+                f"{name} is no load or parameter",
+                where="arguments",
+                given=name,
+                allowed="inputs and parameters",
+                hint="an equilibrium is at rest; pass the starting point as coordinate=",
+            )
+
+
+def _check_functions(model: Model) -> None:
+    missing = [name for name in EQUILIBRIUM_QUANTITIES if not model.has(name)]
+    if missing:
+        raise FormulationError(
+            "the model lacks functions that an equilibrium needs",
+            where=model.manifest.name,
+            given=", ".join(missing),
+            allowed=", ".join(EQUILIBRIUM_QUANTITIES),
+            hint="build the model with these quantities",
+        )
