@@ -74,14 +74,18 @@ class IntegratorSpec:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """One thing that the scene does not need: why, and what leaving it out saved."""
+    """One thing that the scene does not need: why, and what leaving it out saved.
+
+    object_bytes is an estimate from the operations unless `measured`.
+    """
 
     what: str
     why: str
     functions: int
     arguments: int
     operations: int
-    object_bytes: int | None = None
+    object_bytes: int
+    measured: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,164 @@
+"""What a scene does not need, and what leaving it out saves.
+
+Each row compares the emitted functions with the same functions of a variant that has the feature: gravity,
+damping and loads as run-time arguments, tension-only cables, anchored nodes kept in the state, all three
+axes, constants as arguments; and with the functions that nobody wanted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.manifest import LeftOut
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.symbolic.model import SymbolicModel
+
+__all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
+
+# Object code of unrolled functions, gcc 12 -O2 on x86-64: 20 to 24 bytes an operation over the shipped scenes.
+BYTES_AN_OPERATION = 22
+
+Variant = tuple[Structure, ModelRequest]
+
+
+@dataclass(frozen=True)
+class _Feature:
+    """Something that a scene may lack: when, why, and the variant that has it."""
+
+    what: str
+    why: str
+    is_absent: Callable[[Structure, ModelRequest], bool]
+    add: Callable[[Structure, ModelRequest], Variant]
+
+
+def _with_parameter(request: ModelRequest, **parameters: tuple[int, ...]) -> ModelRequest:
+    return replace(request, parameters={**request.parameters, **parameters})
+
+
+def _all(count: int) -> tuple[int, ...]:
+    return tuple(range(count))
+
+
+def _unanchored(structure: Structure, request: ModelRequest) -> Variant:
+    mass = np.where(structure.node_mass > 0, structure.node_mass, 1.0)
+    free = structure.with_changes(node_anchored=np.zeros_like(structure.node_anchored), node_mass=mass)
+    kept = {name: items for name, items in request.parameters.items() if name != "anchor_position"}
+    return free, replace(request, parameters=kept)
+
+
+def _as_arguments(structure: Structure, request: ModelRequest) -> Variant:
+    wanted = {
+        "rest_length": _all(structure.n_members),
+        "spring_constant": tuple(int(e) for e in np.flatnonzero(structure.spring_constant)),
+        "axial_stiffness": tuple(int(e) for e in np.flatnonzero(structure.axial_stiffness)),
+        "node_mass": tuple(int(n) for n in np.flatnonzero(structure.node_mass)),
+    }
+    return structure, _with_parameter(request, **{name: items for name, items in wanted.items() if items})
+
+
+FEATURES = (
+    _Feature(
+        "gravity",
+        "the scene has no gravity",
+        lambda s, r: not s.gravity.any() and "gravity" not in r.parameters,
+        lambda s, r: (s, _with_parameter(r, gravity=())),
+    ),
+    _Feature(
+        "damping",
+        "no member has damping",
+        lambda s, r: not s.damping.any() and "damping" not in r.parameters,
+        lambda s, r: (s, _with_parameter(r, damping=_all(s.n_members))),
+    ),
+    _Feature(
+        "loads",
+        "no node has a load",
+        lambda s, r: not s.node_load.any() and "node_load" not in r.parameters,
+        lambda s, r: (s, _with_parameter(r, node_load=_all(s.n_nodes))),
+    ),
+    _Feature(
+        "slack branch",
+        "no cable is tension-only",
+        lambda s, r: not s.tension_only.any() and not s.is_bar.all(),
+        lambda s, r: (s.with_changes(tension_only=~s.is_bar), r),
+    ),
+    _Feature(
+        "anchored coordinates",
+        "anchored nodes do not move, they are constants and not in the state",
+        lambda s, r: bool(s.node_anchored[:, list(s.axes)].any()),
+        _unanchored,
+    ),
+    _Feature(
+        "axes",
+        "the scene is planar",
+        lambda s, r: len(s.axes) < 3,
+        lambda s, r: (s.with_changes(axes=(0, 1, 2)), r),
+    ),
+    _Feature(
+        "run-time parameters",
+        "rest lengths, stiffnesses and masses that the scene does not keep changeable are baked in",
+        lambda s, r: True,
+        _as_arguments,
+    ),
+)
+
+UNWANTED = "unwanted functions"
+
+
+def with_feature(what: str, structure: Structure, request: ModelRequest) -> Variant:
+    """Return structure and request with the left-out feature of that name put in."""
+    if what == UNWANTED:
+        model = build_model(structure, request)
+        return structure, replace(request, quantities=(*request.quantities, *_unwanted(model, request)))
+    feature = next(item for item in FEATURES if item.what == what)
+    return feature.add(structure, request)
+
+
+def account_left_out(
+    model: SymbolicModel, request: ModelRequest, functions: tuple[PrunedFunction, ...]
+) -> tuple[LeftOut, ...]:
+    """Return one row for each thing that was left out and would have cost something."""
+    structure = model.structure
+    rows = []
+    for feature in FEATURES:
+        if feature.is_absent(structure, request):
+            variant, wider = feature.add(structure, request)
+            with_it = prune(build_model(variant, wider), request.quantities)
+            rows.append(_row(feature.what, feature.why, functions, with_it))
+    unwanted = prune(model, _unwanted(model, request))
+    why = "nobody wants them: " + ", ".join(function.quantity.name for function in unwanted)
+    rows.append(_row(UNWANTED, why, functions, (*functions, *unwanted)))
+    return tuple(row for row in rows if row.functions or row.arguments or row.operations)
+
+
+def _row(
+    what: str, why: str, without: tuple[PrunedFunction, ...], with_it: tuple[PrunedFunction, ...]
+) -> LeftOut:
+    operations = sum(f.operations for f in with_it) - sum(f.operations for f in without)
+    arguments = sum(len(f.arguments) for f in with_it) - sum(len(f.arguments) for f in without)
+    return LeftOut(
+        what=what,
+        why=why,
+        functions=len(with_it) - len(without),
+        arguments=arguments,
+        operations=operations,
+        object_bytes=operations * BYTES_AN_OPERATION,
+    )
+
+
+def _unwanted(model: SymbolicModel, request: ModelRequest) -> tuple[str, ...]:
+    rest = [name for name in model.quantities if name not in request.quantities]
+    return tuple(name for name in rest if _is_offered(model, name))
+
+
+def _is_offered(model: SymbolicModel, quantity: str) -> bool:
+    try:
+        return bool(model.expression(quantity).nnz())
+    except FormulationError:
+        return False

@@ -1,0 +1,32 @@
+"""Between free coordinates and node positions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.interface import Model
+
+__all__ = ["place_nodes"]
+
+FloatArray = NDArray[np.float64]
+
+
+def place_nodes(model: Model, coordinate: FloatArray, anchor_position: Any = None) -> FloatArray:
+    """Return node positions (n_nodes, 3) [m] of free coordinates (n_coordinates,).
+
+    anchor_position: run-time positions (k, n_axes) of the changeable anchored nodes, if any.
+    """
+    manifest = model.manifest
+    result = np.array(manifest.node_position, dtype=np.float64)
+    if anchor_position is not None:
+        over = manifest.argument("anchor_position").over
+        rows = [manifest.node_name.index(name) for name in over]
+        result[np.ix_(rows, list(manifest.axes))] = np.reshape(
+            anchor_position, (len(rows), len(manifest.axes))
+        )
+    places = np.array(manifest.coordinate_node_axis)
+    result[places[:, 0], places[:, 1]] = coordinate
+    return result

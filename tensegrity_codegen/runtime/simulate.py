@@ -1,0 +1,155 @@
+"""Simulation: one entry, methods by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.step_halving import estimate_frequency, halve_until_converged
+from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory, evaluate_trajectory
+
+__all__ = ["METHODS", "simulate"]
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+# Every method by name, and what it is.
+METHODS = {
+    "auto": "Runge-Kutta 4 in C, the step halved until the error estimate meets rtol and atol",
+    "rk4": "Runge-Kutta 4 in C with the fixed step `step`",
+    "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
+    "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
+    "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
+    "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
+}
+SCIPY_NAME = {
+    "scipy_dop853": "DOP853",
+    "scipy_rk45": "RK45",
+    "scipy_lsoda": "LSODA",
+    "scipy_radau": "Radau",
+}
+
+
+def simulate(
+    model: CompiledModel,
+    t_end: float,
+    *,
+    samples: int = 101,
+    method: str = "auto",
+    step: float | None = None,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    coordinate: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
+
+    coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
+    name; step [s]: for the method "rk4" only; progress: called with the fraction done. A run that becomes
+    unstable or misses its tolerance comes back with that status and the samples it reached. Raises
+    InvalidValueError for values outside their range, UnknownNameError for an unknown method.
+    """
+    _check(t_end, samples, method, step, rtol, atol)
+    arguments = dict(arguments or {})
+    q0 = np.asarray(model.nominal("coordinate") if coordinate is None else coordinate, dtype=np.float64)
+    v0 = np.asarray(model.nominal("velocity") if velocity is None else velocity, dtype=np.float64)
+    for name, value in (("coordinate", q0), ("velocity", v0)):
+        if not np.all(np.isfinite(value)):
+            raise NonFiniteError(
+                f"the initial {name} is not finite", where="simulate", allowed="finite numbers"
+            )
+    state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
+    if method == "rk4":
+        raw = integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
+    elif method == "auto":
+        raw = _auto(model, state, sample_time, rtol, atol, arguments, progress)
+    else:
+        raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments)
+    return evaluate_trajectory(model, raw, arguments)
+
+
+def _auto(
+    model: CompiledModel,
+    state: FloatArray,
+    sample_time: FloatArray,
+    rtol: float,
+    atol: float,
+    arguments: Mapping[str, Any],
+    progress: Progress | None,
+) -> RawTrajectory:
+    span = float(sample_time[-1])
+    frequency = estimate_frequency(model, state[: len(state) // 2], arguments)
+    first = min(span / 16.0, 1.0 / frequency if frequency > 0 else span)
+
+    def run(step: float) -> RawTrajectory:
+        return integrate_rk4(model, state, sample_time, step, arguments, progress)
+
+    return halve_until_converged(run, first, span, rtol, atol)
+
+
+def _scipy(
+    model: CompiledModel,
+    state: FloatArray,
+    sample_time: FloatArray,
+    method: str,
+    rtol: float,
+    atol: float,
+    arguments: Mapping[str, Any],
+) -> RawTrajectory:
+    n = len(state) // 2
+
+    def derivative(_: float, x: FloatArray) -> FloatArray:
+        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **arguments)
+        return np.concatenate([x[n:], a])
+
+    try:
+        found = solve_ivp(
+            derivative, (0.0, sample_time[-1]), state, method, t_eval=sample_time, rtol=rtol, atol=atol
+        )
+    except NonFiniteError as error:
+        return RawTrajectory(
+            sample_time[:1], state[None, :], "unstable", error.problem, f"scipy {method}", 0, 0
+        )
+    return RawTrajectory(
+        time=found.t,
+        state=found.y.T,
+        status="ok" if found.status == 0 else "unstable",
+        message=str(found.message),
+        method=f"scipy {method}",
+        n_steps=len(found.t),
+        n_evaluations=int(found.nfev),
+    )
+
+
+def _check(t_end: float, samples: int, method: str, step: float | None, rtol: float, atol: float) -> None:
+    if method not in METHODS:
+        raise UnknownNameError(
+            "unknown method", where="--method", given=method, hint=suggest(method, METHODS)
+        )
+    for key, value in (("--t-end", t_end), ("--rtol", rtol), ("--atol", atol)):
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0")
+    if samples < 2:
+        raise InvalidValueError("too few samples", where="--samples", given=samples, allowed="at least 2")
+    if method == "rk4" and step is None:
+        raise InvalidValueError(
+            "method 'rk4' needs a step",
+            where="--step",
+            allowed="a finite number > 0 [s]",
+            hint="--method auto",
+        )
+    if method != "rk4" and step is not None:
+        raise InvalidValueError(
+            "only fixed-step methods take a step", where="--step", given=step, hint="--method rk4"
+        )
+    if step is not None and not (np.isfinite(step) and 0 < step):
+        raise InvalidValueError("out of range", where="--step", given=step, allowed="a finite number > 0 [s]")

@@ -1,0 +1,173 @@
+"""The result of a simulation: states at sample times, tensions, energies, and how it went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.placement import place_nodes
+
+__all__ = ["SIMULATION_QUANTITIES", "RawTrajectory", "Trajectory", "evaluate_trajectory"]
+
+FloatArray = NDArray[np.float64]
+
+# What a simulation needs of a model, and the integrators it may use.
+SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
+
+# Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
+ENERGY_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True)
+class RawTrajectory:
+    """What an integrator returns: samples (n_t, n_states) that it reached, and how it ended."""
+
+    time: FloatArray
+    state: FloatArray
+    status: str
+    message: str
+    method: str
+    n_steps: int
+    n_evaluations: int
+    step: float | None = None
+    error_estimate: float | None = None
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated motion; arrays run over the sample times that were reached.
+
+    time (n_t,) [s]; coordinate, velocity (n_t, n_coordinates); node_position, node_velocity
+    (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
+    energy_drift: largest change of the total energy over the largest kinetic energy (with damping, a
+    decrease is physical). status: "ok", "unstable", "inaccurate" or "not_converged"; message says why.
+    """
+
+    time: FloatArray
+    coordinate: FloatArray
+    velocity: FloatArray
+    node_position: FloatArray
+    node_velocity: FloatArray
+    member_tension: FloatArray
+    kinetic_energy: FloatArray
+    total_energy: FloatArray
+    energy_drift: float
+    status: str
+    message: str
+    method: str
+    n_steps: int
+    n_evaluations: int
+    step: float | None
+    error_estimate: float | None
+    node_name: tuple[str, ...]
+    member_name: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return the facts about the run as one JSON-ready object."""
+        return {
+            "status": self.status,
+            "message": self.message,
+            "method": self.method,
+            "t_end": float(self.time[-1]),
+            "n_samples": len(self.time),
+            "n_steps": self.n_steps,
+            "n_evaluations": self.n_evaluations,
+            "step": self.step,
+            "error_estimate": self.error_estimate,
+            "total_energy_start": float(self.total_energy[0]),
+            "total_energy_end": float(self.total_energy[-1]),
+            "energy_drift": self.energy_drift,
+        }
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return what a result file holds, name -> array."""
+        return {
+            "time": self.time,
+            "node_position": self.node_position,
+            "node_velocity": self.node_velocity,
+            "member_tension": self.member_tension,
+            "kinetic_energy": self.kinetic_energy,
+            "total_energy": self.total_energy,
+            "node_name": np.array(self.node_name),
+            "member_name": np.array(self.member_name),
+            "status": np.array(self.status),
+            "message": np.array(self.message),
+            "method": np.array(self.method),
+        }
+
+    def write(self, path: Path) -> None:
+        """Write the arrays to an .npz file; the file's folder must exist."""
+        with path.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **self.arrays())
+
+
+def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
+    """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
+    n = raw.state.shape[1] // 2
+    q, v = raw.state[:, :n], raw.state[:, n:]
+    columns = {
+        name: np.array(
+            [model.compute(name, coordinate=a, velocity=b, **arguments) for a, b in zip(q, v, strict=True)]
+        )
+        for name in ("member_tension", "kinetic_energy", "total_energy")
+    }
+    drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
+    manifest = model.manifest
+    anchors = arguments.get("anchor_position")
+    return Trajectory(
+        time=raw.time,
+        coordinate=q,
+        velocity=v,
+        node_position=np.stack([place_nodes(model, a, anchors) for a in q]),
+        node_velocity=np.stack([_node_velocity(model, b) for b in v]),
+        member_tension=columns["member_tension"],
+        kinetic_energy=columns["kinetic_energy"],
+        total_energy=columns["total_energy"],
+        energy_drift=drift,
+        status=status,
+        message=message,
+        method=raw.method,
+        n_steps=raw.n_steps,
+        n_evaluations=raw.n_evaluations,
+        step=raw.step,
+        error_estimate=raw.error_estimate,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+    )
+
+
+def _node_velocity(model: Model, velocity: FloatArray) -> FloatArray:
+    result = np.zeros((len(model.manifest.node_name), 3))
+    places = np.array(model.manifest.coordinate_node_axis)
+    result[places[:, 0], places[:, 1]] = velocity
+    return result
+
+
+def _judge_energy(
+    model: Model, raw: RawTrajectory, kinetic: FloatArray, total: FloatArray
+) -> tuple[float, str, str]:
+    """Return the drift and the status: energy must not grow, and without damping must not shrink."""
+    change = total - total[0]
+    # Below this the change is rounding of the potential energy, not motion.
+    floor = 1e-9 * float(np.max(np.abs(total - kinetic)))
+    scale = max(float(np.max(kinetic)), floor)
+    drift = float(np.max(np.abs(change))) / scale if scale > 0 else 0.0
+    if raw.status != "ok":
+        return drift, raw.status, raw.message
+    if scale > 0 and np.max(change) > ENERGY_TOLERANCE * scale:
+        place = raw.time[int(np.argmax(change > ENERGY_TOLERANCE * scale))]
+        return drift, "unstable", f"the total energy has grown by t = {place:.6g} s: take a smaller step"
+    conservative = "velocity" not in _acceleration_arguments(model)
+    if conservative and scale > 0 and np.max(-change) > ENERGY_TOLERANCE * scale:
+        return drift, "inaccurate", "an undamped structure has lost energy: take a smaller step"
+    return drift, "ok", raw.message
+
+
+def _acceleration_arguments(model: Model) -> tuple[str, ...]:
+    return next(spec.arguments for spec in model.manifest.functions if spec.quantity == "acceleration")

@@ -1,0 +1,29 @@
+"""The formulations by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.formulations.node_position import build_node_position
+from tensegrity_codegen.symbolic.model import SymbolicModel
+
+__all__ = ["FORMULATIONS", "build_model"]
+
+FORMULATIONS: dict[str, Callable[[Structure, ModelRequest], SymbolicModel]] = {
+    "node_position": build_node_position,
+}
+
+
+def build_model(structure: Structure, request: ModelRequest) -> SymbolicModel:
+    """Return the symbolic model in the requested formulation; FormulationError lists the known ones."""
+    if request.formulation not in FORMULATIONS:
+        raise FormulationError(
+            "unknown formulation",
+            where="model.formulation",
+            given=request.formulation,
+            hint=suggest(request.formulation, FORMULATIONS),
+        )
+    return FORMULATIONS[request.formulation](structure, request)
