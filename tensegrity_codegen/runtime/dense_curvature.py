@@ -58,8 +58,9 @@ class DenseCurvature:
         """Return the shift whose step is `radius` long, or the least one where the step is shorter."""
         moving = part != 0.0
         least = max(0.0, -float(self.value[0]))
-        edge = least + max(self.threshold, 1e-12 * least, 1e-290)
         stiff, force = self.value[moving], part[moving]
+        tiny = SINGULAR * float(np.linalg.norm(force)) / radius
+        edge = least + max(self.threshold, 1e-12 * least, tiny)
 
         def excess(shift: float) -> float:
             return float(np.log(np.linalg.norm(force / (stiff + shift)) / radius))

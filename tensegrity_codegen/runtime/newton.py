@@ -1,8 +1,8 @@
 """Minimum of the potential energy by Newton's method in a trust region.
 
 Each step minimises the quadratic model g.s + s.K s / 2 within a radius that grows and shrinks with the
-agreement of model and energy. Stiff bars that turn make narrow curved valleys; there the step is bent
-back into the valley by repeated solves with the same factors (chord iterations on the shifted problem).
+agreement of model and energy. Stiff bars that turn make narrow curved valleys; there a few short steps
+from the trial point let the bars relax before the energy is judged.
 Where the residual vanishes and the energy still curves down, the search leaves the saddle along the
 lowest eigenvector, so that it ends in minima. Savings too small to show in the energy, through rounding,
 are taken from the forces instead: half the sum of residuals at both ends times the step.
@@ -27,8 +27,9 @@ __all__ = ["Outcome", "Progress", "Stability", "find_minimum", "find_stability"]
 FloatArray = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
-ENERGY_DIGITS = 1e-7  # of the energy's scale: smaller savings are judged by the forces
-MOST_BENDS = 4
+ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
+MOST_RESTORATIONS = 5
+LOUDER = 3.0  # a trial whose residual grows more than that has strained stiff members
 PATIENCE = 6  # iterations without a better residual once rounding is reached
 MOST_ESCAPES = 20
 FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbounded
@@ -127,7 +128,7 @@ class _Search:
             self.point = self.best
             return self._settle("rounding_limited", "rounding keeps the residual above the tolerance")
         curvature = build_curvature(stiffness, floor, self.shift)
-        moved = self._move(curvature)
+        moved = self._move(curvature, floor)
         self.shift = curvature.shift
         return self._look_around(moved, floor)
 
@@ -178,15 +179,15 @@ class _Search:
                 return True
         return False
 
-    def _move(self, curvature: Curvature) -> bool:
-        """Try one step, bent into the valley where the energy asks for it, and adapt the radius."""
+    def _move(self, curvature: Curvature, floor: float) -> bool:
+        """Try one step, led back into the valley where it strained stiff members, and adapt the radius."""
         step = curvature.find_step(-self.point.residual, self.radius)
         length = float(np.linalg.norm(step.vector))
         if step.predicted <= 0.0 or length == 0.0:
             self.radius *= 0.1
             self.waited += 1
             return False
-        trial, saved = self._bend(curvature, step)
+        trial, saved = self._restore(step, floor)
         ratio = saved / step.predicted
         if ratio < 0.25:
             self.radius = 0.3 * min(length, self.radius)
@@ -202,26 +203,44 @@ class _Search:
         small = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
         return small and trial.node_force < 0.9 * self.point.node_force
 
-    def _bend(self, curvature: Curvature, step: Step) -> tuple[Point | None, float]:
-        """Return the best point of the step and its corrections, and the energy saved there [J]."""
-        vector, judge = step.vector, step.predicted <= ENERGY_DIGITS * self.point.energy_scale
+    def _restore(self, step: Step, floor: float) -> tuple[Point | None, float]:
+        """Return the best point of the step and its restorations, and the energy saved there [J].
+
+        A step of length s along the tangent stretches a bar of length l by s^2 / 2 l. Where that raises
+        the residual, short trust-region steps from the trial point let the stiff members relax.
+        """
+        by_force = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
+        trial = self.problem.find_point(self.point.coordinate + step.vector)
         best, most = None, -np.inf
-        for _ in range(1 + MOST_BENDS):
-            trial = self.problem.find_point(self.point.coordinate + vector)
+        radius = self._sagitta(step)
+        for _ in range(1 + MOST_RESTORATIONS):
             if trial is None:
                 break
-            saved = self._saving(trial, vector, by_force=judge)
-            if saved <= most:
+            saved = self._saving(trial, by_force=by_force)
+            if saved > most:
+                best, most = trial, saved
+            if by_force or trial.node_force <= LOUDER * self.point.node_force + floor:
                 break
-            best, most = trial, saved
-            if saved > 0.75 * step.predicted:
-                break
-            vector = vector + curvature.solve_shifted(trial.residual - curvature.shift * vector)
-            if not np.linalg.norm(vector) < 2 * self.radius:
-                break
+            relaxing = self._step_from(trial, floor, radius)
+            trial = relaxing and self.problem.find_point(trial.coordinate + relaxing.vector)
+            radius = min(0.5 * radius, self._sagitta(relaxing)) if relaxing else 0.0
         return best, most
 
-    def _saving(self, trial: Point, vector: FloatArray, *, by_force: bool) -> float:
+    def _step_from(self, point: Point, floor: float, radius: float) -> Step | None:
+        """Return the best step within `radius` from another point, None where its stiffness is not finite."""
+        try:
+            stiffness = self.problem.stiffness(point.coordinate)
+        except NonFiniteError:
+            return None
+        return build_curvature(stiffness, floor, self.shift).find_step(-point.residual, radius)
+
+    def _sagitta(self, step: Step) -> float:
+        """Return how far a step along the tangent may lead off an arc of a member's length [m]."""
+        length = float(np.linalg.norm(step.vector))
+        return min(0.5 * length, 4 * length**2 / self.start.longest)
+
+    def _saving(self, trial: Point, *, by_force: bool) -> float:
         if by_force:
-            return float((self.point.residual + trial.residual) @ vector) / 2
+            moved = trial.coordinate - self.point.coordinate
+            return float((self.point.residual + trial.residual) @ moved) / 2
         return self.point.energy - trial.energy

@@ -29,13 +29,14 @@ class SparseCurvature:
     def __init__(self, stiffness: Any, shift: float = 0.0) -> None:
         self.matrix = sparse.csc_array(stiffness)
         norm = float(abs(self.matrix).sum(axis=0).max(initial=0.0))
-        self.least = max(SINGULAR * norm, 1e-290)
-        self.shift = max(shift, self.least)
+        self.least = SINGULAR * norm
+        self.shift = shift
         self._eye = sparse.eye_array(self.matrix.shape[0], format="csc")
         self._factor: Any = None
 
     def find_step(self, gradient: FloatArray, radius: float) -> Step:
         """Return the step that saves most energy within `radius`, met within 40 %."""
+        self.least = max(self.least, SINGULAR * float(np.linalg.norm(gradient)) / radius)
         start = max(self.shift, 10 * self.least)
         if self.factorise(self.least):
             newton = self.solve_shifted(-gradient)
@@ -113,22 +114,28 @@ def find_lowest_sparse(stiffness: Any, neutral: FloatArray) -> tuple[float, Floa
     """
     curvature = SparseCurvature(stiffness)
     shift = curvature.least * 10
+    if shift == 0.0:
+        return 0.0, np.zeros(curvature.matrix.shape[0])
     while not curvature.factorise(shift):
         shift *= 10
 
-    def project(vector: FloatArray) -> FloatArray:
-        projected: FloatArray = vector - neutral @ (neutral.T @ vector)
-        return projected
-
     size = curvature.matrix.shape[0]
     inverse = sparse_linalg.LinearOperator(
-        (size, size), matvec=lambda v: project(curvature.solve_shifted(project(np.ravel(v)))), dtype=float
+        (size, size),
+        matvec=lambda v: _project(curvature.solve_shifted(_project(np.ravel(v), neutral)), neutral),
+        dtype=float,
     )
-    start = project(np.random.default_rng(0).normal(size=size))
+    start = _project(np.random.default_rng(0).normal(size=size), neutral)
     _, vectors = sparse_linalg.eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
-    vector = project(vectors[:, 0])
+    vector = _project(vectors[:, 0], neutral)
     vector /= np.linalg.norm(vector)
     return float(vector @ (curvature.matrix @ vector)), vector
+
+
+def _project(vector: FloatArray, neutral: FloatArray) -> FloatArray:
+    """Take the part along the columns of `neutral` out of a vector."""
+    projected: FloatArray = vector - neutral @ (neutral.T @ vector)
+    return projected
 
 
 def _inside(guess: float, lower: float, upper: float) -> float:
