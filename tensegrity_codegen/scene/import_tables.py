@@ -54,7 +54,7 @@ def import_tables(
     subclass of it that names file, line and column.
     """
     nodes_path, members_path = Path(nodes_path), Path(members_path)
-    title, notes = scene_name(name, nodes_path, "scene")
+    title, notes = scene_name(name, nodes_path, "scene_")
     node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4])
     member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4])
     for path, rows, what in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
