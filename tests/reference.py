@@ -16,16 +16,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
-from tensegrity_codegen.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure import Structure
+from tests.reference_manifest import all_parameters, build_manifest, full_value
 
 __all__ = ["ReferenceModel"]
 
 Array = NDArray[np.float64]
-
-OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
-OF_NODES = ("node_mass", "node_load", "anchor_position")
 
 
 @dataclass(frozen=True)
@@ -73,11 +70,11 @@ class ReferenceModel:
             raise ValueError("members without stiffness are beyond this reference")
         self.structure = structure
         self.axes = list(structure.axes)
-        self.parameters = dict(parameters) if parameters is not None else self._all_parameters()
+        self.parameters = dict(parameters) if parameters is not None else all_parameters(structure)
         self.free = ~structure.node_anchored[:, self.axes].ravel()
         self.incidence = self._incidence()
         self.spread = sparse.csr_array(sparse.kron(self.incidence, sparse.eye_array(len(self.axes))))
-        self.manifest = self._manifest()
+        self.manifest = build_manifest(structure, self.parameters)
 
     def has(self, quantity: str) -> bool:
         return quantity in QUANTITIES
@@ -103,23 +100,8 @@ class ReferenceModel:
 
     # --- arguments ---------------------------------------------------------------------------------
 
-    def _all_parameters(self) -> dict[str, tuple[int, ...]]:
-        nodes, members = range(self.structure.n_nodes), range(self.structure.n_members)
-        return {
-            name: tuple(members) if name in OF_MEMBERS else tuple(nodes) if name in OF_NODES else ()
-            for name in PARAMETERS
-        }
-
-    def _full(self, name: str) -> Array:
-        s = self.structure
-        if name == "anchor_position":
-            return s.node_position[:, self.axes]
-        if name == "node_load":
-            return s.node_load[:, self.axes]
-        return s.gravity[self.axes] if name == "gravity" else np.asarray(getattr(s, name))
-
     def _parameter(self, name: str, given: Mapping[str, Any]) -> Array:
-        value = np.array(self._full(name), dtype=float)
+        value = np.array(full_value(self.structure, name), dtype=float)
         if given.get(name) is not None:
             index = slice(None) if name == "gravity" else list(self.parameters[name])
             value[index] = np.asarray(given[name], dtype=float).reshape(value[index].shape)
@@ -388,68 +370,6 @@ class ReferenceModel:
 
     def _free_block(self, matrix: Any) -> Any:
         return sparse.csc_array(sparse.csr_array(matrix)[self.free])[:, self.free]
-
-    # --- manifest ----------------------------------------------------------------------------------
-
-    def _argument(self, name: str) -> ArgumentSpec:
-        s, row = self.structure, ARGUMENTS[name]
-        over: tuple[str, ...] = ()
-        if name in ("coordinate", "velocity"):
-            field = s.node_position if name == "coordinate" else s.node_velocity
-            nominal = field[:, self.axes].ravel()[self.free]
-        elif name == "input":
-            nominal, over = np.zeros(len(s.inputs)), tuple(item.name for item in s.inputs)
-        elif name == "gravity":
-            nominal = self._full(name)
-        else:
-            index = list(self.parameters[name])
-            names = s.member_name if name in OF_MEMBERS else s.node_name
-            nominal, over = self._full(name)[index], tuple(names[k] for k in index)
-        flat = tuple(float(value) for value in nominal.ravel())
-        return ArgumentSpec(name, nominal.shape, row.unit, row.sentence, flat, over)
-
-    def _manifest(self) -> Manifest:
-        s = self.structure
-        wanted = [n for n in ARGUMENTS if n not in PARAMETERS or n in self.parameters]
-        wanted = [n for n in wanted if n != "input" or s.inputs]
-        return Manifest(
-            abi_version=ABI_VERSION,
-            name=s.name,
-            scene_hash="",
-            formulation="node_position",
-            emitter="unrolled",
-            made_by={},
-            axes=tuple(s.axes),
-            node_name=tuple(s.node_name),
-            member_name=tuple(s.member_name),
-            connectivity=tuple((int(i), int(j)) for i, j in s.connectivity),
-            coordinate_node_axis=tuple((int(n), int(a)) for n, a in s.coordinate_node_axis),
-            node_position=tuple((float(x), float(y), float(z)) for x, y, z in s.node_position),
-            node_velocity=tuple((float(x), float(y), float(z)) for x, y, z in s.node_velocity),
-            input_name=tuple(item.name for item in s.inputs),
-            arguments=tuple(self._argument(name) for name in wanted),
-            functions=tuple(self._function(name, tuple(wanted)) for name in QUANTITIES),
-            integrators=(),
-            left_out=(),
-        )
-
-    def _function(self, quantity: str, arguments: tuple[str, ...]) -> FunctionSpec:
-        row, s, n = QUANTITIES[quantity], self.structure, int(self.free.sum())
-        sizes = {
-            "n_nodes": s.n_nodes,
-            "n_members": s.n_members,
-            "n_axes": len(self.axes),
-            "n_coordinates": n,
-            "n_anchored_coordinates": self.free.size - n,
-            "n_states": 2 * n,
-            "n_inputs": len(s.inputs),
-            "n_parameters": sum(self._argument_size(name) for name in self.parameters),
-        }
-        shape = tuple(sizes[key] for key in row.shape)
-        return FunctionSpec(quantity, "", arguments, shape, row.unit, row.sentence, 0)
-
-    def _argument_size(self, name: str) -> int:
-        return len(self._argument(name).nominal)
 
 
 def outer(left: Array, right: Array) -> Array:

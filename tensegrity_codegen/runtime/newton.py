@@ -222,8 +222,10 @@ class _Search:
             if by_force or trial.node_force <= LOUDER * self.point.node_force + floor:
                 break
             relaxing = self._step_from(trial, floor, radius)
-            trial = relaxing and self.problem.find_point(trial.coordinate + relaxing.vector)
-            radius = min(0.5 * radius, self._sagitta(relaxing)) if relaxing else 0.0
+            if relaxing is None:
+                break
+            trial = self.problem.find_point(trial.coordinate + relaxing.vector)
+            radius = min(0.5 * radius, self._sagitta(relaxing))
         return best, most
 
     def _step_from(self, point: Point, floor: float, radius: float) -> Step | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.placement import place_nodes
 
 __all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
 
@@ -128,15 +129,7 @@ class StaticProblem:
 
     def node_position(self, coordinate: FloatArray) -> FloatArray:
         """Return all node positions, (n_nodes, 3) [m], anchors moved by `anchor_position` where given."""
-        manifest = self.model.manifest
-        position = np.array(manifest.node_position, dtype=float).reshape(-1, 3)
-        if self.arguments.get("anchor_position") is not None:
-            spec = manifest.argument("anchor_position")
-            rows = [manifest.node_name.index(name) for name in spec.over]
-            moved = np.asarray(self.arguments["anchor_position"], dtype=float).reshape(spec.shape)
-            position[np.ix_(rows, list(manifest.axes))] = moved
-        position[self.node, self.axis] = coordinate
-        return position
+        return place_nodes(self.model, coordinate, self.arguments.get("anchor_position"))
 
     def rounding_floor(self, stiffness: Any, point: Point) -> float:
         """Return the residual that rounding alone explains, 64 eps max(mu l) [N].

@@ -8,20 +8,20 @@ import numpy as np
 
 from tensegrity_codegen.structure import ActuatedInput, Structure
 
-__all__ = ["Bar", "Cable", "Spring", "make_structure", "prism"]
+__all__ = ["bar", "cable", "make_structure", "prism", "spring"]
 
 
-def Cable(i: int, j: int, rest: float, mu: float = 100.0, **more: Any) -> dict[str, Any]:  # noqa: N802
+def cable(i: int, j: int, rest: float, mu: float = 100.0, **more: Any) -> dict[str, Any]:
     """A cable that goes slack."""
     return {"ends": (i, j), "rest": rest, "mu": mu, "tension_only": True} | more
 
 
-def Spring(i: int, j: int, rest: float, mu: float = 100.0, **more: Any) -> dict[str, Any]:  # noqa: N802
+def spring(i: int, j: int, rest: float, mu: float = 100.0, **more: Any) -> dict[str, Any]:
     """A two-sided cable."""
     return {"ends": (i, j), "rest": rest, "mu": mu} | more
 
 
-def Bar(i: int, j: int, rest: float, mu: float = 1e5, **more: Any) -> dict[str, Any]:  # noqa: N802
+def bar(i: int, j: int, rest: float, mu: float = 1e5, **more: Any) -> dict[str, Any]:
     """A bar by its spring constant."""
     return {"ends": (i, j), "rest": rest, "mu": mu, "bar": True} | more
 
@@ -44,7 +44,10 @@ def make_structure(
         held[node, ["xyz".index(letter) for letter in letters]] = True
     for node, force in (load or {}).items():
         loads[node] = force
-    column = lambda key, default: np.array([m.get(key, default) for m in members])  # noqa: E731
+
+    def column(key: str, default: Any) -> Any:
+        return np.array([m.get(key, default) for m in members])
+
     return Structure(
         name="small",
         axes=tuple("xyz".index(letter) for letter in axes),
@@ -94,7 +97,7 @@ def prism(
     members = []
     for k in range(sides):
         following = (k + 1) % sides
-        members.append(Bar(k, sides + k, length(k, sides + k), bar_stiffness))
+        members.append(bar(k, sides + k, length(k, sides + k), bar_stiffness))
         for i, j in ((k, following), (sides + k, sides + following), (following, sides + k)):
-            members.append(Cable(i, j, (1 - strain) * length(i, j)))
+            members.append(cable(i, j, (1 - strain) * length(i, j)))
     return make_structure(position, members, **more)

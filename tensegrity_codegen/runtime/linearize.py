@@ -1,0 +1,120 @@
+"""The linear model about a state: matrices, natural frequencies, damping ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.spectrum import Spectrum, find_spectrum
+
+__all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize"]
+
+FloatArray = NDArray[np.float64]
+
+LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian", "input_jacobian")
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """x' = A x + B u + c about one state x = (q, q'), exact in first order.
+
+    A: (n_states, n_states), B: (n_states, n_inputs), both sparse; c: (n_states,), so that the right side at
+    (state, input) is the state derivative itself. Frequencies [Hz] and damping ratios, ascending by
+    frequency, are those of the oscillating modes; see Spectrum for the others.
+    """
+
+    A: Any
+    B: Any
+    c: FloatArray
+    state: FloatArray
+    input: FloatArray
+    state_name: tuple[str, ...]
+    input_name: tuple[str, ...]
+    spectrum: Spectrum
+
+    @property
+    def natural_frequency(self) -> FloatArray:
+        """Undamped natural frequencies |lambda| / 2 pi of the oscillating modes [Hz]."""
+        return self.spectrum.natural_frequency
+
+    @property
+    def damping_ratio(self) -> FloatArray:
+        """Damping ratios -Re lambda / |lambda| of the oscillating modes."""
+        return self.spectrum.damping_ratio
+
+
+def linearize(
+    model: Model,
+    *,
+    coordinate: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    input: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    frequency_count: int = 20,
+) -> LinearModel:
+    """Return the linear model about (coordinate, velocity) (n_coordinates,) and input (n_inputs,).
+
+    A = dx'/dx, B = dx'/du, c = x' - A x - B u (MODEL 3). Omitted values are the scene's. arguments:
+    parameters that differ from the scene's. All eigenvalues are found up to 1,500 states, above that only the
+    `frequency_count` smallest in modulus. Raises FormulationError where the model lacks one of
+    LINEARIZE_QUANTITIES, InvalidValueError for a wrong shape, NonFiniteError for a state without finite
+    derivatives.
+    """
+    inputs = model.manifest.input_name
+    _check_functions(model, with_inputs=bool(inputs))
+    q = _value(model, "coordinate", coordinate)
+    v = _value(model, "velocity", velocity)
+    u = _value(model, "input", input) if inputs else np.zeros(0)
+    at = {**(arguments or {}), "coordinate": q, "velocity": v}
+    if inputs:
+        at["input"] = u
+    state = np.concatenate([q, v])
+    a = sparse.csc_array(model.compute("state_jacobian", **at))
+    b = sparse.csc_array((len(state), 0))
+    if inputs:
+        b = sparse.csc_array(model.compute("input_jacobian", **at))
+    c = np.asarray(model.compute("state_derivative", **at)) - a @ state - b @ u
+    spectrum = find_spectrum(a, frequency_count)
+    return LinearModel(a, b, c, state, u, _state_names(model.manifest), inputs, spectrum)
+
+
+def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:
+    nominal = model.nominal(name).ravel()
+    if given is None:
+        return nominal
+    value = np.array(given, dtype=float)
+    if value.shape != nominal.shape:
+        raise InvalidValueError(
+            "wrong shape", where=name, given=value.shape, allowed=str(nominal.shape),
+            hint="the manifest's arguments tell every shape",
+        )  # fmt: skip
+    if not np.all(np.isfinite(value)):
+        raise NonFiniteError("not finite", where=name, allowed="finite numbers")
+    return value
+
+
+def _state_names(manifest: Manifest) -> tuple[str, ...]:
+    """Names such as `b1.x` for coordinates and `b1.x'` for their rates."""
+    names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in manifest.coordinate_node_axis]
+    return (*names, *(f"{name}'" for name in names))
+
+
+def _check_functions(model: Model, *, with_inputs: bool) -> None:
+    needed = LINEARIZE_QUANTITIES if with_inputs else LINEARIZE_QUANTITIES[:2]
+    missing = [name for name in needed if not model.has(name)]
+    if missing:
+        raise FormulationError(
+            "the model lacks functions that a linear model needs",
+            where=model.manifest.name,
+            given=", ".join(missing),
+            allowed=", ".join(needed),
+            hint="build the model with these quantities",
+        )

@@ -1,0 +1,105 @@
+"""The manifest of the reference model: which arguments and functions it has, in which sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
+from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["all_parameters", "build_manifest", "full_value"]
+
+Array = NDArray[np.float64]
+
+OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
+
+
+def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
+    """Every parameter over all nodes or members."""
+    nodes, members = tuple(range(structure.n_nodes)), tuple(range(structure.n_members))
+    found = {name: members if name in OF_MEMBERS else nodes for name in PARAMETERS}
+    return {**found, "gravity": ()}
+
+
+def full_value(structure: Structure, name: str) -> Array:
+    """The structure's value of one parameter over all nodes or members, on the modelled axes."""
+    axes = list(structure.axes)
+    if name == "anchor_position":
+        return structure.node_position[:, axes]
+    if name == "node_load":
+        return structure.node_load[:, axes]
+    return structure.gravity[axes] if name == "gravity" else np.asarray(getattr(structure, name))
+
+
+def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> Manifest:
+    """The manifest of a model of all quantities with these run-time parameters."""
+    wanted = [n for n in ARGUMENTS if n not in PARAMETERS or n in parameters]
+    wanted = [n for n in wanted if n != "input" or structure.inputs]
+    arguments = tuple(argument_spec(structure, parameters, name) for name in wanted)
+    sizes = count_sizes(structure, arguments)
+    return Manifest(
+        abi_version=ABI_VERSION,
+        name=structure.name,
+        scene_hash="",
+        formulation="node_position",
+        emitter="unrolled",
+        made_by={},
+        axes=tuple(structure.axes),
+        node_name=tuple(structure.node_name),
+        member_name=tuple(structure.member_name),
+        connectivity=tuple((int(i), int(j)) for i, j in structure.connectivity),
+        coordinate_node_axis=tuple((int(n), int(a)) for n, a in structure.coordinate_node_axis),
+        node_position=tuple((float(x), float(y), float(z)) for x, y, z in structure.node_position),
+        node_velocity=tuple((float(x), float(y), float(z)) for x, y, z in structure.node_velocity),
+        input_name=tuple(item.name for item in structure.inputs),
+        arguments=arguments,
+        functions=tuple(function_spec(name, sizes, tuple(wanted)) for name in QUANTITIES),
+        integrators=(),
+        left_out=(),
+    )
+
+
+def argument_spec(structure: Structure, parameters: Mapping[str, tuple[int, ...]], name: str) -> ArgumentSpec:
+    """One argument with its nominal value and the names that it runs over."""
+    over: tuple[str, ...] = ()
+    if name in ("coordinate", "velocity"):
+        field = structure.node_position if name == "coordinate" else structure.node_velocity
+        node, axis = structure.coordinate_node_axis.T
+        nominal = field[node, axis]
+    elif name == "input":
+        nominal = np.zeros(len(structure.inputs))
+        over = tuple(item.name for item in structure.inputs)
+    elif name == "gravity":
+        nominal = full_value(structure, name)
+    else:
+        index = list(parameters[name])
+        names = structure.member_name if name in OF_MEMBERS else structure.node_name
+        nominal, over = full_value(structure, name)[index], tuple(names[k] for k in index)
+    flat = tuple(float(value) for value in nominal.ravel())
+    return ArgumentSpec(name, nominal.shape, ARGUMENTS[name].unit, ARGUMENTS[name].sentence, flat, over)
+
+
+def count_sizes(structure: Structure, arguments: tuple[ArgumentSpec, ...]) -> dict[str, int]:
+    """The numbers behind the named dimensions of the quantities' shapes."""
+    n = len(structure.coordinate_node_axis)
+    return {
+        "n_nodes": structure.n_nodes,
+        "n_members": structure.n_members,
+        "n_axes": len(structure.axes),
+        "n_coordinates": n,
+        "n_anchored_coordinates": structure.n_nodes * len(structure.axes) - n,
+        "n_states": 2 * n,
+        "n_inputs": len(structure.inputs),
+        "n_parameters": sum(len(item.nominal) for item in arguments if item.name in PARAMETERS),
+    }
+
+
+def function_spec(quantity: str, sizes: Mapping[str, int], arguments: tuple[str, ...]) -> FunctionSpec:
+    """One function in its numbered shape."""
+    row = QUANTITIES[quantity]
+    shape = tuple(sizes[key] for key in row.shape)
+    return FunctionSpec(quantity, "", arguments, shape, row.unit, row.sentence, 0)
