@@ -1,0 +1,232 @@
+"""Content-hash cache of compiled libraries, safe for several processes at once.
+
+    <root>/requests/<key>.json     the library that a request led to, last time
+    <root>/libraries/<key>/        sources, manifest.json, library, compile.log, and entry.json: the size and
+                                   sha256 of each of these files, written last
+    <root>/locks/<key>.lock        held while that key is made, checked for damage or removed
+    <root>/temporary/              entries being written; those of killed processes are swept after a day
+
+<root> is the folder named by the environment variable TENSEGRITY_CODEGEN_CACHE, else the user's cache folder.
+An entry is written beside its place and renamed into it, never changed afterwards, so that a library which
+another process has loaded stays as it is. A damaged entry counts as absent and is removed. Above the limit
+(2 GiB unless told otherwise) the least recently used entries go.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+from platformdirs import user_cache_path
+
+from tensegrity_codegen.codegen.cache_entry import (
+    CacheEntry,
+    read_entry,
+    read_request,
+    write_entry,
+    write_request,
+)
+from tensegrity_codegen.errors import OutputError
+
+__all__ = ["CACHE_VARIABLE", "SIZE_LIMIT", "Cache", "CacheEntry", "find_cache_root"]
+
+CACHE_VARIABLE = "TENSEGRITY_CODEGEN_CACHE"
+SIZE_LIMIT = 2 * 2**30  # byte
+LOCK_TIMEOUT = 900.0  # s; longer than the time limit of any compilation
+STALE_AFTER = 24 * 3600.0  # s
+KEY = re.compile(r"[0-9a-f]{16,128}")
+
+
+def find_cache_root() -> Path:
+    """Return the cache folder of this user, which need not exist yet."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    return Path(chosen).expanduser().absolute() if chosen else user_cache_path("tensegrity_codegen")
+
+
+class Cache:
+    """The cache below `root` (default: find_cache_root()), kept below `limit` [byte].
+
+    Keys are hexadecimal digests; any other text raises ValueError. Whatever cannot be written raises
+    OutputError, which names the environment variable that moves the cache.
+    """
+
+    def __init__(self, root: Path | None = None, *, limit: int = SIZE_LIMIT) -> None:
+        self.root = find_cache_root() if root is None else root.absolute()
+        self.limit = limit
+
+    def find(self, key: str) -> CacheEntry | None:
+        """Return the library entry of that key, or None; a damaged one is removed and counts as absent."""
+        folder = self._library(key)
+        entry = read_entry(folder, key)
+        if entry is None and folder.exists():
+            with suppress(OutputError), self.lock(key):
+                entry = read_entry(folder, key)
+                if entry is None:
+                    self._remove(folder)
+        if entry is not None:
+            with suppress(OSError):  # a cache that is only read is fine
+                os.utime(folder)
+        return entry
+
+    def store(self, key: str, files: Mapping[str, bytes]) -> CacheEntry:
+        """Store files (name -> content) under `key` and return the entry: ours, or the one already there.
+
+        Raises OutputError if it cannot be written, ValueError for a file name that is no plain name.
+        """
+        folder = self._library(key)
+        with self.lock(key):
+            entry = self.find(key)
+            if entry is None:
+                with self._explain(folder), self._temporary() as temporary:
+                    write_entry(temporary / key, files)
+                    folder.parent.mkdir(parents=True, exist_ok=True)
+                    (temporary / key).rename(folder)
+                entry = read_entry(folder, key)
+            if entry is None:
+                raise self._unusable(folder, "what was written does not read back the same")
+        self._sweep()
+        self._prune(keep=folder)
+        return entry
+
+    def lookup_request(self, key: str) -> str | None:
+        """Return the library key stored for a request, or None."""
+        path = self._request(key)
+        library_key = read_request(path)
+        return library_key if library_key and KEY.fullmatch(library_key) else None
+
+    def store_request(self, key: str, library_key: str) -> None:
+        """Note that the request `key` leads to the library `library_key`; raises OutputError."""
+        path = self._request(key)
+        self._library(library_key)  # checks the key
+        with self._explain(path), self._temporary() as temporary:
+            write_request(temporary / path.name, library_key)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            (temporary / path.name).replace(path)
+
+    @contextmanager
+    def lock(self, key: str) -> Iterator[None]:
+        """Hold the lock of one key against other processes and threads; may be nested in one thread.
+
+        Raises OutputError if the lock cannot be made, or is not free within 15 minutes.
+        """
+        path = self.root / "locks" / f"{_checked(key)}.lock"
+        with self._explain(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(str(path), is_singleton=True)
+            try:
+                lock.acquire(timeout=LOCK_TIMEOUT)
+            except Timeout as error:
+                raise self._unusable(path, "another process holds the lock") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def clear(self) -> int:
+        """Remove every entry and request; return the bytes freed. Raises OutputError."""
+        freed = self.size()
+        for folder in self._entries():
+            with self.lock(folder.name):
+                self._remove(folder)
+        with self._explain(self.root):
+            for request in (self.root / "requests").glob("*.json"):
+                request.unlink(missing_ok=True)
+        return freed - self.size()
+
+    def size(self) -> int:
+        """Return the bytes of all entries and requests."""
+        requests = sum(_file_size(path) for path in (self.root / "requests").glob("*.json"))
+        return requests + sum(_folder_size(folder) for folder in self._entries())
+
+    def _library(self, key: str) -> Path:
+        return self.root / "libraries" / _checked(key)
+
+    def _request(self, key: str) -> Path:
+        return self.root / "requests" / f"{_checked(key)}.json"
+
+    def _entries(self) -> list[Path]:
+        """Return the entry folders, least recently used first."""
+        folders = [path for path in (self.root / "libraries").glob("*") if KEY.fullmatch(path.name)]
+        return sorted(folders, key=_last_use)
+
+    @contextmanager
+    def _temporary(self) -> Iterator[Path]:
+        """Give a new folder on the same file system as the entries, removed at the end."""
+        parent = self.root / "temporary"
+        parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=parent, ignore_cleanup_errors=True) as folder:
+            yield Path(folder)
+
+    def _remove(self, path: Path) -> None:
+        """Move an entry out of the way in one step, then delete it."""
+        with self._explain(path), self._temporary() as temporary, suppress(FileNotFoundError):
+            path.rename(temporary / path.name)
+
+    def _sweep(self) -> None:
+        """Delete what killed processes left in temporary/."""
+        for path in (self.root / "temporary").glob("*"):
+            if time.time() - _last_use(path) > STALE_AFTER:
+                shutil.rmtree(path, ignore_errors=True)
+
+    def _prune(self, keep: Path) -> None:
+        """Remove the least recently used entries, and requests that lead nowhere, while above the limit."""
+        size = self.size()
+        if size <= self.limit:
+            return
+        for folder in self._entries():
+            if size > self.limit and folder != keep:
+                size -= _folder_size(folder)
+                with suppress(OutputError), self.lock(folder.name):
+                    self._remove(folder)
+        for path in (self.root / "requests").glob("*.json"):
+            library_key = self.lookup_request(path.stem) if KEY.fullmatch(path.stem) else None
+            if library_key is None or not self._library(library_key).exists():
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+
+    @contextmanager
+    def _explain(self, path: Path) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, NotImplementedError) as error:
+            raise self._unusable(path, str(error)) from error
+
+    def _unusable(self, path: Path, reason: str) -> OutputError:
+        return OutputError(
+            "the cache of compiled libraries cannot be used",
+            where=str(path),
+            given=reason,
+            allowed="a folder that can be written, with free space",
+            hint=f"name another folder in the environment variable {CACHE_VARIABLE}, or make room",
+        )
+
+
+def _checked(key: str) -> str:
+    if not KEY.fullmatch(key):
+        raise ValueError(f"a cache key is 16 to 128 hexadecimal digits, not {key!r}")
+    return key
+
+
+def _last_use(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _file_size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _folder_size(folder: Path) -> int:
+    return sum(_file_size(path) for path in folder.glob("*"))

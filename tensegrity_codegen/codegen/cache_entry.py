@@ -1,0 +1,100 @@
+"""One entry of the cache on disk: files, and entry.json that says what each of them must be."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+__all__ = ["ENTRY_FILE", "CacheEntry", "read_entry", "read_request", "write_entry", "write_request"]
+
+ENTRY_FILE = "entry.json"
+ENTRY_VERSION = 1
+FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+LIBRARY_ENDINGS = (".so", ".dylib", ".dll")
+MANIFEST_FILE = "manifest.json"
+
+
+@dataclass(frozen=True)
+class CacheEntry:
+    """A checked entry: its key, its folder, the names of its files."""
+
+    key: str
+    folder: Path
+    files: tuple[str, ...]
+
+    def path(self, name: str) -> Path:
+        """Return the path of one file of the entry; raises KeyError for a name that it does not have."""
+        if name not in self.files:
+            raise KeyError(name)
+        return self.folder / name
+
+    @property
+    def library(self) -> Path | None:
+        """The path of the shared library, None if the entry holds none."""
+        return next((self.folder / name for name in self.files if name.endswith(LIBRARY_ENDINGS)), None)
+
+    @property
+    def manifest(self) -> Path | None:
+        """The path of manifest.json, None if the entry holds none."""
+        return self.folder / MANIFEST_FILE if MANIFEST_FILE in self.files else None
+
+
+def write_entry(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files (name -> content) and then entry.json into the new folder.
+
+    Raises OSError, and ValueError for a file name that is no plain name.
+    """
+    for name in files:
+        if not FILE_NAME.fullmatch(name) or name == ENTRY_FILE:
+            raise ValueError(f"not a file name for a cache entry: {name!r}")
+    folder.mkdir()
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    described = {name: {"size": len(data), "sha256": _sha256(data)} for name, data in sorted(files.items())}
+    text = json.dumps({"version": ENTRY_VERSION, "files": described}, indent=1)
+    (folder / ENTRY_FILE).write_text(text, encoding="utf-8")
+
+
+def read_entry(folder: Path, key: str) -> CacheEntry | None:
+    """Return the entry in that folder, or None if it is absent or not what its entry.json says.
+
+    Every size is compared; the sha256 of the library and of manifest.json, which get executed and believed.
+    """
+    try:
+        data = json.loads((folder / ENTRY_FILE).read_bytes())
+        if data["version"] != ENTRY_VERSION:
+            return None
+        whole = all(_matches(folder / name, expected) for name, expected in data["files"].items())
+        return CacheEntry(key, folder, tuple(data["files"])) if whole else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def write_request(path: Path, library_key: str) -> None:
+    """Write the file that leads from a request to a library; raises OSError."""
+    path.write_text(json.dumps({"version": ENTRY_VERSION, "library": library_key}), encoding="utf-8")
+
+
+def read_request(path: Path) -> str | None:
+    """Return the library key in such a file, None if it is absent or damaged."""
+    try:
+        data = json.loads(path.read_bytes())
+        return str(data["library"]) if data["version"] == ENTRY_VERSION else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _matches(path: Path, expected: dict[str, Any]) -> bool:
+    if not FILE_NAME.fullmatch(path.name) or path.stat().st_size != expected["size"]:
+        return False
+    hashed = path.name.endswith(LIBRARY_ENDINGS) or path.name == MANIFEST_FILE
+    return not hashed or _sha256(path.read_bytes()) == expected["sha256"]
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()

@@ -1,0 +1,142 @@
+"""Compilers and their options: what is asked of each, on each system, for each way to compile."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tensegrity_codegen.errors import FormulationError, suggest
+
+__all__ = [
+    "FLAG_SETS",
+    "WARNINGS",
+    "Compiler",
+    "FlagSet",
+    "Target",
+    "build_command",
+    "describe_toolchain",
+    "find_flags",
+    "find_target",
+    "library_file_name",
+]
+
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler: family ("gcc", "clang", "zig", else the program's name), how to call it, version."""
+
+    name: str
+    command: tuple[str, ...]
+    version: str
+
+
+@dataclass(frozen=True)
+class FlagSet:
+    """A named way to compile; portable: whether the library runs on any CPU of the same architecture."""
+
+    name: str
+    options: tuple[str, ...]
+    portable: bool = True
+
+
+@dataclass(frozen=True)
+class Target:
+    """What one operating system needs to make a shared library: options, ending, libraries to link."""
+
+    shared: tuple[str, ...]
+    position: tuple[str, ...]
+    prefix: str
+    suffix: str
+    libraries: tuple[str, ...]
+
+
+TARGETS = {
+    "linux": Target(("-shared",), ("-fPIC",), "lib", ".so", ("-lm",)),
+    "darwin": Target(("-dynamiclib",), ("-fPIC",), "lib", ".dylib", ("-lm",)),
+    "win32": Target(("-shared",), (), "", ".dll", ("-lm",)),
+}
+
+# No contraction: a*b+c keeps its two roundings, so that a result is the same on every machine.
+REFERENCE = ("-std=c99", "-O2", "-ffp-contract=off")
+ARM = ("aarch64", "arm64")
+THIS_CPU = "-mcpu=native" if platform.machine().lower() in ARM else "-march=native"
+
+# Never -Ofast or -ffast-math: they delete the checks for NaN.
+FLAG_SETS = {
+    "reference": FlagSet("reference", REFERENCE),
+    "native": FlagSet(
+        "native",
+        (*REFERENCE, "-O3", THIS_CPU, "-fno-math-errno", "-fno-trapping-math"),
+        portable=False,
+    ),
+}
+
+# zig compiles for the CPU it runs on, with debug information and (without -O) with traps for undefined
+# behaviour, unless told otherwise. These come first, so that a flag set has the last word.
+OWN_OPTIONS = {"zig": ("-mcpu=baseline", "-g0", "-fno-sanitize=undefined")}
+
+
+def find_flags(name: str) -> FlagSet:
+    """Return the flag set of that name; raises FormulationError for an unknown one."""
+    if name not in FLAG_SETS:
+        raise FormulationError(
+            "unknown compile flags",
+            where="flags",
+            given=name,
+            allowed=", ".join(FLAG_SETS),
+            hint=suggest(name, FLAG_SETS),
+        )
+    return FLAG_SETS[name]
+
+
+def find_target(system: str = sys.platform) -> Target:
+    """Return what an operating system (as in `sys.platform`) needs; an unknown one is taken as Linux."""
+    return TARGETS["win32" if system == "cygwin" else system if system in TARGETS else "linux"]
+
+
+def library_file_name(name: str, target: Target | None = None) -> str:
+    """Return the file name of a shared library: lib<name>.so, lib<name>.dylib or <name>.dll."""
+    target = target or find_target()
+    return f"{target.prefix}{name}{target.suffix}"
+
+
+def build_command(
+    compiler: Compiler,
+    flags: FlagSet,
+    sources: Sequence[str],
+    output: str,
+    *,
+    shared: bool = True,
+    target: Target | None = None,
+) -> tuple[str, ...]:
+    """Return the command that makes a shared library of all sources, or (shared=False) an object of one."""
+    target = target or find_target()
+    kind = target.shared if shared else ("-c",)
+    libraries = target.libraries if shared else ()
+    options = (*OWN_OPTIONS.get(compiler.name, ()), *flags.options, *WARNINGS, *target.position)
+    return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
+
+
+def describe_toolchain(compiler: Compiler, flags: FlagSet) -> str:
+    """Return all that makes two compilations of one source differ, as one text to hash into a cache key."""
+    command = build_command(compiler, flags, ("SOURCE.c",), "OUTPUT")
+    machine = f"{sys.platform} {platform.machine()}"
+    parts = [compiler.name, compiler.version, *command, machine]
+    return "\n".join(parts if flags.portable else [*parts, _describe_cpu()])
+
+
+def _describe_cpu() -> str:
+    """Return the CPU's model and abilities, short; a library made for one CPU may not run on another."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor()
+    wanted = ("model name", "flags", "Features", "CPU part", "isa")
+    rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in wanted}
+    return hashlib.sha256("\n".join(sorted(rows)).encode("utf-8")).hexdigest()

@@ -1,0 +1,80 @@
+"""How much machine code an object file holds, read from its section headers.
+
+Layouts: System V ABI chapter 4 (ELF), Apple's mach-o/loader.h (Mach-O, 64 bit), Microsoft's PE/COFF
+specification section 4.
+"""
+
+from __future__ import annotations
+
+import struct
+
+__all__ = ["read_code_size"]
+
+ELF_ALLOCATED, ELF_WRITABLE, ELF_NO_BITS = 2, 1, 8
+MACHO_64 = 0xFEEDFACF
+MACHO_SEGMENT_64 = 0x19
+COFF_MACHINES = (0x8664, 0xAA64, 0x014C)
+CODE_NAMES = (".text", ".rodata", ".rdata")
+
+
+def read_code_size(data: bytes) -> int | None:
+    """Return the bytes of code and constants in an object file, None if its format is not known.
+
+    Counted are .text*, .rodata* and .rdata* sections, and those of the segment __TEXT; not counted are data,
+    symbols, relocations, debug and unwind information.
+    """
+    try:
+        if data[:4] == b"\x7fELF":
+            return _read_elf(data)
+        if len(data) >= 4 and struct.unpack_from("<I", data)[0] == MACHO_64:
+            return _read_macho(data)
+        if len(data) >= 2 and struct.unpack_from("<H", data)[0] in COFF_MACHINES:
+            return _read_coff(data)
+    except (struct.error, IndexError, ValueError):
+        return None
+    return None
+
+
+def _read_elf(data: bytes) -> int:
+    order = "<" if data[5] == 1 else ">"
+    wide = data[4] == 2
+    table = struct.unpack_from(order + ("Q" if wide else "I"), data, 0x28 if wide else 0x20)[0]
+    entry_size, count, names_at = struct.unpack_from(order + "HHH", data, 0x3A if wide else 0x2E)
+    layout = order + ("IIQQQQ" if wide else "IIIIII")  # name, type, flags, address, offset, size
+    sections = [struct.unpack_from(layout, data, table + k * entry_size) for k in range(count)]
+    names = sections[names_at][4]
+    total = 0
+    for name, kind, flags, _, _, size in sections:
+        stored = flags & ELF_ALLOCATED and not flags & ELF_WRITABLE and kind != ELF_NO_BITS
+        if stored and _text(data, names + name).startswith(CODE_NAMES):
+            total += size
+    return total
+
+
+def _read_macho(data: bytes) -> int:
+    commands = struct.unpack_from("<I", data, 16)[0]
+    total, at = 0, 32
+    for _ in range(commands):
+        command, size = struct.unpack_from("<II", data, at)
+        if command == MACHO_SEGMENT_64:
+            for k in range(struct.unpack_from("<I", data, at + 64)[0]):
+                section = at + 72 + 80 * k
+                if _text(data, section + 16, 16) == "__TEXT" and _text(data, section, 16) != "__eh_frame":
+                    total += struct.unpack_from("<Q", data, section + 40)[0]
+        at += size
+    return total
+
+
+def _read_coff(data: bytes) -> int:
+    count = struct.unpack_from("<H", data, 2)[0]
+    first = 20 + struct.unpack_from("<H", data, 16)[0]
+    headers = [first + 40 * k for k in range(count)]
+    code = [at for at in headers if _text(data, at, 8).startswith(CODE_NAMES)]
+    return sum(struct.unpack_from("<I", data, at + 16)[0] for at in code)
+
+
+def _text(data: bytes, start: int, most: int | None = None) -> str:
+    """Return the text that starts there and ends at a zero byte, or after `most` bytes."""
+    end = data.find(b"\0", start)
+    end = len(data) if end < 0 else end
+    return data[start : end if most is None else min(end, start + most)].decode("ascii", "replace")
