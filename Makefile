@@ -1,0 +1,87 @@
+# The verbs of this project; `make` alone lists them.
+# Needs git, make and a Python of 3.11 or newer; everything else comes into .venv. A C compiler is welcome and
+# not needed: the package `ziglang` brings one.
+#   make setup PYTHON=/path/to/python3.12    names the Python to use
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+OUTPUT := output
+WORKERS ?= 2
+
+SCENE := tensegrity_codegen/scene/examples/prism.toml
+TENSEGRITY := $(BIN)/tensegrity-codegen
+
+# The first of these that is new enough, asked only when an environment has to be made.
+CANDIDATES := python3 python3.13 python3.12 python3.11 python
+NEW_ENOUGH := import sys; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for python in $(CANDIDATES); do \
+	if "$$python" -c '$(NEW_ENOUGH)' 2>/dev/null; then command -v "$$python"; break; fi; done)
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test lint types contracts test-fast bench wheel golden format clean
+
+help: ## list these verbs
+	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+setup: $(STAMP) ## make .venv with the package and its tools; again only when pyproject.toml changes
+
+$(STAMP): pyproject.toml
+	@python='$(PYTHON)'; \
+	if [ -z "$$python" ]; then \
+	  echo "Python 3.11 or newer is needed, and none of these is: $(CANDIDATES)."; \
+	  echo "Install one, or name it: make $(or $(MAKECMDGOALS),setup) PYTHON=/path/to/python3.12"; exit 1; \
+	elif ! "$$python" -c '$(NEW_ENOUGH)'; then \
+	  echo "PYTHON=$$python is $$("$$python" --version 2>&1); Python 3.11 or newer is needed."; exit 1; \
+	elif ! "$$python" -m venv $(VENV); then \
+	  echo "$$python cannot make a virtual environment; on Debian and Ubuntu install python3-venv."; exit 1; \
+	fi
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,cc,dev]'
+	@touch $@
+
+demo: $(STAMP) ## simulate the prism in C made for it; writes a picture, a film and the library to output/
+	@mkdir -p $(OUTPUT)
+	$(TENSEGRITY) build $(SCENE) --out $(OUTPUT)/prism
+	$(TENSEGRITY) simulate $(SCENE) --t-end 2 --samples 201 --out $(OUTPUT)/prism.npz
+	$(TENSEGRITY) show $(SCENE) --trajectory $(OUTPUT)/prism.npz --out $(OUTPUT)/prism.png
+	$(TENSEGRITY) show $(SCENE) --trajectory $(OUTPUT)/prism.npz --out $(OUTPUT)/prism.gif
+	@echo
+	@echo "picture  $(CURDIR)/$(OUTPUT)/prism.png"
+	@echo "film     $(CURDIR)/$(OUTPUT)/prism.gif"
+	@echo "motion   $(CURDIR)/$(OUTPUT)/prism.npz"
+	@echo "library  $(CURDIR)/$(OUTPUT)/prism (C source, header, manifest, example and shared library)"
+
+test: lint types contracts ## lint, types, import contracts, then every test
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+lint: $(STAMP) ## ruff: rules and layout
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: $(STAMP) ## mypy --strict over the package
+	$(BIN)/mypy
+
+contracts: $(STAMP) ## import-linter: which module may import which
+	$(BIN)/lint-imports
+
+test-fast: $(STAMP) ## the tests that take no more than a few seconds each
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
+
+bench: $(STAMP) ## measure: every benchmarks/bench_*.py, one after the other
+	@set -e; for file in $(sort $(wildcard benchmarks/bench_*.py)); do \
+	  echo "== $$file"; $(BIN)/python "$$file"; done
+
+wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/
+	$(BIN)/python -m build --no-isolation
+
+golden: $(STAMP) ## rewrite the committed files in generated/
+	$(BIN)/python -m pytest tests/test_golden.py --update-golden
+
+format: $(STAMP) ## let ruff lay out the code and mend what it can
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+clean: ## remove what the verbs have made, .venv included
+	rm -rf $(VENV) $(OUTPUT) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
