@@ -68,7 +68,7 @@ def _with_shape(scene: Scene, where: str) -> SceneParts:
     try:
         made = SceneParts.model_validate(document)
     except ValidationError as error:
-        raise translate(error, document, key_path(where, "shape")) from None
+        raise translate(error, key_path(where, "shape")) from None
     for section in ("nodes", "members", "groups"):
         twice = getattr(made, section).keys() & getattr(scene, section).keys()
         if twice:

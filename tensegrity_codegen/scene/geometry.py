@@ -20,9 +20,9 @@ COINCIDENT = 1e-12
 
 def compute_member_length(connectivity: IndexArray, node_position: FloatArray) -> FloatArray:
     """Return l_e = |r_i - r_j|, (n_members,) [m]; connectivity (n_members, 2), position (n_nodes, 3) [m]."""
-    length: FloatArray = np.linalg.norm(
-        node_position[connectivity[:, 0]] - node_position[connectivity[:, 1]], axis=1
-    )
+    with np.errstate(over="ignore", under="ignore"):
+        vector = node_position[connectivity[:, 0]] - node_position[connectivity[:, 1]]
+        length: FloatArray = np.linalg.norm(vector, axis=1)
     return length
 
 
@@ -57,9 +57,21 @@ def check_connectivity(
         allowed="two different nodes",
     )
     _check_pairs(connectivity, member_name, node_name, where)
+    length = compute_member_length(connectivity, node_position)
+    refuse(
+        ~np.isfinite(length),
+        StructureError,
+        "the member's nodes are too far apart for its length to be a number",
+        section="members",
+        names=member_name,
+        where=where,
+        key="nodes",
+        given=place,
+        allowed="positions [m] of ordinary size",
+    )
     extent = float(np.ptp(node_position, axis=0).max()) if len(node_position) else 0.0
     refuse(
-        compute_member_length(connectivity, node_position) <= COINCIDENT * extent,
+        length <= COINCIDENT * extent,
         StructureError,
         "the member joins two nodes at one place",
         section="members",

@@ -40,7 +40,7 @@ def build_member_arrays(
     connectivity = _connectivity(names, rows, node_name, where)
     check_connectivity(connectivity, names, node_name, node_position, where)
     length = compute_member_length(connectivity, node_position)
-    stiffness = {key: np.nan_to_num(given[key]) for key in STIFFNESS}
+    stiffness = {key: _or_zero(given[key]) for key in STIFFNESS}
     return {
         "member_name": names,
         "member_class": tuple(row.class_name or "" for row in rows),
@@ -49,9 +49,9 @@ def build_member_arrays(
         "tension_only": tension_only,
         "rest_length": _rest_length(given, stiffness, length, tension_only, names, where),
         **stiffness,
-        "damping": np.nan_to_num(given["damping"]),
+        "damping": _or_zero(given["damping"]),
         "member_mass": _member_mass(given, length),
-        "radius": np.nan_to_num(given["radius"]),
+        "radius": _or_zero(given["radius"]),
     }
 
 
@@ -65,7 +65,7 @@ def compute_rest_length(
     means that no rest length does it.
     """
     axial = axial_stiffness > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         by_spring = length - tension / spring_constant
         by_axial = axial_stiffness * length / (axial_stiffness + tension)
     rest_length: FloatArray = np.where(axial, by_axial, by_spring)
@@ -150,21 +150,34 @@ def _rest_length(
         "a tension-only cable cannot be in compression",
         allowed="0 or more",
     )
-    tension = np.nan_to_num(given["prestress"])
+    tension = _or_zero(given["prestress"])
     rest = np.where(np.isnan(given["prestress"]), length, compute_rest_length(length, tension, **stiffness))
+    bad = ~((rest > 0) & np.isfinite(rest))
     refuse_prestress(
-        ~((rest > 0) & np.isfinite(rest)),
+        bad,
         InvalidValueError,
         "no rest length gives this prestress: it would not be positive",
-        allowed="below spring_constant * length, or above -axial_stiffness",
+        allowed=_prestress_limit(int(np.argmax(bad)), stiffness, length),
         hint="check the units of prestress [N] and stiffness ([N/m] or [N])",
     )
-    rest = np.where(np.isnan(given["strain"]), rest, length / (1 + np.nan_to_num(given["strain"])))
+    rest = np.where(np.isnan(given["strain"]), rest, length / (1 + _or_zero(given["strain"])))
     return np.where(np.isnan(given["rest_length"]), rest, given["rest_length"])
+
+
+def _prestress_limit(row: int, stiffness: Columns, length: FloatArray) -> str:
+    spring, axial = (float(stiffness[key][row]) for key in STIFFNESS)
+    if axial > 0:
+        return f"above -axial_stiffness = {-axial:.6g} N"
+    return f"below spring_constant * length = {spring * float(length[row]):.6g} N"
+
+
+def _or_zero(values: FloatArray) -> FloatArray:
+    return np.where(np.isnan(values), 0.0, values)
 
 
 def _member_mass(given: Columns, length: FloatArray) -> FloatArray:
     """Return the bars' own masses, (n_members,) [kg]: given, or density * pi (R^2 - r^2) * length."""
-    section = np.pi * (given["radius"] ** 2 - np.nan_to_num(given["inner_radius"]) ** 2)
-    by_density = np.nan_to_num(given["density"] * section * length)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused with the structure
+        section = np.pi * (given["radius"] ** 2 - _or_zero(given["inner_radius"]) ** 2)
+        by_density = _or_zero(given["density"] * section * length)
     return np.where(np.isnan(given["mass"]), by_density, given["mass"])

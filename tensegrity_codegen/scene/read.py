@@ -15,6 +15,7 @@ from tensegrity_codegen.errors import (
     InvalidValueError,
     SceneError,
     SceneSyntaxError,
+    StructureError,
     UnknownKeyError,
     suggest,
 )
@@ -34,6 +35,9 @@ _TWICE = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|Duplicate inlin
 _FIRST_KEY = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+\n)*+\[*([A-Za-z0-9_-]++)[ \t]*+[=.\]]")
 # A dotted key of more than 32 parts: the TOML reader takes quadratic time for it.
 _LONG_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){32}")
+# A list of more than 1000 numbers or bare words: a scene has none, and the reader is slow with millions.
+_LONG_LIST = re.compile(r"\[\s*+(?:[-+.\w]++\s*+,\s*+){1000}")
+_LONG_NUMBER = re.compile(r"(?<![0-9_])[0-9_]{1000}")
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -48,14 +52,22 @@ def read_scene(path: str | Path) -> Scene:
 def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:
     """Return the scene that a plain `document` (the dict form of the TOML) states; `where` names its source.
 
-    Raises UnknownKeyError, InvalidNameError, UnknownNameError, NonFiniteError or InvalidValueError.
+    Raises UnknownKeyError, InvalidNameError, UnknownNameError, NonFiniteError, InvalidValueError, or
+    StructureError (an empty scene).
     """
     if not isinstance(document, Mapping):
         raise InvalidValueError("not a scene", where=where, given=document, allowed="a table (dict)")
+    if not document:
+        raise StructureError(
+            "the scene is empty",
+            where=where,
+            allowed="a name, nodes and members, or a name and a shape",
+            hint="start from an example",
+        )
     try:
         return Scene.model_validate(dict(document))
     except ValidationError as error:
-        raise translate(error, document, where) from None
+        raise translate(error, where) from None
     except RecursionError:
         raise SceneSyntaxError("the scene is nested too deeply", where=where) from None
 
@@ -117,14 +129,21 @@ def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
     if known and first and first[1] not in known:
         key = first[1][:80]
         raise UnknownKeyError(
-            "unknown key", where=where, given=key, allowed=", ".join(sorted(known)), hint=suggest(key, known)
+            "unknown key",
+            where=key_path(where, key),
+            given=key,
+            allowed=", ".join(sorted(known)),
+            hint=suggest(key, known),
         )
-    long_key = _LONG_KEY.search(text)
-    if long_key:
-        line = text.count("\n", 0, long_key.start()) + 1
-        raise SceneSyntaxError(
-            "a dotted key has too many parts", where=f"{where}: line {line}", allowed="up to 32 parts"
-        )
+    for pattern, problem, allowed in (
+        (_LONG_KEY, "a dotted key has too many parts", "up to 32 parts"),
+        (_LONG_LIST, "a list of numbers is too long to be part of a scene", "vectors of up to 3 numbers"),
+        (_LONG_NUMBER, "a number has too many digits", "numbers of ordinary size"),
+    ):
+        found = pattern.search(text)
+        if found:
+            line = text.count("\n", 0, found.start()) + 1
+            raise SceneSyntaxError(problem, where=f"{where}: line {line}", allowed=allowed)
 
 
 def _syntax_error(text: str, message: str, where: str) -> SceneError:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 import reprlib
-from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -47,7 +46,7 @@ _TYPE = {
 }
 
 
-def translate(error: ValidationError, document: Mapping[str, Any], where: str) -> SceneError:
+def translate(error: ValidationError, where: str) -> SceneError:
     """Return the first of the validator's errors as one of ours; up to five others are listed in its hint.
 
     Unknown keys come first: a misspelt key is also a missing one.
@@ -139,7 +138,9 @@ def _shown(value: Any) -> Any:
         return _Shown("true" if value else "false")
     if isinstance(value, str):
         return value[:200]
-    return value if value is None or isinstance(value, float) else _Shown(reprlib.repr(value))
+    if value is None or isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63):
+        return value
+    return _Shown(reprlib.repr(value))
 
 
 # The schema is walked with the validator's path, in which the tags of unions appear as extra steps.
