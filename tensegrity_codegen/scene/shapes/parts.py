@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstraints, Tag
 
 from tensegrity_codegen.scene.names import NAME_PATTERN
 from tensegrity_codegen.scene.shapes.selfstress import find_selfstress
 
-__all__ = ["Angle", "ClassName", "Parts", "Positive", "ShapeModel", "ring"]
+__all__ = ["Anchored", "Angle", "ClassName", "Parts", "Positive", "ShapeModel", "ring"]
 
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle: TypeAlias = Annotated[float, Field(gt=-360, lt=360, allow_inf_nan=False)]
 ClassName: TypeAlias = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+Axes: TypeAlias = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
+Anchored: TypeAlias = Annotated[
+    Annotated[bool, Tag("@flag")] | Annotated[Axes, Tag("@axes")],
+    Discriminator(lambda value: "@axes" if isinstance(value, str) else "@flag"),
+]
 Point: TypeAlias = tuple[float, float, float]
 
 
@@ -45,13 +50,13 @@ class Parts:
         self.members: dict[str, dict[str, Any]] = {}
         self.groups: dict[str, list[str]] = {"bars": [], "cables": []}
 
-    def add_node(self, name: str, position: Point, *, anchored: bool = False) -> None:
-        """Add one node at `position` [m]."""
+    def add_node(self, name: str, position: Point, *, anchored: bool | str = False) -> None:
+        """Add one node at `position` [m], anchored on all axes (true) or on the named ones."""
         node: dict[str, Any] = {"position": list(position)}
         if self.node_mass is not None:
             node["mass"] = self.node_mass
         if anchored:
-            node["anchored"] = True
+            node["anchored"] = anchored
         self.nodes[name] = node
 
     def add_bar(self, name: str, class_name: str, ends: Sequence[str]) -> None:

@@ -19,7 +19,15 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from tensegrity_codegen.scene.shapes.parts import Angle, ClassName, Parts, Positive, ShapeModel, ring
+from tensegrity_codegen.scene.shapes.parts import (
+    Anchored,
+    Angle,
+    ClassName,
+    Parts,
+    Positive,
+    ShapeModel,
+    ring,
+)
 
 __all__ = ["PrismShape", "selfstress_twist"]
 
@@ -44,7 +52,9 @@ class PrismShape(ShapeModel):
         description="Angle from a bar's bottom node to its top node [deg]; default 90 + 180/bars, the "
         "angle of self-stress; negative: mirrored.",
     )
-    anchor_bottom: bool = Field(False, description="Hold the bottom nodes on all axes.")
+    anchor_bottom: Anchored = Field(
+        False, description='Hold the bottom nodes: true (all axes), false, or the held axes, such as "z".'
+    )
     bar_class: ClassName = Field("bar", description="Class of the bars.")
     bottom_class: ClassName = Field("cable", description="Class of the bottom cables.")
     top_class: ClassName = Field("cable", description="Class of the top cables.")
@@ -59,7 +69,7 @@ class PrismShape(ShapeModel):
         numbers = range(1, self.bars + 1)
         for letter, points in zip("bt", self._rings(), strict=True):
             for number, point in zip(numbers, points, strict=True):
-                parts.add_node(f"{letter}{number}", point, anchored=self.anchor_bottom and letter == "b")
+                parts.add_node(f"{letter}{number}", point, anchored=letter == "b" and self.anchor_bottom)
         for i in numbers:
             parts.add_bar(f"bar{i}", self.bar_class, (f"b{i}", f"t{i}"))
         for i in numbers:

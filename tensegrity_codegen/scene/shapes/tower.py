@@ -28,7 +28,15 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tensegrity_codegen.errors import StructureError
-from tensegrity_codegen.scene.shapes.parts import Angle, ClassName, Parts, Positive, ShapeModel, ring
+from tensegrity_codegen.scene.shapes.parts import (
+    Anchored,
+    Angle,
+    ClassName,
+    Parts,
+    Positive,
+    ShapeModel,
+    ring,
+)
 from tensegrity_codegen.scene.shapes.prism import selfstress_twist
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 
@@ -59,7 +67,9 @@ class TowerShape(ShapeModel):
         description="Angle from a bar's bottom node to its top node in the first stage [deg], in turn "
         "positive and negative above; default 90 + 180/bars, with `prestress` the angle of self-stress.",
     )
-    anchor_bottom: bool = Field(False, description="Hold the bottom ring on all axes.")
+    anchor_bottom: Anchored = Field(
+        False, description='Hold the bottom ring: true (all axes), false, or the held axes, such as "z".'
+    )
     bar_class: ClassName = Field("bar", description="Class of the bars.")
     bottom_class: ClassName = Field("cable", description="Class of the bottom ring's cables.")
     top_class: ClassName = Field("cable", description="Class of the top ring's cables.")
@@ -92,7 +102,7 @@ class TowerShape(ShapeModel):
                 ring(self.bars, self.radius, base + self.height, start + turn, step),
             )
             for letter, points in zip("bt", rings, strict=True):
-                held = self.anchor_bottom and stage == 1 and letter == "b"
+                held = stage == 1 and letter == "b" and self.anchor_bottom
                 for number, point in enumerate(points):
                     parts.add_node(_node(letter, stage, number, self.bars), point, anchored=held)
             start, step = math.remainder(start + turn + step / 2, 2 * math.pi), -step
