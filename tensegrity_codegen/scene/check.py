@@ -254,7 +254,7 @@ def _check_input(structure: Structure, number: int, item: ActuatedInput, where: 
     if direction[dropped].any():
         raise StructureError(
             "a force along an axis that the scene does not model",
-            where=key_path(place, "direction"),
+            where=f"{place}.direction",
             given=item.direction,
             allowed="0 along " + ", ".join("xyz"[axis] for axis in dropped),
         )

@@ -157,7 +157,7 @@ def _rest_length(
         bad,
         InvalidValueError,
         "no rest length gives this prestress: it would not be positive",
-        allowed=_prestress_limit(int(np.argmax(bad)), stiffness, length),
+        allowed=_prestress_limit(int(np.argmax(bad)), stiffness, length) if bad.any() else "",
         hint="check the units of prestress [N] and stiffness ([N/m] or [N])",
     )
     rest = np.where(np.isnan(given["strain"]), rest, length / (1 + _or_zero(given["strain"])))
