@@ -32,7 +32,7 @@ _HEADER = re.compile(r"^[ \t]*\[+([^\[\]\n]+)\]", re.MULTILINE)
 _KEY = re.compile(r"\s*\[*\s*([^=\[\]\n]{1,200}?)\s*[=\]]")
 _TWICE = re.compile(r"Cannot (overwrite|declare|mutate|redefine)|Duplicate inline table key")
 # The first statement, after blank lines and comments, if its key is a bare one.
-_FIRST_KEY = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+\n)*+\[*([A-Za-z0-9_-]++)[ \t]*+[=.\]]")
+_FIRST_KEY = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+\n)*+\[*+([A-Za-z0-9_-]++)[ \t]*+[=.\]]")
 # A dotted key of more than 32 parts: the TOML reader takes quadratic time for it.
 _LONG_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){32}")
 # A list of more than 1000 numbers or bare words: a scene has none, and the reader is slow with millions.
