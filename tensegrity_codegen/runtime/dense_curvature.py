@@ -63,7 +63,8 @@ class DenseCurvature:
         edge = least + max(self.threshold, 1e-12 * least, tiny)
 
         def excess(shift: float) -> float:
-            return float(np.log(np.linalg.norm(force / (stiff + shift)) / radius))
+            length = float(np.linalg.norm(force / (stiff + shift)))
+            return float(np.log(max(length, 1e-300) / radius))
 
         if force.size == 0 or excess(edge) <= 0:
             return edge

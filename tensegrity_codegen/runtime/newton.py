@@ -123,7 +123,9 @@ class _Search:
         self._note_best(floor)
         if self.point.is_balanced(tolerance, floor):
             self.best = self.point
-            return self._settle("converged", "")
+            settled = self._settle("converged", "")
+            if settled is None or settled[0] == "converged" or self.point.node_force <= floor:
+                return settled
         if self.waited >= PATIENCE:
             self.point = self.best
             return self._settle("rounding_limited", "rounding keeps the residual above the tolerance")
