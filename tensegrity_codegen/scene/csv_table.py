@@ -85,7 +85,8 @@ def read_table(path: Path, columns: Sequence[str], needed: Sequence[str]) -> lis
     if not lines:
         raise SceneSyntaxError("the file has no header", where=str(path), allowed="a CSV table")
     header = _check_header(lines[0], path, columns, needed)
-    return [_make_row(path, number, cells, header) for number, cells in lines[1:]]
+    width = len(lines[0][1])
+    return [_make_row(path, number, cells, header, width) for number, cells in lines[1:]]
 
 
 def _lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -109,7 +110,7 @@ def _lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
 def _check_header(
     line: tuple[int, list[str]], path: Path, columns: Sequence[str], needed: Sequence[str]
 ) -> list[str]:
-    number, header = line
+    number, header = line[0], list(line[1])
     while header and not header[-1]:
         header.pop()
     where = f"{path}: line {number}"
@@ -137,9 +138,13 @@ def _check_header(
     return header
 
 
-def _make_row(path: Path, line: int, cells: list[str], header: list[str]) -> Row:
-    while len(cells) > len(header) and not cells[-1]:
-        cells.pop()
+def _make_row(path: Path, line: int, cells: list[str], header: list[str], width: int) -> Row:
+    """Return a row; only as many empty cells at its end are dropped as the header has (`width` with them).
+
+    More of them could be a row that a decimal comma has shifted.
+    """
+    if len(cells) == width and not any(cells[len(header) :]):
+        cells = cells[: len(header)]
     if len(cells) != len(header):
         few = len(cells) < len(header)
         raise SceneSyntaxError(
