@@ -1,1 +1,71 @@
-"""From a scene file to a compiled C library that computes a tensegrity structure."""
+"""From a scene file to a compiled C library that computes a tensegrity structure.
+
+    from tensegrity_codegen import compile_scene, simulate, SIMULATION_QUANTITIES
+    model = compile_scene("prism.toml", quantities=SIMULATION_QUANTITIES, integrators=("rk4",))
+    trajectory = simulate(model, t_end=2.0)
+
+Names are loaded when first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.version import VERSION as __version__
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.pipeline import (
+        EQUILIBRIUM_QUANTITIES,
+        LINEARIZE_QUANTITIES,
+        SIMULATION_QUANTITIES,
+        build_library,
+        compile_scene,
+        load_scene,
+    )
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.equilibrium import Equilibrium, find_equilibrium
+    from tensegrity_codegen.runtime.linearize import LinearModel, linearize
+    from tensegrity_codegen.runtime.model import CompiledModel
+    from tensegrity_codegen.runtime.simulate import simulate
+    from tensegrity_codegen.runtime.trajectory import Trajectory
+    from tensegrity_codegen.structure import Structure
+
+__all__ = [
+    "EQUILIBRIUM_QUANTITIES",
+    "LINEARIZE_QUANTITIES",
+    "SIMULATION_QUANTITIES",
+    "CompiledModel",
+    "Equilibrium",
+    "LinearModel",
+    "ModelRequest",
+    "Structure",
+    "TensegrityError",
+    "Trajectory",
+    "__version__",
+    "build_library",
+    "compile_scene",
+    "find_equilibrium",
+    "linearize",
+    "load_scene",
+    "simulate",
+]
+
+_HOME = {
+    "CompiledModel": "runtime.model",
+    "Equilibrium": "runtime.equilibrium",
+    "LinearModel": "runtime.linearize",
+    "ModelRequest": "request",
+    "Structure": "structure",
+    "Trajectory": "runtime.trajectory",
+    "find_equilibrium": "runtime.equilibrium",
+    "linearize": "runtime.linearize",
+    "simulate": "runtime.simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME.get(name, 'pipeline')}"), name)

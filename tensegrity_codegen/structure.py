@@ -105,6 +105,16 @@ class Structure:
         length: FloatArray = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
         return length
 
+    def static_tension(self) -> FloatArray:
+        """Return the member tensions at the stated node positions, without damping, (n_members,) [N].
+
+        t = (k + EA / rho) (l - rho), zero in slack cables; zero for rigid bars, whose force is not known.
+        """
+        extension = self.member_length() - self.rest_length
+        tension = (self.spring_constant + self.axial_stiffness / self.rest_length) * extension
+        result: FloatArray = np.where(self.tension_only & (extension <= 0), 0.0, tension)
+        return result
+
     def with_changes(self, **changes: Any) -> Structure:
         """Return a copy with some fields replaced."""
         return replace(self, **changes)

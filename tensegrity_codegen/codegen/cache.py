@@ -65,7 +65,7 @@ class Cache:
         """Return the library entry of that key, or None; a damaged one is removed and counts as absent."""
         folder = self._library(key)
         entry = read_entry(folder, key)
-        if entry is None and folder.exists():
+        if entry is None and os.path.lexists(folder):
             with suppress(OutputError), self.lock(key):
                 entry = read_entry(folder, key)
                 if entry is None:
@@ -111,17 +111,17 @@ class Cache:
             (temporary / path.name).replace(path)
 
     @contextmanager
-    def lock(self, key: str) -> Iterator[None]:
+    def lock(self, key: str, *, timeout: float = LOCK_TIMEOUT) -> Iterator[None]:
         """Hold the lock of one key against other processes and threads; may be nested in one thread.
 
-        Raises OutputError if the lock cannot be made, or is not free within 15 minutes.
+        timeout: how long to wait for it [s]. Raises OutputError if it cannot be made or does not get free.
         """
         path = self.root / "locks" / f"{_checked(key)}.lock"
         with self._explain(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             lock = FileLock(str(path), is_singleton=True)
             try:
-                lock.acquire(timeout=LOCK_TIMEOUT)
+                lock.acquire(timeout=timeout)
             except Timeout as error:
                 raise self._unusable(path, "another process holds the lock") from error
         try:
@@ -182,9 +182,11 @@ class Cache:
             return
         for folder in self._entries():
             if size > self.limit and folder != keep:
-                size -= _folder_size(folder)
-                with suppress(OutputError), self.lock(folder.name):
+                # No waiting: two processes that prune while they hold locks of their own would wait for ever.
+                with suppress(OutputError), self.lock(folder.name, timeout=0.0):
+                    freed = _folder_size(folder)
                     self._remove(folder)
+                    size -= freed
         for path in (self.root / "requests").glob("*.json"):
             library_key = self.lookup_request(path.stem) if KEY.fullmatch(path.stem) else None
             if library_key is None or not self._library(library_key).exists():

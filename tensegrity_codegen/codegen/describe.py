@@ -50,7 +50,7 @@ def describe(
     structure = model.structure
     specs = tuple(_function_spec(structure, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
-    used |= {"coordinate", "velocity"}
+    used |= {"coordinate", "velocity"} | ({"input"} if structure.inputs else set())
     return Manifest(
         abi_version=ABI_VERSION,
         name=structure.name,
@@ -80,7 +80,9 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:
 def _function_spec(structure: Structure, function: PrunedFunction) -> FunctionSpec:
     quantity, sparsity = function.quantity, function.sparsity
     pattern = None
-    shape: tuple[int, ...] = tuple(reversed(sparsity.shape)) if len(quantity.shape) == 2 else (sparsity.numel(),)
+    shape: tuple[int, ...] = (
+        tuple(reversed(sparsity.shape)) if len(quantity.shape) == 2 else (sparsity.numel(),)
+    )
     if quantity.sparse:
         shape = (sparsity.shape[0], sparsity.shape[1])
         pattern = Pattern(shape, tuple(sparsity.row()), tuple(sparsity.colind()))

@@ -39,7 +39,10 @@ def emit(
     """
     if request.emitter not in EMITTERS:
         raise FormulationError(
-            "unknown emitter", where="model.emitter", given=request.emitter, hint=suggest(request.emitter, EMITTERS)
+            "unknown emitter",
+            where="model.emitter",
+            given=request.emitter,
+            hint=suggest(request.emitter, EMITTERS),
         )
     functions, model = _prune(structure, request)
     left_out = account_left_out(model, request, functions)

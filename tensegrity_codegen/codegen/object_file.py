@@ -30,7 +30,7 @@ def read_code_size(data: bytes) -> int | None:
             return _read_macho(data)
         if len(data) >= 2 and struct.unpack_from("<H", data)[0] in COFF_MACHINES:
             return _read_coff(data)
-    except (struct.error, IndexError, ValueError):
+    except (struct.error, IndexError, ValueError, OverflowError):
         return None
     return None
 

@@ -100,7 +100,9 @@ def _context(manifest: Manifest, functions: tuple[PrunedFunction, ...]) -> dict[
 
 
 def _indices(manifest: Manifest) -> dict[str, list[str]]:
-    coordinates = [f"{manifest.node_name[node]}_{'xyz'[axis]}" for node, axis in manifest.coordinate_node_axis]
+    coordinates = [
+        f"{manifest.node_name[node]}_{'xyz'[axis]}" for node, axis in manifest.coordinate_node_axis
+    ]
     return {
         "node": list(manifest.node_name),
         "member": list(manifest.member_name),
@@ -110,7 +112,11 @@ def _indices(manifest: Manifest) -> dict[str, list[str]]:
 
 
 def _shape_text(shape: tuple[int, ...]) -> str:
-    return "scalar" if not shape else "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
+    return (
+        "scalar"
+        if not shape
+        else "(" + ", ".join(str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
+    )
 
 
 def _argument_context(argument: ArgumentSpec) -> dict[str, Any]:
@@ -121,7 +127,10 @@ def _argument_context(argument: ArgumentSpec) -> dict[str, Any]:
         "unit": argument.unit,
         "sentence": argument.sentence,
         "nominal": [print_number(value) for value in argument.nominal],
-        "casadi_pattern": [*(reversed(argument.shape) if len(argument.shape) == 2 else (*argument.shape, 1)), 1],
+        "casadi_pattern": [
+            *(reversed(argument.shape) if len(argument.shape) == 2 else (*argument.shape, 1)),
+            1,
+        ],
     }
 
 

@@ -66,7 +66,8 @@ class _Run:
         spec = next(item for item in model.manifest.integrators if item.name == "rk4")
         self.ffi = model.library.ffi
         self.call = model.library.symbol(spec.symbol)
-        self.step, self.state, self.sample_time = step, state, np.ascontiguousarray(sample_time, dtype=float)
+        self.step, self.state, self.asked_time = step, state, sample_time
+        self.sample_time = np.array(sample_time, dtype=np.float64)
         # The last sample is the end of the last step, whatever the rounding of n times the step.
         self.sample_time[-1] = min(self.sample_time[-1], round(sample_time[-1] / step) * step)
         self.samples = np.empty((len(sample_time), len(state)))
@@ -109,7 +110,7 @@ class _Run:
         """Return the samples reached so far."""
         reached = int(self.n_sampled[0])
         return RawTrajectory(
-            time=self.sample_time[:reached],
+            time=self.asked_time[:reached],
             state=self.samples[:reached],
             status="unstable" if trouble else "ok",
             message=f"{trouble}: take a smaller step" if trouble else f"fixed step {self.step:.6g} s",

@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.step_halving import estimate_frequency, halve_until_converged
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory, evaluate_trajectory
 
-__all__ = ["METHODS", "simulate"]
+__all__ = ["METHODS", "check_options", "simulate"]
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -58,7 +58,7 @@ def simulate(
     unstable or misses its tolerance comes back with that status and the samples it reached. Raises
     InvalidValueError for values outside their range, UnknownNameError for an unknown method.
     """
-    _check(t_end, samples, method, step, rtol, atol)
+    check_options(t_end, samples, method, step, rtol, atol)
     arguments = dict(arguments or {})
     q0 = np.asarray(model.nominal("coordinate") if coordinate is None else coordinate, dtype=np.float64)
     v0 = np.asarray(model.nominal("velocity") if velocity is None else velocity, dtype=np.float64)
@@ -130,7 +130,10 @@ def _scipy(
     )
 
 
-def _check(t_end: float, samples: int, method: str, step: float | None, rtol: float, atol: float) -> None:
+def check_options(
+    t_end: float, samples: int, method: str, step: float | None, rtol: float, atol: float
+) -> None:
+    """Raise InvalidValueError or UnknownNameError for options that `simulate` cannot work with."""
     if method not in METHODS:
         raise UnknownNameError(
             "unknown method", where="--method", given=method, hint=suggest(method, METHODS)

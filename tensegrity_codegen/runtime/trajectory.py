@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import place_nodes
 
@@ -101,9 +102,9 @@ class Trajectory:
             "method": np.array(self.method),
         }
 
-    def write(self, path: Path) -> None:
-        """Write the arrays to an .npz file; the file's folder must exist."""
-        with path.open("wb") as file:
+    def write(self, path: str | Path) -> None:
+        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        with replaced(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **self.arrays())
 
 

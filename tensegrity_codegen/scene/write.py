@@ -6,16 +6,15 @@ Numbers are written so that they read back bit-equal; one node, member, load or 
 from __future__ import annotations
 
 import math
-import os
 import re
-import secrets
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, OutputError
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.files import replaced
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.names import key_path
 
@@ -46,29 +45,9 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
     Raises OutputError where the file exists (without `overwrite`) or cannot be written, and what
     `format_scene` raises.
     """
-    target = Path(path)
     text = format_scene(document)
-    if target.exists() and not overwrite:
-        raise OutputError(
-            "the file exists already", where=str(path), hint="choose another name, or overwrite it"
-        )
-    temporary = target.with_name(f".{target.name[:200]}.{secrets.token_hex(6)}.tmp")
-    try:
-        try:
-            with temporary.open("x", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"the file cannot be written: {error.strerror or type(error).__name__}",
-            where=str(path),
-            allowed="a file name in a folder that exists and may be written to",
-            hint="check the path and its permissions",
-        ) from None
+    with replaced(path, overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _section(name: str, value: Any) -> Iterable[str]:

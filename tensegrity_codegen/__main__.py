@@ -1,0 +1,6 @@
+"""`python -m tensegrity_codegen` is `tensegrity-codegen`."""
+
+from tensegrity_codegen.cli import main
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""`tensegrity-codegen doctor`: what is installed, which compiler, does it work."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import typer
+
+from tensegrity_codegen.cli.options import JsonOption
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.codegen.cache import Cache
+from tensegrity_codegen.codegen.toolchain import check_compiler, find_compilers
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.version import VERSION
+
+__all__ = ["doctor"]
+
+NEEDED = (
+    "casadi",
+    "cffi",
+    "filelock",
+    "jinja2",
+    "numpy",
+    "platformdirs",
+    "pydantic",
+    "pyyaml",
+    "rich",
+    "scipy",
+    "typer",
+)
+OPTIONAL = {"matplotlib": "plot", "pillow": "plot", "ziglang": "cc"}
+
+
+def doctor(json: JsonOption = False) -> None:
+    """Say what is installed and whether a C compiler works; exit code 2 if something needed is missing.
+
+    Example: tensegrity-codegen doctor
+    """
+    output = Output(json)
+    with output.guard():
+        packages = {name: _version(name) for name in (*NEEDED, *OPTIONAL)}
+        compilers = _compilers()
+        problems = [f"{name} is not installed" for name in NEEDED if packages[name] is None]
+        if not any(item["works"] for item in compilers):
+            problems.append("no working C compiler: pip install 'tensegrity_codegen[cc]'")
+        cache = Cache()
+        data = {
+            "status": "error" if problems else "ok",
+            "version": VERSION,
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+            "packages": packages,
+            "compilers": compilers,
+            "cache": str(cache.root),
+            "cache_bytes": cache.size(),
+            "ffmpeg": shutil.which("ffmpeg") is not None,
+            "problems": problems,
+        }
+        output.result(data, "\n".join(_lines(data)))
+        if problems:
+            raise typer.Exit(2)
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _compilers() -> list[dict[str, Any]]:
+    rows = []
+    for compiler in find_compilers():
+        try:
+            works, report = True, check_compiler(compiler)
+        except TensegrityError as error:
+            works, report = False, str(error)
+        rows.append(
+            {
+                "name": compiler.name,
+                "command": " ".join(compiler.command),
+                "version": compiler.version,
+                "works": works,
+                "report": report,
+            }
+        )
+    return rows
+
+
+def _lines(data: dict[str, Any]) -> list[str]:
+    lines = [f"tensegrity_codegen {data['version']}, Python {data['python']}, {data['platform']}"]
+    for name, found in data["packages"].items():
+        extra = f"  (extra [{OPTIONAL[name]}])" if name in OPTIONAL else ""
+        lines.append(f"  {name:<14} {found or 'not installed'}{extra}")
+    for row in data["compilers"]:
+        lines.append(f"  {'ok ' if row['works'] else 'BAD'} {row['version']}: {row['report']}")
+    lines.append(f"  cache {data['cache']}, {data['cache_bytes'] / 2**20:.1f} MiB")
+    lines.append(f"  ffmpeg {'found' if data['ffmpeg'] else 'not found (needed for .mp4 only)'}")
+    return lines + [f"problem: {problem}" for problem in data["problems"]]

@@ -1,0 +1,88 @@
+"""`tensegrity-codegen equilibrium`: where the structure settles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
+from tensegrity_codegen.cli.output import Output
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.equilibrium import Equilibrium
+    from tensegrity_codegen.runtime.model import CompiledModel
+
+__all__ = ["equilibrium", "equilibrium_data"]
+
+
+def equilibrium(
+    scene: SceneArgument,
+    load: Annotated[
+        list[str] | None,
+        typer.Option("--load", help="NODE=fx,fy,fz [N], added to the scene's loads; may be repeated."),
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Largest node residual, as a fraction of the largest member force.")
+    ] = 1e-9,
+    method: Annotated[str, typer.Option(help="auto, newton or relaxation.")] = "auto",
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write the settled structure as a scene file.")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option(help="Let --out replace a file.")] = False,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Find the static equilibrium that the structure settles into, and say how far it moved.
+
+    Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.pipeline import EQUILIBRIUM_QUANTITIES, build_library, load_scene
+        from tensegrity_codegen.report.tables import members_table, nodes_table
+        from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+        from tensegrity_codegen.scene.write import describe_structure, write_scene
+
+        structure, request = load_scene(scene)
+        arguments: dict[str, Any] = {}
+        parameters: dict[str, tuple[int, ...]] = {}
+        if load:
+            total = structure.node_load + parse_loads(load, structure)
+            parameters["node_load"] = tuple(range(structure.n_nodes))
+            arguments["node_load"] = total[:, list(structure.axes)]
+        wanted = request.wanting(*EQUILIBRIUM_QUANTITIES, parameters=parameters)
+        model = build_library(structure, wanted, compiler=compiler).load()
+        found = find_equilibrium(
+            model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False
+        )  # type: ignore[arg-type]
+        data = equilibrium_data(model, found)
+        if out is not None and found.is_found:
+            settled = structure.with_changes(node_position=found.node_position)
+            write_scene(describe_structure(settled, request), out, overwrite=overwrite)
+            data["out"] = str(out)
+        output.result(
+            data,
+            nodes_table(structure, found.node_position),
+            members_table(structure, found.member_length, found.member_tension),
+            f"{found.status}: {found.message}",
+            f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
+            f"smallest eigenvalue {found.smallest_eigenvalue:.6g} N/m; "
+            f"node {found.displaced_node} moved farthest, {found.displacement:.6g} m",
+        )
+        if not found.is_found:
+            raise typer.Exit(3)
+
+
+def equilibrium_data(model: CompiledModel, found: Equilibrium) -> dict[str, Any]:
+    """Return the equilibrium as one JSON-ready object, nodes and members by name."""
+    manifest = model.manifest
+    position = np.asarray(found.node_position)
+    return {
+        **found.as_evidence(),
+        "node_position": dict(zip(manifest.node_name, position.tolist(), strict=True)),
+        "member_length": dict(zip(manifest.member_name, found.member_length.tolist(), strict=True)),
+        "member_tension": dict(zip(manifest.member_name, found.member_tension.tolist(), strict=True)),
+    }

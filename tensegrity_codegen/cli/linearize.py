@@ -1,0 +1,89 @@
+"""`tensegrity-codegen linearize`: the linear model, its natural frequencies and damping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.files import replaced
+
+__all__ = ["linearize"]
+
+
+def linearize(
+    scene: SceneArgument,
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Linearize about the equilibrium instead of the scene's state.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write A, B (row, column, value), c and names (.npz).")
+    ] = None,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Linearize the equations of motion: x' = A x + B u + c, exact sparse derivatives.
+
+    Example: tensegrity-codegen linearize prism.toml --settle --json
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.pipeline import (
+            EQUILIBRIUM_QUANTITIES,
+            LINEARIZE_QUANTITIES,
+            build_library,
+            load_scene,
+        )
+        from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+        from tensegrity_codegen.runtime.linearize import linearize as run
+
+        structure, request = load_scene(scene)
+        quantities = [name for name in LINEARIZE_QUANTITIES if name != "input_jacobian" or structure.inputs]
+        wanted = request.wanting(*quantities, *(EQUILIBRIUM_QUANTITIES if settle else ()))
+        model = build_library(structure, wanted, compiler=compiler).load()
+        start = find_equilibrium(model).coordinate if settle else None
+        linear = run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))
+        if out is not None:
+            write_linear_model(linear, out)
+        data = {
+            "status": "ok",
+            "n_states": len(linear.state),
+            "n_inputs": len(linear.input_name),
+            "A_nonzeros": linear.A.nnz,
+            "B_nonzeros": linear.B.nnz,
+            "largest_affine_term": float(np.max(np.abs(linear.c))),
+            "natural_frequency": linear.natural_frequency,
+            "damping_ratio": linear.damping_ratio,
+            "state_name": linear.state_name,
+            "input_name": linear.input_name,
+            "out": None if out is None else str(out),
+        }
+        shown = ", ".join(f"{value:.6g}" for value in linear.natural_frequency[:12])
+        output.result(
+            data,
+            f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
+            f"B {linear.B.nnz}",
+            f"natural frequencies [Hz]: {shown}{' ...' if len(linear.natural_frequency) > 12 else ''}",
+            f"largest entry of the affine term c: {data['largest_affine_term']:.3g} (zero in equilibrium at rest)",
+        )
+
+
+def write_linear_model(linear: Any, path: Path) -> None:
+    """Write a linear model to an .npz file: sparse matrices as row, column, value; names and vectors."""
+    arrays: dict[str, Any] = {}
+    for name in ("A", "B"):
+        matrix = getattr(linear, name).tocoo()
+        arrays |= {f"{name}_row": matrix.row, f"{name}_column": matrix.col, f"{name}_value": matrix.data}
+        arrays[f"{name}_shape"] = np.array(matrix.shape)
+    arrays |= {"c": linear.c, "state": linear.state, "input": linear.input}
+    arrays |= {
+        "state_name": np.array(linear.state_name),
+        "input_name": np.array(linear.input_name, dtype=str),
+    }
+    arrays |= {"natural_frequency": linear.natural_frequency, "damping_ratio": linear.damping_ratio}
+    with replaced(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)

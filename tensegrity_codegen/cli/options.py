@@ -1,0 +1,82 @@
+"""Arguments and options that several verbs share, and how their text is read."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["CompilerOption", "FlagsOption", "JsonOption", "SceneArgument", "parse_loads", "parse_vector"]
+
+SceneArgument = Annotated[
+    Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+CompilerOption = Annotated[
+    str | None, typer.Option("--compiler", help="gcc, clang, zig or a command; found if not given.")
+]
+FlagsOption = Annotated[
+    str, typer.Option("--flags", help="reference (bit-equal to CasADi) or native (this machine's CPU).")
+]
+
+
+def parse_vector(text: str, where: str) -> tuple[float, float, float]:
+    """Return the three numbers of "x,y,z"; raises InvalidValueError or NonFiniteError."""
+    parts = text.split(",")
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3:
+        raise InvalidValueError(
+            "not a vector",
+            where=where,
+            given=text,
+            allowed="three numbers, x,y,z",
+            hint="for example 0,0,-9.81",
+        )
+    if not all(math.isfinite(number) for number in numbers):
+        raise NonFiniteError("not finite", where=where, given=text, allowed="three finite numbers, x,y,z")
+    return (numbers[0], numbers[1], numbers[2])
+
+
+def parse_loads(texts: list[str], structure: Structure) -> NDArray[np.float64]:
+    """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up."""
+    loads = np.zeros((structure.n_nodes, 3))
+    index = {name: node for node, name in enumerate(structure.node_name)}
+    for text in texts:
+        name, equals, vector = text.partition("=")
+        if not equals:
+            raise InvalidValueError(
+                "not a load",
+                where="--load",
+                given=text,
+                allowed="NODE=fx,fy,fz",
+                hint="for example t1=0,0,-10",
+            )
+        if name.strip() not in index:
+            raise UnknownNameError(
+                "unknown node",
+                where="--load",
+                given=name,
+                allowed="a node of the scene",
+                hint=suggest(name, index),
+            )
+        force = np.array(parse_vector(vector, f"--load {name}"))
+        dropped = [axis for axis in range(3) if axis not in structure.axes and force[axis] != 0.0]
+        if dropped:
+            raise InvalidValueError(
+                "a load on an axis that the scene does not model",
+                where=f"--load {name}",
+                given=vector,
+                allowed=f"forces along {', '.join('xyz'[axis] for axis in structure.axes)}",
+            )
+        loads[index[name.strip()]] += force
+    return loads

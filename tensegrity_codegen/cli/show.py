@@ -1,0 +1,61 @@
+"""`tensegrity-codegen show`: pictures and films."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import JsonOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+
+__all__ = ["show"]
+
+ANIMATED = (".gif", ".mp4")
+
+
+def show(
+    scene: SceneArgument,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Picture (.png, .svg, .pdf) or film (.gif, .mp4).")
+    ],
+    trajectory: Annotated[
+        Path | None, typer.Option("--trajectory", help="Result file of the verb simulate (.npz).")
+    ] = None,
+    labels: Annotated[bool, typer.Option("--labels", help="Write the names of nodes and members.")] = False,
+    slow_down: Annotated[
+        float, typer.Option("--slow-down", help="Seconds of film for a simulated second.")
+    ] = 1.0,
+    json: JsonOption = False,
+) -> None:
+    """Draw a structure, or the motion that was simulated, as a picture or a film.
+
+    Example: tensegrity-codegen show prism.toml --trajectory prism.npz --out prism.gif
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.errors import InvalidValueError
+        from tensegrity_codegen.pipeline import load_scene
+        from tensegrity_codegen.report.animate import write_animation
+        from tensegrity_codegen.report.plots import plot_structure, plot_trajectory
+        from tensegrity_codegen.runtime.trajectory import read_trajectory
+
+        structure, _ = load_scene(scene)
+        motion = None if trajectory is None else read_trajectory(trajectory, structure)
+        if out.suffix.lower() in ANIMATED:
+            if motion is None:
+                raise InvalidValueError(
+                    "a film needs a motion",
+                    where="--trajectory",
+                    given=None,
+                    allowed="an .npz file of the verb simulate",
+                    hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz, then --trajectory FILE.npz",
+                )
+            with output.progress("drawing") as progress:
+                write_animation(structure, motion, out, slow_down=slow_down, progress=progress)
+        elif motion is not None:
+            plot_trajectory(structure, motion, out)
+        else:
+            plot_structure(structure, out, member_tension=structure.static_tension(), labels=labels)
+        output.result({"status": "ok", "out": str(out)}, f"wrote {out}")

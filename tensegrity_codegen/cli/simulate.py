@@ -1,0 +1,79 @@
+"""`tensegrity-codegen simulate`: motion over time, by the generated C."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    scene: SceneArgument,
+    t_end: Annotated[float, typer.Option("--t-end", help="Simulated time [s].", show_default=False)],
+    samples: Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")] = 101,
+    rtol: Annotated[
+        float, typer.Option("--rtol", help="Relative tolerance of methods with error control.")
+    ] = 1e-6,
+    atol: Annotated[
+        float, typer.Option("--atol", help="Absolute tolerance of methods with error control.")
+    ] = 1e-9,
+    method: Annotated[
+        str,
+        typer.Option("--method", help="auto, rk4, or a check through SciPy: scipy_dop853, scipy_radau, ..."),
+    ] = "auto",
+    step: Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")] = None,
+    settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
+    compiler: CompilerOption = None,
+    flags: FlagsOption = "reference",
+    json: JsonOption = False,
+) -> None:
+    """Simulate the motion of a scene and write it to an .npz file.
+
+    Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.pipeline import (
+            EQUILIBRIUM_QUANTITIES,
+            SIMULATION_QUANTITIES,
+            build_library,
+            load_scene,
+        )
+        from tensegrity_codegen.report.tables import run_table
+        from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+        from tensegrity_codegen.runtime.simulate import check_options
+        from tensegrity_codegen.runtime.simulate import simulate as run
+
+        check_options(t_end, samples, method, step, rtol, atol)
+        structure, request = load_scene(scene)
+        quantities = SIMULATION_QUANTITIES + (EQUILIBRIUM_QUANTITIES if settle else ())
+        wanted = request.wanting(*quantities, integrators=("rk4",))
+        built = build_library(structure, wanted, compiler=compiler, flags=flags)
+        model = built.load()
+        start = find_equilibrium(model).coordinate if settle else None
+        with output.progress("simulating") as progress:
+            trajectory = run(
+                model,
+                t_end,
+                samples=samples,
+                method=method,
+                step=step,
+                rtol=rtol,
+                atol=atol,
+                coordinate=start,
+                progress=progress,
+            )
+        if out is not None:
+            trajectory.write(out)
+        data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
+        output.result(data, run_table(data))
+        if trajectory.status != "ok":
+            output.warn(f"{trajectory.status}: {trajectory.message}")
+            raise typer.Exit(3)

@@ -1,0 +1,189 @@
+"""The whole way, one function an arrow.
+
+scene.toml --read_scene--> Scene --assemble--> Structure, ModelRequest
+  --emit--> C source, manifest --compile--> library in the cache --load--> CompiledModel --> results
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensegrity_codegen.codegen.cache import Cache, CacheEntry
+from tensegrity_codegen.codegen.compile import compile_library, object_size
+from tensegrity_codegen.codegen.fingerprint import hash_package, hash_scene, hash_text
+from tensegrity_codegen.codegen.flags import Compiler, FlagSet, describe_toolchain, find_flags
+from tensegrity_codegen.codegen.render import template_folder
+from tensegrity_codegen.codegen.toolchain import find_compiler
+from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.files import write_folder
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
+from tensegrity_codegen.scene.assemble import assemble
+from tensegrity_codegen.scene.read import read_scene
+from tensegrity_codegen.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.codegen.emit import GeneratedSource
+
+__all__ = [
+    "EQUILIBRIUM_QUANTITIES",
+    "LINEARIZE_QUANTITIES",
+    "SIMULATION_QUANTITIES",
+    "BuiltLibrary",
+    "build_library",
+    "compile_scene",
+    "load_scene",
+]
+
+
+@dataclass(frozen=True)
+class BuiltLibrary:
+    """A compiled library in the cache: where it is, what it holds, how it came about."""
+
+    entry: CacheEntry
+    manifest: Manifest
+    compiler: str
+    flags: str
+    from_cache: bool
+    seconds: float
+
+    @property
+    def path(self) -> Path:
+        """Path of the shared library."""
+        if self.entry.library is None:
+            raise LibraryError(
+                "the cache entry has no library", where=str(self.entry.folder), hint="build again"
+            )
+        return self.entry.library
+
+    def load(self) -> CompiledModel:
+        """Load the library into this process."""
+        return CompiledModel(self.path, self.manifest)
+
+    def export(self, folder: str | Path) -> Path:
+        """Copy header, source, example, Makefile, manifest and library into a folder; OutputError if it fails."""
+        own = {"entry.json", "compile.log"}
+        files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
+        return write_folder(folder, {path.name: path.read_bytes() for path in files})
+
+
+def load_scene(path: str | Path) -> tuple[Structure, ModelRequest]:
+    """Read a scene file: the structure, and what is wanted of it. Raises SceneError for bad input."""
+    return assemble(read_scene(path), str(path))
+
+
+def compile_scene(
+    path: str | Path,
+    *,
+    quantities: tuple[str, ...] = (),
+    integrators: tuple[str, ...] = (),
+    parameters: Mapping[str, tuple[int, ...]] | None = None,
+) -> CompiledModel:
+    """Read, emit, compile and load a scene: its wanted quantities and the ones named here.
+
+    Raises SceneError, FormulationError, CompilerMissingError or CompileError.
+    """
+    structure, request = load_scene(path)
+    wider = request.wanting(
+        *request.quantities,
+        *quantities,
+        integrators=tuple(dict.fromkeys((*request.integrators, *integrators))),
+        parameters=parameters,
+    )
+    return build_library(structure, wider).load()
+
+
+def build_library(
+    structure: Structure,
+    request: ModelRequest,
+    *,
+    compiler: str | None = None,
+    flags: str = "reference",
+    cache: Cache | None = None,
+    measure: bool = False,
+) -> BuiltLibrary:
+    """Return the library of what `request` wants of `structure`, from the cache if it was built before.
+
+    compiler: "gcc", "clang", "zig" or a command, found if not given; flags: "reference" (bit-equal to
+    CasADi's virtual machine) or "native"; measure: compile what was left out too, to measure what it saved.
+    Raises FormulationError, CompilerMissingError, CompileError, OutputError.
+    """
+    started = time.perf_counter()
+    cache = cache or Cache()
+    tool, flag_set = find_compiler(compiler), find_flags(flags)
+    toolchain = describe_toolchain(tool, flag_set)
+    request_key = _request_key(structure, request, toolchain, measure)
+    library_key = cache.lookup_request(request_key)
+    entry = cache.find(library_key) if library_key else None
+    found = entry is not None
+    if entry is None:
+        source = _emit(structure, request, tool, flag_set, measure)
+        entry = _compile(source, tool, flag_set, toolchain, cache)
+        cache.store_request(request_key, entry.key)
+    if entry.manifest is None:
+        raise LibraryError("the cache entry has no manifest", where=str(entry.folder), hint="build again")
+    return BuiltLibrary(
+        entry=entry,
+        manifest=Manifest.read(entry.manifest),
+        compiler=tool.version,
+        flags=" ".join(flag_set.options),
+        from_cache=found,
+        seconds=time.perf_counter() - started,
+    )
+
+
+def _request_key(structure: Structure, request: ModelRequest, toolchain: str, measure: bool) -> str:
+    package = hash_package(Path(__file__).resolve().parent, template_folder())
+    return hash_text(
+        hash_scene(structure, request),
+        package,
+        version("casadi"),
+        toolchain,
+        "measured" if measure else "estimated",
+    )
+
+
+def _emit(
+    structure: Structure, request: ModelRequest, compiler: Compiler, flags: FlagSet, measure: bool
+) -> GeneratedSource:
+    # Imported here, so that a library from the cache costs no import of CasADi.
+    from tensegrity_codegen.codegen.emit import emit
+
+    def size(files: Mapping[str, str]) -> int:
+        sources = {name: text for name, text in files.items() if _is_library_source(name)}
+        return object_size(sources, compiler=compiler, flags=flags) or 0
+
+    return emit(structure, request, size if measure else None)
+
+
+def _is_library_source(name: str) -> bool:
+    return name.endswith((".c", ".h")) and name != "example.c"
+
+
+def _compile(
+    source: GeneratedSource, compiler: Compiler, flags: FlagSet, toolchain: str, cache: Cache
+) -> CacheEntry:
+    texts = [part for name in sorted(source.files) for part in (name, source.files[name])]
+    key = hash_text(*texts, toolchain)
+    with cache.lock(key):
+        entry = cache.find(key)
+        if entry is not None:
+            return entry
+        artifact = compile_library(
+            {name: text for name, text in source.files.items() if _is_library_source(name)},
+            name=source.manifest.name,
+            compiler=compiler,
+            flags=flags,
+        )
+        files = {name: text.encode("utf-8") for name, text in source.files.items()}
+        files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
+        return cache.store(key, files)
