@@ -1,0 +1,29 @@
+"""One cache of compiled libraries for one test run, shared by its workers and gone at its end."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+
+import pytest
+from platformdirs import user_cache_path
+
+from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
+
+FOLDER = pytest.StashKey[str]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if hasattr(config, "workerinput"):  # a worker of pytest-xdist has the controller's environment
+        return
+    folder = tempfile.mkdtemp(prefix="tensegrity_codegen-tests-")
+    config.stash[FOLDER] = folder
+    os.environ[CACHE_VARIABLE] = folder
+    # zig needs seconds to build its C library: that stays from run to run.
+    os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(user_cache_path("tensegrity_codegen") / "zig"))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if FOLDER in config.stash:
+        shutil.rmtree(config.stash[FOLDER], ignore_errors=True)
