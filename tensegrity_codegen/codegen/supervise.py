@@ -14,6 +14,7 @@ command go to standard error of this script; standard output gets one line when 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import resource
 import select
@@ -62,20 +63,16 @@ def _become(command: list[str], memory_limit: int) -> None:
 
 def _limit_memory(memory_limit: int) -> None:
     """Bound the address space; a system that refuses (macOS) runs without a bound."""
-    try:
+    with contextlib.suppress(OSError, ValueError):
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
         bound = memory_limit if hard == resource.RLIM_INFINITY else min(memory_limit, hard)
         resource.setrlimit(resource.RLIMIT_AS, (bound, bound))
-    except (OSError, ValueError):
-        pass
 
 
 def _own_group(child: int) -> None:
     """Give the child its own process group; called on both sides of the fork, the first one counts."""
-    try:  # noqa: SIM105 (importing contextlib would double the start-up time of this script)
+    with contextlib.suppress(OSError):
         os.setpgid(child, child)
-    except OSError:
-        pass
 
 
 def _watch(child: int, deadline: float, wake: int) -> tuple[str, int, int]:
