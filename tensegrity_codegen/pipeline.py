@@ -70,7 +70,7 @@ class BuiltLibrary:
         return CompiledModel(self.path, self.manifest)
 
     def export(self, folder: str | Path) -> Path:
-        """Copy header, source, example, Makefile, manifest and library into a folder; OutputError if it fails."""
+        """Copy sources, example, Makefile, manifest and library into a folder; OutputError if it fails."""
         own = {"entry.json", "compile.log"}
         files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
         return write_folder(folder, {path.name: path.read_bytes() for path in files})

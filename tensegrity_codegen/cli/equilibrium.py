@@ -10,6 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.runtime.equilibrium import Method
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.equilibrium import Equilibrium
@@ -27,7 +28,7 @@ def equilibrium(
     tolerance: Annotated[
         float, typer.Option(help="Largest node residual, as a fraction of the largest member force.")
     ] = 1e-9,
-    method: Annotated[str, typer.Option(help="auto, newton or relaxation.")] = "auto",
+    method: Annotated[Method, typer.Option(help="auto, newton or relaxation.")] = "auto",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Write the settled structure as a scene file.")
     ] = None,
@@ -57,7 +58,7 @@ def equilibrium(
         model = build_library(structure, wanted, compiler=compiler).load()
         found = find_equilibrium(
             model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False
-        )  # type: ignore[arg-type]
+        )
         data = equilibrium_data(model, found)
         if out is not None and found.is_found:
             settled = structure.with_changes(node_position=found.node_position)

@@ -68,7 +68,7 @@ def linearize(
             f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
             f"B {linear.B.nnz}",
             f"natural frequencies [Hz]: {shown}{' ...' if len(linear.natural_frequency) > 12 else ''}",
-            f"largest entry of the affine term c: {data['largest_affine_term']:.3g} (zero in equilibrium at rest)",
+            f"largest entry of the affine term c: {data['largest_affine_term']:.3g}",
         )
 
 

@@ -50,7 +50,7 @@ def show(
                     where="--trajectory",
                     given=None,
                     allowed="an .npz file of the verb simulate",
-                    hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz, then --trajectory FILE.npz",
+                    hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
                 )
             with output.progress("drawing") as progress:
                 write_animation(structure, motion, out, slow_down=slow_down, progress=progress)

@@ -35,7 +35,8 @@ def emit(
     """Return the C source of what `request` wants of `structure`.
 
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
-    bytes are measured instead of estimated. Raises FormulationError for what the formulation or the emitter cannot serve.
+    bytes are measured instead of estimated.
+    Raises FormulationError for what the formulation or the emitter cannot serve.
     """
     if request.emitter not in EMITTERS:
         raise FormulationError(

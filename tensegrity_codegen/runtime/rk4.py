@@ -30,7 +30,7 @@ def integrate_rk4(
     arguments: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
 ) -> RawTrajectory:
-    """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s], ascending from 0.
+    """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
 
     The step used is the largest one not above `step` that divides the span. progress is called with the
     fraction done. Status "unstable" and the samples reached if the state stops being finite.

@@ -29,7 +29,7 @@ METHODS = {
     "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
-SCIPY_NAME = {
+SCIPY_NAME: dict[str, Any] = {
     "scipy_dop853": "DOP853",
     "scipy_rk45": "RK45",
     "scipy_lsoda": "LSODA",
@@ -100,7 +100,7 @@ def _scipy(
     model: CompiledModel,
     state: FloatArray,
     sample_time: FloatArray,
-    method: str,
+    method: Any,
     rtol: float,
     atol: float,
     arguments: Mapping[str, Any],
@@ -154,5 +154,5 @@ def check_options(
         raise InvalidValueError(
             "only fixed-step methods take a step", where="--step", given=step, hint="--method rk4"
         )
-    if step is not None and not (np.isfinite(step) and 0 < step):
+    if step is not None and not (np.isfinite(step) and step > 0):
         raise InvalidValueError("out of range", where="--step", given=step, allowed="a finite number > 0 [s]")

@@ -6,20 +6,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.errors import SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.structure import Structure
 
-__all__ = ["SIMULATION_QUANTITIES", "RawTrajectory", "Trajectory", "evaluate_trajectory"]
+__all__ = ["SIMULATION_QUANTITIES", "RawTrajectory", "Trajectory", "evaluate_trajectory", "read_trajectory"]
 
 FloatArray = NDArray[np.float64]
 
 # What a simulation needs of a model, and the integrators it may use.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
+
+# The numeric arrays of a result file.
+RESULT_ARRAYS = (
+    "time",
+    "node_position",
+    "node_velocity",
+    "member_tension",
+    "kinetic_energy",
+    "total_energy",
+)
 
 # Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
 ENERGY_TOLERANCE = 0.1
@@ -46,8 +59,8 @@ class Trajectory:
 
     time (n_t,) [s]; coordinate, velocity (n_t, n_coordinates); node_position, node_velocity
     (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
-    energy_drift: largest change of the total energy over the largest kinetic energy (with damping, a
-    decrease is physical). status: "ok", "unstable", "inaccurate" or "not_converged"; message says why.
+    energy_drift: largest change of the total energy over the largest kinetic energy, None with damping, which
+    takes energy away rightly. status: "ok", "unstable", "inaccurate" or "not_converged"; message says why.
     """
 
     time: FloatArray
@@ -58,16 +71,16 @@ class Trajectory:
     member_tension: FloatArray
     kinetic_energy: FloatArray
     total_energy: FloatArray
-    energy_drift: float
     status: str
     message: str
     method: str
-    n_steps: int
-    n_evaluations: int
-    step: float | None
-    error_estimate: float | None
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
+    energy_drift: float | None = None
+    n_steps: int = 0
+    n_evaluations: int = 0
+    step: float | None = None
+    error_estimate: float | None = None
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""
@@ -84,6 +97,7 @@ class Trajectory:
             "total_energy_start": float(self.total_energy[0]),
             "total_energy_end": float(self.total_energy[-1]),
             "energy_drift": self.energy_drift,
+            "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -143,6 +157,46 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
     )
 
 
+def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
+    """Read a result file of the verb simulate back, for the structure that it was made from.
+
+    Raises SceneSyntaxError for a file that is no such result, StructureError if it belongs to other nodes or
+    members.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            data = {name: file[name] for name in file.files}
+        names = tuple(data["node_name"].tolist()), tuple(data["member_name"].tolist())
+        places = structure.coordinate_node_axis
+        fields: dict[str, Any] = {name: data[name] for name in RESULT_ARRAYS}
+        status, message, method = (str(data[name]) for name in ("status", "message", "method"))
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise SceneSyntaxError(
+            "not a result file",
+            where=str(path),
+            given=str(error),
+            allowed="an .npz file that the verb simulate wrote",
+        ) from error
+    if names != (structure.node_name, structure.member_name):
+        raise StructureError(
+            "the result belongs to another structure",
+            where=str(path),
+            given=f"{len(names[0])} nodes, {len(names[1])} members",
+            allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
+        )
+    position, velocity = fields["node_position"], fields["node_velocity"]
+    return Trajectory(
+        coordinate=position[:, places[:, 0], places[:, 1]],
+        velocity=velocity[:, places[:, 0], places[:, 1]],
+        node_name=names[0],
+        member_name=names[1],
+        status=status,
+        message=message,
+        method=method,
+        **fields,
+    )
+
+
 def _node_velocity(model: Model, velocity: FloatArray) -> FloatArray:
     result = np.zeros((len(model.manifest.node_name), 3))
     places = np.array(model.manifest.coordinate_node_axis)
@@ -152,20 +206,21 @@ def _node_velocity(model: Model, velocity: FloatArray) -> FloatArray:
 
 def _judge_energy(
     model: Model, raw: RawTrajectory, kinetic: FloatArray, total: FloatArray
-) -> tuple[float, str, str]:
+) -> tuple[float | None, str, str]:
     """Return the drift and the status: energy must not grow, and without damping must not shrink."""
     change = total - total[0]
     # Below this the change is rounding of the potential energy, not motion.
     floor = 1e-9 * float(np.max(np.abs(total - kinetic)))
-    scale = max(float(np.max(kinetic)), floor)
-    drift = float(np.max(np.abs(change))) / scale if scale > 0 else 0.0
+    scale = max(float(np.max(kinetic)), floor) or 1.0
+    conservative = "velocity" not in _acceleration_arguments(model)
+    drift = float(np.max(np.abs(change))) / scale if conservative else None
     if raw.status != "ok":
         return drift, raw.status, raw.message
-    if scale > 0 and np.max(change) > ENERGY_TOLERANCE * scale:
-        place = raw.time[int(np.argmax(change > ENERGY_TOLERANCE * scale))]
+    grown = change > ENERGY_TOLERANCE * scale
+    if grown.any():
+        place = raw.time[int(np.argmax(grown))]
         return drift, "unstable", f"the total energy has grown by t = {place:.6g} s: take a smaller step"
-    conservative = "velocity" not in _acceleration_arguments(model)
-    if conservative and scale > 0 and np.max(-change) > ENERGY_TOLERANCE * scale:
+    if conservative and np.max(-change) > ENERGY_TOLERANCE * scale:
         return drift, "inaccurate", "an undamped structure has lost energy: take a smaller step"
     return drift, "ok", raw.message
 

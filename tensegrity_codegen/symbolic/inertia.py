@@ -44,9 +44,7 @@ class Inertia:
         """Raise FormulationError if a free node has no mass."""
         free = np.any(~self.structure.node_anchored[:, list(self.structure.axes)], axis=1)
         bare = [
-            self.structure.node_name[node]
-            for node in np.flatnonzero(free)
-            if self.diagonal[node].is_zero()
+            self.structure.node_name[node] for node in np.flatnonzero(free) if self.diagonal[node].is_zero()
         ]
         if bare:
             shown = ", ".join(bare[:5]) + (f" and {len(bare) - 5} more" if len(bare) > 5 else "")

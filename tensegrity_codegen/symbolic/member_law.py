@@ -1,12 +1,12 @@
 """Member laws: tension and its partial derivatives from length, rate and rest length.
 
-                      t > 0 pulls the ends together
-        i  o---->----------------<----o  j        l = |r_i - r_j|
-           -t d/l               +t d/l
+                  t > 0 pulls the ends together
+    i  o---->----------------<----o  j        l = |r_i - r_j|
+       -t d/l               +t d/l
 
-    mu = k + EA / rho          one of the two stiffnesses is zero (S&K 2; SCS uses EA)
-    t  = mu (l - rho) + c l'   two-sided
-    t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped
+mu = k + EA / rho          one of the two stiffnesses is zero (S&K 2; SCS uses EA)
+t  = mu (l - rho) + c l'   two-sided
+t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped
 """
 
 from __future__ import annotations

@@ -90,7 +90,9 @@ class CoordinateMap:
             entries[row, column] = present + value if sign > 0 else present - value
 
     def _sparse(self, entries: dict[tuple[int, int], Scalar], columns: int) -> ca.SX:
-        places = sorted((key for key, value in entries.items() if not value.is_zero()), key=lambda k: (k[1], k[0]))
+        places = sorted(
+            (key for key, value in entries.items() if not value.is_zero()), key=lambda k: (k[1], k[0])
+        )
         values = [entries[place] for place in places]
         rows, cols = [place[0] for place in places], [place[1] for place in places]
         stacked = ca.vertcat(*values) if values else ca.SX(0, 1)

@@ -42,7 +42,11 @@ def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
         "node_load": range(structure.n_nodes),
         "gravity": (),
     }
-    return {name: tuple(int(k) for k in items) for name, items in everything.items() if len(items) or name == "gravity"}
+    return {
+        name: tuple(int(k) for k in items)
+        for name, items in everything.items()
+        if len(items) or name == "gravity"
+    }
 
 
 def check_against_reference(structure: Structure, request: ModelRequest, seed: int) -> None:
@@ -60,7 +64,9 @@ def check_against_reference(structure: Structure, request: ModelRequest, seed: i
 
 @given(structures(), st.integers(0, 2**32 - 1))
 @SLOW
-def test_every_quantity_equals_the_numpy_model_with_constants_baked_in(structure: Structure, seed: int) -> None:
+def test_every_quantity_equals_the_numpy_model_with_constants_baked_in(
+    structure: Structure, seed: int
+) -> None:
     check_against_reference(structure, ModelRequest(()), seed)
 
 

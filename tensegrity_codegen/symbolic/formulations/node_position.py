@@ -1,7 +1,7 @@
 """Formulation `node_position`: free node coordinates, members as springs (S&K 2, 5).
 
-    H q'' = f,  f = sum over members of -t_e d_e / l_e on node i and + on node j, weight and loads
-    K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
+H q'' = f,  f = sum over members of -t_e d_e / l_e on node i and + on node j, weight and loads
+K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 """
 
 from __future__ import annotations
@@ -255,7 +255,9 @@ class _NodePosition:
 
     def tangent_stiffness(self) -> ca.SX:
         blocks = [self._static_blocks(e) for e in self._all()]
-        return self.map.member_matrix((m.plus(g), ends) for (m, g), ends in zip(blocks, self.ends, strict=True))
+        return self.map.member_matrix(
+            (m.plus(g), ends) for (m, g), ends in zip(blocks, self.ends, strict=True)
+        )
 
     def _rate_block(self, e: int) -> MemberBlocks:
         law = self.laws[e]
@@ -283,7 +285,10 @@ class _NodePosition:
     def state_jacobian(self) -> ca.SX:
         n = self.map.n_coordinates
         stiffness = self.map.member_matrix((self._position_block(e), self.ends[e]) for e in self._all())
-        lower = [-ca.mtimes(self.inverse_mass, stiffness), -ca.mtimes(self.inverse_mass, self.damping_matrix())]
+        lower = [
+            -ca.mtimes(self.inverse_mass, stiffness),
+            -ca.mtimes(self.inverse_mass, self.damping_matrix()),
+        ]
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
     def _tension_to_force(self) -> ca.SX:
@@ -291,7 +296,9 @@ class _NodePosition:
         return -self.equilibrium_matrix()
 
     def equilibrium_matrix(self) -> ca.SX:
-        directions = [[c / length for c in vector] for vector, length in zip(self.vectors, self.lengths, strict=True)]
+        directions = [
+            [c / length for c in vector] for vector, length in zip(self.vectors, self.lengths, strict=True)
+        ]
         return self.map.member_columns(directions, self.ends)
 
     def rest_length_jacobian(self) -> ca.SX:
