@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 
 import casadi as ca
 import numpy as np
@@ -36,7 +35,6 @@ def made_by() -> dict[str, str]:
     return {
         "tensegrity_codegen": VERSION,
         "casadi": ca.__version__,
-        "python": platform.python_version(),
     }
 
 
