@@ -1,0 +1,276 @@
+"""The house itself: verbs, checks, floors, and documents that say what the code does."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import typer
+from pydantic import BaseModel
+
+from tensegrity_codegen.cli.app import app
+from tensegrity_codegen.manifest import STATUS
+from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
+from tensegrity_codegen.scene import schema
+from tensegrity_codegen.scene.assemble import assemble
+from tensegrity_codegen.scene.check import find_warnings
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.shapes import IcosahedronShape, PrismShape, TowerShape, TwoNodeShape
+
+ROOT = Path(__file__).resolve().parent.parent
+VERBS = [
+    *("bench", "clean", "contracts", "demo", "format", "golden", "help", "lint", "setup", "test"),
+    *("test-fast", "types", "wheel"),
+]
+in_checkout = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs the git checkout")
+with_make = pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+
+
+def run(*command: str, folder: Path = ROOT, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("MAKE")}
+    return subprocess.run(
+        command, cwd=folder, env=kept | environment, capture_output=True, text=True, check=False
+    )
+
+
+def document(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+# --- verbs and checks ------------------------------------------------------------------------------
+
+
+@with_make
+def test_make_alone_lists_every_verb_with_a_sentence() -> None:
+    listed = re.findall(r"^  make ([a-z-]+) +\S.*$", run("make").stdout, re.MULTILINE)
+    assert sorted(listed) == VERBS
+
+
+@with_make
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_can_be_planned(verb: str) -> None:
+    done = run("make", "-n", verb)
+    assert done.returncode == 0, done.stderr
+
+
+@with_make
+def test_make_test_runs_lint_types_contracts_and_then_the_tests() -> None:
+    plan = run("make", "-n", "test").stdout
+    tools = ("ruff check", "ruff format --check", "/mypy", "lint-imports", "pytest -n")
+    order = [plan.find(tool) for tool in tools]
+    assert -1 not in order
+    assert order == sorted(order)
+
+
+@with_make
+def test_setup_says_what_is_missing_when_python_is_too_old(tmp_path: Path) -> None:
+    old = tmp_path / "python3.8"
+    script = '#!/bin/sh\n[ "$1" = --version ] && echo "Python 3.8.0" && exit 0\nexit 1\n'
+    old.write_text(script, encoding="utf-8")
+    old.chmod(0o755)
+    done = run("make", "setup", f"PYTHON={old}", f"VENV={tmp_path / 'environment'}")
+    assert done.returncode != 0
+    assert "Python 3.8.0; Python 3.11 or newer is needed" in done.stdout
+    assert not (tmp_path / "environment").exists()
+
+
+@with_make
+def test_setup_says_so_when_there_is_no_python(tmp_path: Path) -> None:
+    done = run("make", "setup", "PYTHON=", f"VENV={tmp_path / 'environment'}")
+    assert done.returncode != 0
+    assert "PYTHON=" in done.stdout
+
+
+def test_the_checks_are_one_executable_script_that_stops_at_the_first_failure() -> None:
+    script = ROOT / ".ci" / "run"
+    assert os.access(script, os.X_OK)
+    text = script.read_text(encoding="utf-8")
+    assert text.startswith("#!/usr/bin/env bash\n")
+    assert "set -euo pipefail" in text
+    assert run("bash", "-n", str(script)).returncode == 0
+
+
+@in_checkout
+def test_no_file_names_a_path_of_one_machine() -> None:
+    # The brackets keep this pattern from finding itself.
+    pattern = r"(^|[^A-Za-z0-9_.])/(w[o]rk|t[m]p|r[o]ot|h[o]me|U[s]ers)/"
+    done = run("git", "grep", "-nIE", pattern)
+    assert done.returncode == 1, done.stdout
+
+
+@in_checkout
+def test_no_file_names_a_package_registry() -> None:
+    done = run("git", "grep", "-nIiE", r"p[y]pi\.org|pythonhosted|--index[-]url|--extra-index[-]url")
+    assert done.returncode == 1, done.stdout
+
+
+# --- floors ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def copied_package(tmp_path: Path) -> Path:
+    """A copy of the package and its import contracts, free to be broken."""
+    shutil.copytree(
+        ROOT / "tensegrity_codegen",
+        tmp_path / "tensegrity_codegen",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def lint_imports(folder: Path) -> tuple[int, set[str]]:
+    """Return the exit code and the names of the broken contracts."""
+    code = "import sys; from importlinter.cli import lint_imports_command as main; sys.exit(main())"
+    done = run(
+        *(sys.executable, "-c", code, "--no-cache"), folder=folder, PYTHONPATH=str(folder), COLUMNS="200"
+    )
+    return done.returncode, set(re.findall(r"^(.+) BROKEN$", done.stdout, re.MULTILINE))
+
+
+def test_imports_keep_to_the_floors(copied_package: Path) -> None:
+    assert lint_imports(copied_package) == (0, set())
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("scene/read.py", "import tensegrity_codegen.runtime.rk4", "Imports point down"),
+        ("structure.py", "import tensegrity_codegen.scene.check", "Imports point down"),
+        ("runtime/rk4.py", "import tensegrity_codegen.codegen.flags", "Imports point down"),
+        ("a_new_module.py", '"""Nobody gave me a floor."""', "Imports point down"),
+        (
+            "runtime/rk4.py",
+            "import casadi",
+            "A compiled model runs without CasADi and without what made it",
+        ),
+        ("scene/read.py", "import casadi", "Scenes are read without CasADi"),
+        (
+            "symbolic/formulations/another.py",
+            "import tensegrity_codegen.symbolic.formulations.node_position",
+            "Formulations do not know each other",
+        ),
+    ],
+)
+def test_an_import_against_the_floors_is_found(
+    copied_package: Path, module: str, line: str, contract: str
+) -> None:
+    with (copied_package / "tensegrity_codegen" / module).open("a", encoding="utf-8") as file:
+        file.write(f"\n{line}\n")
+    code, broken = lint_imports(copied_package)
+    assert code == 1
+    assert contract in broken
+
+
+@pytest.mark.parametrize(
+    "module", ["runtime.simulate", "runtime.equilibrium", "scene.assemble", "pipeline", "cli.app"]
+)
+def test_a_module_that_needs_no_casadi_does_not_load_it(module: str) -> None:
+    code = f"import sys, tensegrity_codegen.{module}; sys.exit('casadi' in sys.modules)"
+    done = run(sys.executable, "-c", code)
+    assert done.returncode == 0, done.stderr
+
+
+# --- documents -------------------------------------------------------------------------------------
+
+
+@in_checkout
+def test_every_relative_link_of_a_document_leads_somewhere() -> None:
+    tracked = run("git", "ls-files", "*.md").stdout.split()
+    missing = [
+        f"{name}: {target}"
+        for name in tracked
+        for target in re.findall(r"\]\(([^)\s]+)\)", document(name))
+        if not target.startswith(("http", "#"))
+        and not (ROOT / name).parent.joinpath(target.partition("#")[0]).exists()
+    ]
+    assert missing == []
+
+
+def test_the_readme_lists_the_verbs_of_the_command_line() -> None:
+    section = document("README.md").partition("## Command line")[2].partition("\n## ")[0]
+    verbs = re.findall(r"^\| `([a-z]+)` \|", section, re.MULTILINE)
+    assert sorted(verbs) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
+    code = re.search(r"```python\n(.*?)```", document("README.md"), re.DOTALL)
+    assert code is not None
+    example = "tensegrity_codegen/scene/examples/prism.toml"
+    shutil.copy(ROOT / example, tmp_path)
+    done = run(sys.executable, "-W", "error", "-c", code[1], folder=tmp_path, PYTHONPATH=str(ROOT))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("ok ")
+    assert done.stdout.rstrip().endswith("(201, 6, 3)")
+
+
+def test_the_scene_of_the_scene_page_is_sound() -> None:
+    text = re.search(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
+    assert text is not None
+    structure, request = assemble(parse_scene(tomllib.loads(text[1]), "docs/scene.md"))
+    assert find_warnings(structure) == ()
+    assert structure.axes == (0, 2)
+    assert set(request.parameters) == {"rest_length", "gravity"}
+
+
+def table_keys(section: str) -> list[str]:
+    """Return the keys in the first column of a section's table."""
+    cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
+    return sorted(key for cell in cells for key in re.findall(r"`([^`]+)`", cell))
+
+
+def model_keys(*models: type[BaseModel]) -> list[str]:
+    """Return the keys that models have, as they are written in TOML."""
+    fields = {field.alias or name for model in models for name, field in model.model_fields.items()}
+    return sorted(fields)
+
+
+SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
+    "## Top level": (schema.Scene,),
+    "## [model]": (schema.ModelOptions,),
+    "## [parameters]": (schema.Parameters,),
+    "## [classes.*]": (schema.MemberClass,),
+    "## [nodes]": (schema.Node,),
+    "## [[loads]]": (schema.Load,),
+    "## [[inputs]]": (schema.RestLengthInput, schema.ForceInput),
+    '`kind = "prism"`': (PrismShape,),
+    '`kind = "tower"`': (TowerShape,),
+    '`kind = "icosahedron"`': (IcosahedronShape,),
+    '`kind = "two_nodes"`': (TwoNodeShape,),
+}
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_the_scene_page_has_every_key_of_the_schema_and_no_other(heading: str) -> None:
+    after = document("docs/scene.md").partition(f"\n{heading}")[2]
+    section = re.split(r'^## |^`kind = "\w+"`:', after, flags=re.MULTILINE)
+    assert table_keys(section[0]) == model_keys(*SECTIONS[heading])
+
+
+def test_the_scene_page_has_the_keys_that_only_members_have() -> None:
+    section = document("docs/scene.md").partition("\n## [members]")[2].partition("\n## ")[0]
+    own = set(model_keys(schema.Member)) - set(model_keys(schema.MemberClass))
+    assert table_keys(section) == sorted(own | {"kind"})
+
+
+def test_the_scene_page_names_every_quantity_and_parameter() -> None:
+    text = document("docs/scene.md")
+    assert [name for name in (*QUANTITIES, *PARAMETERS) if f"`{name}`" not in text] == []
+
+
+def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
+    text = document("docs/model.md")
+    assert [name for name in QUANTITIES if name not in text] == []
+
+
+def test_the_embedding_page_states_the_status_codes() -> None:
+    rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d) \|", document("docs/embedding.md"), re.MULTILINE)
+    assert [(name.lower(), int(value)) for name, value in rows] == [
+        (name, value) for value, name in enumerate(STATUS)
+    ]

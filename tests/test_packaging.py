@@ -1,0 +1,136 @@
+"""The sdist and the wheel hold what is needed, and an installed wheel works away from the checkout."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.version import VERSION
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).resolve().parent.parent
+TEMPLATES = sorted(path.name for path in (ROOT / "templates").glob("*.j2"))
+EXAMPLES = sorted(path.name for path in (ROOT / "tensegrity_codegen/scene/examples").glob("*.toml"))
+MODULES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for path in (ROOT / "tensegrity_codegen").rglob("*.py")
+    if "__pycache__" not in path.parts
+)
+
+# From example scene to C text, with everything that the wheel brings along.
+RENDER = """
+import pathlib, sys
+import tensegrity_codegen
+from importlib.resources import files
+from tensegrity_codegen import load_scene
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.render import template_folder
+home = pathlib.Path(tensegrity_codegen.__file__).parent
+assert template_folder() == home / "templates", template_folder()
+scene = files("tensegrity_codegen.scene").joinpath("examples/prism.toml")
+source = emit(*load_scene(str(scene)))
+print(home)
+print(*sorted(source.files))
+print(len(source.files["prism.c"]))
+"""
+
+
+def run(*command: str | Path, folder: Path, **environment: str) -> str:
+    """Return stdout of a command; a failure shows all that it wrote."""
+    kept = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        [str(part) for part in command],
+        cwd=folder,
+        env=kept | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sdist, and the wheel that was built from the sdist."""
+    folder = tmp_path_factory.mktemp("dist")
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT, folder=folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel installed and nothing else."""
+    target = tmp_path_factory.mktemp("installed")
+    wheel = next(dist.glob("*.whl"))
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-index")
+    run(*pip, "--no-deps", "--target", target, wheel, folder=target)
+    return target
+
+
+def test_the_sdist_holds_all_that_the_project_is_built_and_tested_with(dist: Path) -> None:
+    with tarfile.open(dist / f"tensegrity_codegen-{VERSION}.tar.gz") as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    wanted = {
+        *MODULES,
+        *(f"templates/{name}" for name in TEMPLATES),
+        *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
+        *(
+            "tensegrity_codegen/py.typed",
+            "pyproject.toml",
+            "Makefile",
+            "README.md",
+            "CHANGELOG.md",
+            "LICENSE",
+        ),
+        *("tests/test_packaging.py", "docs/model.md", "docs/decisions/0001-floors.md"),
+    }
+    assert wanted - names == set()
+
+
+def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(dist: Path) -> None:
+    with zipfile.ZipFile(next(dist.glob("*.whl"))) as archive:
+        names = set(archive.namelist())
+    info = f"tensegrity_codegen-{VERSION}.dist-info/"
+    wanted = {
+        *MODULES,
+        *(f"tensegrity_codegen/templates/{name}" for name in TEMPLATES),
+        *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
+        "tensegrity_codegen/py.typed",
+    }
+    assert {name for name in names if not name.startswith(info)} == wanted
+    assert f"{info}licenses/LICENSE" in names
+
+
+def test_the_installed_command_line_answers_away_from_the_checkout(installed: Path, tmp_path: Path) -> None:
+    text = run(
+        sys.executable, "-m", "tensegrity_codegen", "--help", folder=tmp_path, PYTHONPATH=str(installed)
+    )
+    assert "simulate" in text
+    assert "import" in text
+
+
+def test_the_installed_package_lists_its_examples(installed: Path, tmp_path: Path) -> None:
+    command = (sys.executable, "-m", "tensegrity_codegen", "examples")
+    text = run(*command, folder=tmp_path, PYTHONPATH=str(installed))
+    assert [name for name in EXAMPLES if name.removesuffix(".toml") not in text] == []
+
+
+def test_the_installed_package_renders_with_its_own_templates(installed: Path, tmp_path: Path) -> None:
+    text = run(sys.executable, "-c", RENDER, folder=tmp_path, PYTHONPATH=str(installed))
+    home, files, size = text.splitlines()
+    assert Path(home) == installed / "tensegrity_codegen"
+    assert files.split() == ["Makefile", "example.c", "manifest.json", "prism.c", "prism.h"]
+    assert int(size) > 10_000
+
+
+def test_the_console_script_is_declared(installed: Path) -> None:
+    text = (installed / f"tensegrity_codegen-{VERSION}.dist-info" / "entry_points.txt").read_text("utf-8")
+    assert "tensegrity-codegen = tensegrity_codegen.cli:main" in text
