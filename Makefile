@@ -68,8 +68,8 @@ contracts: $(STAMP) ## import-linter: which module may import which
 test-fast: $(STAMP) ## the tests that take no more than a few seconds each
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
 
-bench: $(STAMP) ## measure: every benchmarks/bench_*.py, one after the other
-	@set -e; for file in $(sort $(wildcard benchmarks/bench_*.py)); do \
+bench: $(STAMP) ## measure: every script in benchmarks/, one after the other
+	@set -e; for file in $$(grep -l '^if __name__' benchmarks/*.py); do \
 	  echo "== $$file"; $(BIN)/python "$$file"; done
 
 wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/
