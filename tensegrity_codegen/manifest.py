@@ -102,6 +102,7 @@ class Manifest:
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
     connectivity: tuple[tuple[int, int], ...]
+    coordinate_name: tuple[str, ...]
     coordinate_node_axis: tuple[tuple[int, int], ...]
     node_position: tuple[tuple[float, float, float], ...]
     node_velocity: tuple[tuple[float, float, float], ...]

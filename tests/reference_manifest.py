@@ -52,6 +52,9 @@ def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...
         node_name=tuple(structure.node_name),
         member_name=tuple(structure.member_name),
         connectivity=tuple((int(i), int(j)) for i, j in structure.connectivity),
+        coordinate_name=tuple(
+            f"{structure.node_name[n]}_{'xyz'[a]}" for n, a in structure.coordinate_node_axis
+        ),
         coordinate_node_axis=tuple((int(n), int(a)) for n, a in structure.coordinate_node_axis),
         node_position=tuple((float(x), float(y), float(z)) for x, y, z in structure.node_position),
         node_velocity=tuple((float(x), float(y), float(z)) for x, y, z in structure.node_velocity),

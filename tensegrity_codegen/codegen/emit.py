@@ -73,6 +73,6 @@ def _measure(
     own: int,
     object_size: Callable[[dict[str, str]], int],
 ) -> LeftOut:
-    structure, wider = with_feature(row.what, model.structure, request)
+    structure, wider = with_feature(row.what, model.subject, request)
     functions, variant = _prune(structure, wider)
     return replace(row, object_bytes=object_size(_sources(variant, wider, functions)) - own, measured=True)

@@ -124,7 +124,7 @@ def account_left_out(
     model: SymbolicModel, request: ModelRequest, functions: tuple[PrunedFunction, ...]
 ) -> tuple[LeftOut, ...]:
     """Return one row for each thing that was left out and would have cost something."""
-    structure = model.structure
+    structure = model.subject
     rows = []
     for feature in FEATURES:
         if feature.is_absent(structure, request):

@@ -50,17 +50,17 @@ def _prune_one(model: SymbolicModel, quantity: Quantity) -> PrunedFunction:
     if expression.nnz() == 0:
         raise FormulationError(
             f"{quantity.name} is empty: nothing in this scene enters it",
-            where=f"{model.structure.name}: model.quantities",
+            where=f"{model.name}: model.quantities",
             given=quantity.name,
             hint="take it off the list of wanted quantities",
         )
     kept = {
-        name: symbol
-        for name, symbol in model.arguments.ordered_symbols().items()
-        if symbol.numel() and ca.depends_on(expression, symbol)
+        name: argument.symbol
+        for name, argument in model.arguments.items()
+        if argument.symbol.numel() and ca.depends_on(expression, argument.symbol)
     }
     function = ca.Function(
-        f"{model.structure.name}_{quantity.name}",
+        f"{model.name}_{quantity.name}",
         list(kept.values()),
         [expression],
         list(kept),

@@ -68,7 +68,7 @@ def emit_unrolled(manifest: Manifest, functions: tuple[PrunedFunction, ...]) -> 
 def _context(manifest: Manifest, functions: tuple[PrunedFunction, ...]) -> dict[str, Any]:
     arguments = {item.name: _argument_context(item) for item in manifest.arguments if item.nominal}
     by_quantity = {spec.quantity: spec for spec in manifest.functions}
-    n_coordinates = len(manifest.coordinate_node_axis)
+    n_coordinates = len(manifest.coordinate_name)
     sizes = {
         "nodes": len(manifest.node_name),
         "members": len(manifest.member_name),
@@ -100,13 +100,10 @@ def _context(manifest: Manifest, functions: tuple[PrunedFunction, ...]) -> dict[
 
 
 def _indices(manifest: Manifest) -> dict[str, list[str]]:
-    coordinates = [
-        f"{manifest.node_name[node]}_{'xyz'[axis]}" for node, axis in manifest.coordinate_node_axis
-    ]
     return {
         "node": list(manifest.node_name),
         "member": list(manifest.member_name),
-        "coordinate": coordinates,
+        "coordinate": list(manifest.coordinate_name),
         "input": list(manifest.input_name),
     }
 

@@ -15,6 +15,7 @@ import numpy as np
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
 from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.model import ModelArgument
 
 __all__ = ["SymbolicArguments"]
 
@@ -57,9 +58,9 @@ class SymbolicArguments:
         self.velocity = self._velocities()
         self.add_inputs()
 
-    def ordered_symbols(self) -> dict[str, ca.SX]:
-        """Return the symbols in the fixed argument order."""
-        return {name: self.symbols[name] for name in ARGUMENTS if name in self.symbols}
+    def ordered(self) -> dict[str, ModelArgument]:
+        """Return the arguments in the fixed order, with the scene's values."""
+        return {name: self._argument(name) for name in ARGUMENTS if name in self.symbols}
 
     def parameter_symbols(self) -> ca.SX:
         """Return all run-time parameters stacked in argument order, (n_parameters, 1)."""
@@ -77,6 +78,32 @@ class SymbolicArguments:
                     load = self.node_load[target]
                     for column, axis in enumerate(self.structure.axes):
                         load[column] = load[column] + u * item.direction[axis]
+
+    def _argument(self, name: str) -> ModelArgument:
+        structure, axes, places = self.structure, list(self.structure.axes), self.free
+        nominal: Any
+        over: tuple[str, ...] = ()
+        if name == "coordinate":
+            nominal = structure.node_position[places[:, 0], places[:, 1]]
+        elif name == "velocity":
+            nominal = structure.node_velocity[places[:, 0], places[:, 1]]
+        elif name == "input":
+            nominal, over = np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
+        elif name == "gravity":
+            nominal = structure.gravity[axes]
+        else:
+            nominal, over = self._chosen(name)
+        return ModelArgument(self.symbols[name], nominal, over)
+
+    def _chosen(self, name: str) -> tuple[Any, tuple[str, ...]]:
+        """Return values and names of the nodes or members that keep `name` changeable."""
+        structure, chosen = self.structure, list(self.parameters[name])
+        of_nodes = name in ("node_mass", "node_load", "anchor_position")
+        names = structure.node_name if of_nodes else structure.member_name
+        values = getattr(structure, "node_position" if name == "anchor_position" else name)[chosen]
+        return values[:, list(structure.axes)] if values.ndim == 2 else values, tuple(
+            names[k] for k in chosen
+        )
 
     def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
         self.symbols[name] = ca.SX.sym(name, rows, columns)

@@ -3,21 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.quantities import find_quantity
 from tensegrity_codegen.structure import Structure
-from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 
-__all__ = ["SymbolicModel"]
+__all__ = ["Frame", "ModelArgument", "SymbolicModel", "frame_structure"]
+
+
+@dataclass(frozen=True)
+class ModelArgument:
+    """One run-time argument: its symbols, its value in the scene (C order), the names it runs over.
+
+    The symbols of a (k, n) argument are n x k, so that CasADi's columns are the rows of a C array.
+    """
+
+    symbol: ca.SX
+    nominal: NDArray[np.float64]
+    over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a model's results run over: names of nodes, members, coordinates and inputs, and where nodes are.
+
+    coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
+    """
+
+    axes: tuple[int, ...]
+    node_name: tuple[str, ...]
+    node_position: NDArray[np.float64]  # (n_nodes, 3) [m]
+    node_velocity: NDArray[np.float64]  # (n_nodes, 3) [m/s]
+    member_name: tuple[str, ...]
+    connectivity: tuple[tuple[int, int], ...]
+    coordinate_name: tuple[str, ...]
+    coordinate_node_axis: tuple[tuple[int, int], ...]
+    input_name: tuple[str, ...]
+
+
+def frame_structure(structure: Structure) -> Frame:
+    """Return the frame of a model whose coordinates are the structure's free node coordinates."""
+    places = tuple((int(node), int(axis)) for node, axis in structure.coordinate_node_axis)
+    return Frame(
+        axes=structure.axes,
+        node_name=structure.node_name,
+        node_position=structure.node_position,
+        node_velocity=structure.node_velocity,
+        member_name=structure.member_name,
+        connectivity=tuple((int(i), int(j)) for i, j in structure.connectivity),
+        coordinate_name=tuple(f"{structure.node_name[node]}_{'xyz'[axis]}" for node, axis in places),
+        coordinate_node_axis=places,
+        input_name=tuple(item.name for item in structure.inputs),
+    )
 
 
 class SymbolicModel:
     """Named expressions over shared run-time symbols.
 
+    subject: the structure that it models; arguments: name -> argument, in the order of C signatures;
     builders: quantity name -> function without arguments that returns its SX, in the quantity's shape
     transposed where it is a table of vectors, so that CasADi's columns are the rows of a C array.
     """
@@ -25,13 +74,16 @@ class SymbolicModel:
     def __init__(
         self,
         formulation: str,
-        structure: Structure,
-        arguments: SymbolicArguments,
+        subject: Any,
+        frame: Frame,
+        arguments: Mapping[str, ModelArgument],
         builders: Mapping[str, Callable[[], Any]],
     ) -> None:
         self.formulation = formulation
-        self.structure = structure
-        self.arguments = arguments
+        self.subject = subject
+        self.name: str = subject.name
+        self.frame = frame
+        self.arguments = dict(arguments)
         self._builders = builders
         self._built: dict[str, ca.SX] = {}
 

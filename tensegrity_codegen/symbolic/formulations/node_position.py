@@ -20,7 +20,7 @@ from tensegrity_codegen.symbolic.geometry import dot, member_length, member_rate
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_blocks
 from tensegrity_codegen.symbolic.member_law import MemberLaw
-from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
 __all__ = ["build_node_position"]
@@ -36,7 +36,8 @@ def build_node_position(structure: Structure, request: ModelRequest) -> Symbolic
     """
     check_no_rigid_bar(structure)
     parts = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
-    return SymbolicModel("node_position", structure, parts.arguments, parts.builders())
+    arguments = parts.arguments.ordered()
+    return SymbolicModel("node_position", structure, frame_structure(structure), arguments, parts.builders())
 
 
 def check_no_rigid_bar(structure: Structure) -> None:
