@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
 import typer
 
@@ -10,12 +12,23 @@ from tensegrity_codegen.cli.build import build
 from tensegrity_codegen.cli.doctor import doctor
 from tensegrity_codegen.cli.equilibrium import equilibrium
 from tensegrity_codegen.cli.linearize import linearize
+from tensegrity_codegen.cli.output import Output, explain_system_error
 from tensegrity_codegen.cli.scenes import check, examples, import_foreign, new, schema
 from tensegrity_codegen.cli.show import show
 from tensegrity_codegen.cli.simulate import simulate
+from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.version import VERSION
 
-__all__ = ["app", "main"]
+__all__ = ["CommandLineError", "app", "main"]
+
+INTERRUPTED = 130
+# click's base class of such errors, from wherever typer takes click: a package or a copy of its own.
+ClickError: Any = typer.BadParameter.__mro__[2]
+
+
+class CommandLineError(TensegrityError):
+    """Verbs, arguments or options that the command line does not have or cannot read."""
+
 
 app = typer.Typer(
     name="tensegrity-codegen",
@@ -42,10 +55,35 @@ def version_option(
         raise typer.Exit
 
 
-def main() -> None:
-    """Run the command line; Ctrl-C ends with exit code 130."""
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run the command line (sys.argv if no arguments are given) and exit; Ctrl-C ends with exit code 130.
+
+    With --json, wrong usage too gives one object on stdout.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    output = Output("--json" in words)
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")  # file names may hold bytes that are no text
     try:
-        app()
-    except KeyboardInterrupt:
-        typer.echo("interrupted", err=True)
-        sys.exit(130)
+        code = app(words, prog_name="tensegrity-codegen", standalone_mode=False)
+    except ClickError as error:
+        code = _refuse_usage(error, output)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except OSError as error:
+        code = output.fail(explain_system_error(error)).exit_code
+    if code == INTERRUPTED:
+        output.aside.print("interrupted")
+    sys.exit(code)
+
+
+def _refuse_usage(error: Any, output: Output) -> int:
+    """Say what is wrong with the command line; return the exit code."""
+    if not output.as_json:
+        error.show()
+        return 2
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "tensegrity-codegen"
+    return output.fail(
+        CommandLineError(error.format_message(), where="command line", hint=f"{command} --help")
+    ).exit_code

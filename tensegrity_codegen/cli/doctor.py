@@ -96,7 +96,8 @@ def _lines(data: dict[str, Any]) -> list[str]:
         extra = f"  (extra [{OPTIONAL[name]}])" if name in OPTIONAL else ""
         lines.append(f"  {name:<14} {found or 'not installed'}{extra}")
     for row in data["compilers"]:
-        lines.append(f"  {'ok ' if row['works'] else 'BAD'} {row['version']}: {row['report']}")
+        state = "ok " if row["works"] else "BAD"
+        lines.append(f"  {state} {row['name']:<6} {row['version']}: {row['report']}")
     lines.append(f"  cache {data['cache']}, {data['cache_bytes'] / 2**20:.1f} MiB")
     lines.append(f"  ffmpeg {'found' if data['ffmpeg'] else 'not found (needed for .mp4 only)'}")
     return lines + [f"problem: {problem}" for problem in data["problems"]]

@@ -10,6 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.files import check_target
 from tensegrity_codegen.runtime.equilibrium import Method
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def equilibrium(
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
         from tensegrity_codegen.scene.write import describe_structure, write_scene
 
+        if out is not None:
+            check_target(out, overwrite=overwrite)
         structure, request = load_scene(scene)
         arguments: dict[str, Any] = {}
         parameters: dict[str, tuple[int, ...]] = {}
@@ -59,7 +62,7 @@ def equilibrium(
         found = find_equilibrium(
             model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False
         )
-        data = equilibrium_data(model, found)
+        data = equilibrium_data(model, found) | {"out": None}
         if out is not None and found.is_found:
             settled = structure.with_changes(node_position=found.node_position)
             write_scene(describe_structure(settled, request), out, overwrite=overwrite)

@@ -10,7 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.files import replaced
+from tensegrity_codegen.files import check_target, replaced
 
 __all__ = ["linearize"]
 
@@ -41,6 +41,8 @@ def linearize(
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
         from tensegrity_codegen.runtime.linearize import linearize as run
 
+        if out is not None:
+            check_target(out)
         structure, request = load_scene(scene)
         quantities = [name for name in LINEARIZE_QUANTITIES if name != "input_jacobian" or structure.inputs]
         wanted = request.wanting(*quantities, *(EQUILIBRIUM_QUANTITIES if settle else ()))

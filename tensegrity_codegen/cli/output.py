@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,18 @@ import typer
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.errors import OutputError, TensegrityError
 
-__all__ = ["Output", "plain"]
+__all__ = ["Output", "plain", "print_text"]
+
+
+class PatientConsole(Console):
+    """A console whose reader may go away, as in `... | head`: what follows is dropped, the work goes on."""
+
+    def on_broken_pipe(self) -> None:
+        """Drop all further output."""
+        self.quiet = True
+        drop_output(self.file)
 
 
 class Output:
@@ -24,8 +34,8 @@ class Output:
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
-        self.human = Console(highlight=False)
-        self.aside = Console(stderr=True, highlight=False)
+        self.human = PatientConsole(highlight=False)
+        self.aside = PatientConsole(stderr=True, highlight=False)
 
     def result(self, data: Mapping[str, Any], *readable: RenderableType) -> None:
         """Print the verb's result: `data` as JSON, or `readable`."""
@@ -33,7 +43,8 @@ class Output:
             print_json(data)
         else:
             for item in readable:
-                self.human.print(item, soft_wrap=isinstance(item, str), markup=False)
+                self.human.print(item, soft_wrap=isinstance(item, str), markup=False, emoji=False)
+            print_text("")
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
@@ -48,11 +59,19 @@ class Output:
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Turn errors made for users into a message and an exit code; leave defects alone."""
+        """Turn errors made for users, and those of the machine, into a message and an exit code.
+
+        Defects pass through.
+        """
         try:
             yield
         except TensegrityError as error:
             raise self.fail(error) from error
+        except OSError as error:
+            raise self.fail(explain_system_error(error)) from error
+        except MemoryError as error:
+            problem = "there is not enough memory for this"
+            raise self.fail(TensegrityError(problem, hint="ask for fewer samples or quantities")) from error
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float], None]]:
@@ -67,7 +86,35 @@ class Output:
 
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout."""
-    sys.stdout.write(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
+    print_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
+
+
+def print_text(text: str) -> None:
+    """Write to stdout at once; a reader that has gone away is no error."""
+    if sys.stdout is None:  # closed by the caller
+        return
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        drop_output(sys.stdout)
+
+
+def drop_output(stream: Any) -> None:
+    """Let a stream whose reader has gone away lead nowhere, so that closing it at the end does not fail."""
+    with suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def explain_system_error(error: OSError) -> OutputError:
+    """Return the error for users of what the operating system refused."""
+    return OutputError(
+        f"the system refused: {error.strerror or error}",
+        where=str(error.filename or ""),
+        hint="check paths, permissions and free space",
+    )
 
 
 def plain(value: Any) -> Any:

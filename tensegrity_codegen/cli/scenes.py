@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument, parse_vector
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.output import Output, print_text
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.files import replaced
 
@@ -121,7 +121,7 @@ def schema(
 
         document = scene_json_schema()
         if out is None:
-            typer.echo(json_module.dumps(document, indent=2))
+            print_text(json_module.dumps(document, indent=2) + "\n")
         else:
             _write_text(json_module.dumps(document, indent=2) + "\n", out, overwrite=True)
             output.result({"status": "ok", "out": str(out)}, f"wrote {out}")

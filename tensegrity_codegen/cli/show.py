@@ -9,6 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.files import check_target
 
 __all__ = ["show"]
 
@@ -41,6 +42,7 @@ def show(
         from tensegrity_codegen.report.plots import plot_structure, plot_trajectory
         from tensegrity_codegen.runtime.trajectory import read_trajectory
 
+        check_target(out)
         structure, _ = load_scene(scene)
         motion = None if trajectory is None else read_trajectory(trajectory, structure)
         if out.suffix.lower() in ANIMATED:

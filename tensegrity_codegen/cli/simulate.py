@@ -9,6 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.files import check_target
 
 __all__ = ["simulate"]
 
@@ -52,6 +53,8 @@ def simulate(
         from tensegrity_codegen.runtime.simulate import simulate as run
 
         check_options(t_end, samples, method, step, rtol, atol)
+        if out is not None:
+            check_target(out)
         structure, request = load_scene(scene)
         quantities = SIMULATION_QUANTITIES + (EQUILIBRIUM_QUANTITIES if settle else ())
         wanted = request.wanting(*quantities, integrators=("rk4",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -21,7 +22,7 @@ class PrunedFunction:
     function: ca.Function
     arguments: tuple[str, ...]
 
-    @property
+    @cached_property
     def operations(self) -> int:
         """Number of floating-point operations in one evaluation."""
         codes = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)

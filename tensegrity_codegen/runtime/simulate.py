@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ from scipy.integrate import solve_ivp
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
-from tensegrity_codegen.runtime.step_halving import estimate_frequency, halve_until_converged
+from tensegrity_codegen.runtime.step_halving import MOST_STEPS, estimate_frequency, halve_until_converged
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory, evaluate_trajectory
 
 __all__ = ["METHODS", "check_options", "simulate"]
@@ -29,6 +30,9 @@ METHODS = {
     "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
+MOST_SAMPLES = 1_000_000
+LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
+SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
 SCIPY_NAME: dict[str, Any] = {
     "scipy_dop853": "DOP853",
     "scipy_rk45": "RK45",
@@ -90,6 +94,15 @@ def _auto(
     frequency = estimate_frequency(model, state[: len(state) // 2], arguments)
     first = min(span / 16.0, 1.0 / frequency if frequency > 0 else span)
 
+    if first <= 0.0 or span / first > MOST_STEPS:
+        message = (
+            f"more than {MOST_STEPS} steps would be needed for motions of {frequency:.3g} rad/s: "
+            "simulate a shorter time, or soften the stiffest members"
+        )
+        return RawTrajectory(
+            sample_time[:1], state[None, :], "not_converged", message, "auto (rk4, step halving)", 0, 0
+        )
+
     def run(step: float) -> RawTrajectory:
         return integrate_rk4(model, state, sample_time, step, arguments, progress)
 
@@ -111,14 +124,19 @@ def _scipy(
         a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **arguments)
         return np.concatenate([x[n:], a])
 
+    def stopped(why: str) -> RawTrajectory:
+        return RawTrajectory(sample_time[:1], state[None, :], "unstable", why, f"scipy {method}", 0, 0)
+
     try:
-        found = solve_ivp(
-            derivative, (0.0, sample_time[-1]), state, method, t_eval=sample_time, rtol=rtol, atol=atol
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what they say is in the status
+            found = solve_ivp(
+                derivative, (0.0, sample_time[-1]), state, method, t_eval=sample_time, rtol=rtol, atol=atol
+            )
     except NonFiniteError as error:
-        return RawTrajectory(
-            sample_time[:1], state[None, :], "unstable", error.problem, f"scipy {method}", 0, 0
-        )
+        return stopped(error.problem)
+    if len(found.t) == 0:
+        return stopped(str(found.message))
     return RawTrajectory(
         time=found.t,
         state=found.y.T,
@@ -141,8 +159,18 @@ def check_options(
     for key, value in (("--t-end", t_end), ("--rtol", rtol), ("--atol", atol)):
         if not (np.isfinite(value) and value > 0):
             raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0")
-    if samples < 2:
-        raise InvalidValueError("too few samples", where="--samples", given=samples, allowed="at least 2")
+    if not 2 <= samples <= MOST_SAMPLES:
+        few = "few" if samples < 2 else "many"
+        raise InvalidValueError(
+            f"too {few} samples", where="--samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
+        )
+    if method in SCIPY_NAME and rtol < SMALLEST_SCIPY_RTOL:
+        raise InvalidValueError(
+            "too small for SciPy's methods",
+            where="--rtol",
+            given=rtol,
+            allowed=f"at least {SMALLEST_SCIPY_RTOL:.3g}",
+        )
     if method == "rk4" and step is None:
         raise InvalidValueError(
             "method 'rk4' needs a step",
@@ -156,3 +184,10 @@ def check_options(
         )
     if step is not None and not (np.isfinite(step) and step > 0):
         raise InvalidValueError("out of range", where="--step", given=step, allowed="a finite number > 0 [s]")
+    if step is not None and t_end > LARGEST_COUNT * step:
+        raise InvalidValueError(
+            "too small for the simulated time",
+            where="--step",
+            given=step,
+            allowed=f"more than {t_end / LARGEST_COUNT:.3g} s, which makes {LARGEST_COUNT:.3g} steps",
+        )

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
-__all__ = ["estimate_frequency", "halve_until_converged"]
+__all__ = ["MOST_STEPS", "estimate_frequency", "halve_until_converged"]
 
 FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 20_000_000
+ROUNDING = 1e-8  # differences this small against the state, if they stop shrinking, are rounding
 ORDER_GAIN = 15.0  # 2^4 - 1: Richardson's factor of a method of order 4
 
 
@@ -68,7 +69,8 @@ def halve_until_converged(
                 n_steps=finer.n_steps,
                 n_evaluations=4 * total_steps,
             )
-        if finer.status == "ok" and last_difference < 1e3 and difference >= last_difference:
+        close = last_difference < 1e3 or _is_rounding(previous, finer)
+        if finer.status == "ok" and close and difference >= last_difference:
             return _give_up(finer, difference, "a smaller step no longer brings the runs together")
         previous, last_difference = finer, difference
 
@@ -79,6 +81,13 @@ def _difference(coarse: RawTrajectory, fine: RawTrajectory, rtol: float, atol: f
         return np.inf
     scale = atol + rtol * np.abs(fine.state)
     return float(np.max(np.abs(fine.state - coarse.state) / scale))
+
+
+def _is_rounding(coarse: RawTrajectory, fine: RawTrajectory) -> bool:
+    """Return whether two runs differ by no more than rounding might explain."""
+    if coarse.status != "ok" or fine.status != "ok":
+        return False
+    return bool(np.max(np.abs(fine.state - coarse.state)) <= ROUNDING * np.max(np.abs(fine.state)))
 
 
 def _give_up(last: RawTrajectory, difference: float, why: str) -> RawTrajectory:

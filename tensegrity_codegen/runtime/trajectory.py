@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import SceneSyntaxError, StructureError
+from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import place_nodes
@@ -124,14 +124,9 @@ class Trajectory:
 
 def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
     """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
+    raw, columns = _evaluate_samples(model, raw, arguments)
     n = raw.state.shape[1] // 2
     q, v = raw.state[:, :n], raw.state[:, n:]
-    columns = {
-        name: np.array(
-            [model.compute(name, coordinate=a, velocity=b, **arguments) for a, b in zip(q, v, strict=True)]
-        )
-        for name in ("member_tension", "kinetic_energy", "total_energy")
-    }
     drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
     manifest = model.manifest
     anchors = arguments.get("anchor_position")
@@ -155,6 +150,33 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
         node_name=manifest.node_name,
         member_name=manifest.member_name,
     )
+
+
+def _evaluate_samples(
+    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]
+) -> tuple[RawTrajectory, dict[str, FloatArray]]:
+    """Return the samples with finite tensions and energies, and these; raises NonFiniteError if none has.
+
+    A run that blows up overflows in the square of its velocities before it does in the velocities.
+    """
+    names = ("member_tension", "kinetic_energy", "total_energy")
+    n, rows = raw.state.shape[1] // 2, []
+    for state in raw.state:
+        try:
+            row = [
+                model.compute(name, coordinate=state[:n], velocity=state[n:], **arguments) for name in names
+            ]
+        except NonFiniteError:
+            if not rows:
+                raise
+            raw = replace(raw, time=raw.time[: len(rows)], state=raw.state[: len(rows)])
+            if raw.status == "ok":
+                message = f"the energy is not finite after t = {raw.time[-1]:.6g} s: take a smaller step"
+                raw = replace(raw, status="unstable", message=message)
+            break
+        rows.append(row)
+    columns = zip(*rows, strict=True)
+    return raw, {name: np.array(column) for name, column in zip(names, columns, strict=True)}
 
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
