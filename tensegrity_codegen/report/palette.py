@@ -1,0 +1,47 @@
+"""The colours of every picture, told apart with any kind of colour vision.
+
+The hues are those of M. Okabe and K. Ito, "Color Universal Design" (2008); tension runs from blue
+(compression) over grey (none) to vermilion (tension), so that an unloaded member stays visible on white.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.colors import LinearSegmentedColormap
+
+__all__ = [
+    "BAR",
+    "CABLE",
+    "GRID",
+    "INK",
+    "MUTED",
+    "NODE",
+    "PAPER",
+    "SEQUENCE",
+    "SLACK",
+    "build_tension_colormap",
+]
+
+INK = "#1f2933"
+MUTED = "#5c6670"
+GRID = "#d9dee3"
+PAPER = "#ffffff"
+BAR = "#33506e"
+CABLE = "#d55e00"
+SLACK = "#8c949c"
+NODE = "#f4f6f8"
+
+# Lines of a diagram, in the order in which they are used.
+SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+
+# Compression, none, tension.
+_DIVERGING = ("#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04")
+
+
+def build_tension_colormap() -> LinearSegmentedColormap:
+    """Return the colour map of member tensions, to be used symmetrically about zero."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    return LinearSegmentedColormap.from_list("member_tension", _DIVERGING)

@@ -1,0 +1,162 @@
+"""Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["functions_table", "left_out_table", "members_table", "nodes_table", "run_table"]
+
+FloatArray = NDArray[np.float64]
+
+# What the facts about a run are called, and their units.
+RUN_ROWS = {
+    "status": ("status", ""),
+    "message": ("message", ""),
+    "method": ("method", ""),
+    "t_end": ("simulated time", "s"),
+    "n_samples": ("samples", ""),
+    "n_steps": ("steps", ""),
+    "n_evaluations": ("force evaluations", ""),
+    "step": ("step", "s"),
+    "error_estimate": ("estimated error / tolerance", ""),
+    "total_energy_start": ("total energy at the start", "J"),
+    "total_energy_end": ("total energy at the end", "J"),
+    "largest_kinetic_energy": ("largest kinetic energy", "J"),
+    "energy_drift": ("energy drift / largest kinetic energy", ""),
+    "library": ("library", ""),
+    "out": ("result file", ""),
+}
+
+
+def functions_table(manifest: Manifest) -> Table:
+    """Return a table of the emitted functions: arguments, shape, unit, operations."""
+    table = _table(
+        f"{manifest.name}: functions", "quantity", "arguments", "shape", "unit", operations="right"
+    )
+    for item in manifest.functions:
+        _add(
+            table, item.quantity, ", ".join(item.arguments) or "none", _shape(item.shape), item.unit,
+            f"{item.operations:,}",
+        )  # fmt: skip
+    for integrator in manifest.integrators:
+        arguments = ", ".join(integrator.arguments) or "none"
+        _add(table, f"integrate_{integrator.name}", arguments, "", "", "")
+    return table
+
+
+def left_out_table(manifest: Manifest) -> Table:
+    """Return a table of what the library leaves out, why, and what each omission saved.
+
+    Object bytes are marked with "~" where they were estimated from the operations.
+    """
+    table = _table(
+        f"{manifest.name}: left out", "what", "why",
+        functions="right", arguments="right", operations="right", object_bytes="right",
+    )  # fmt: skip
+    for item in manifest.left_out:
+        sign = "" if item.measured else "~"
+        _add(
+            table, item.what, item.why, f"{item.functions:,}", f"{item.arguments:,}", f"{item.operations:,}",
+            f"{sign}{item.object_bytes:,}",
+        )  # fmt: skip
+    return table
+
+
+def nodes_table(structure: Structure, node_position: FloatArray) -> Table:
+    """Return a table of the nodes at node_position (n_nodes, 3) [m] with their held axes.
+
+    The distance moved counts from the structure's stated positions.
+    """
+    letters = ["xyz"[axis] for axis in structure.axes]
+    table = _table(
+        f"{structure.name}: nodes", "node", **{f"{letter} [m]": "right" for letter in letters},
+        **{"moved [m]": "right", "held": "left"},
+    )  # fmt: skip
+    moved = np.linalg.norm(node_position - structure.node_position, axis=1)
+    for n, name in enumerate(structure.node_name):
+        held = "".join("xyz"[axis] for axis in structure.axes if structure.node_anchored[n, axis])
+        places = [f"{node_position[n, axis]:.6f}" for axis in structure.axes]
+        _add(table, name, *places, f"{moved[n]:.3g}", held)
+    return table
+
+
+def members_table(structure: Structure, member_length: FloatArray, member_tension: FloatArray) -> Table:
+    """Return a table of the members: lengths (n_members,) [m], tensions (n_members,) [N], and their state.
+
+    The strain is (l - rho) / rho, from the stated rest lengths rho.
+    """
+    table = _table(
+        f"{structure.name}: members", "member", "class", "nodes",
+        **{"rest length [m]": "right", "length [m]": "right", "strain [%]": "right", "tension [N]": "right"},
+        state="left",
+    )  # fmt: skip
+    strain = 100 * (member_length - structure.rest_length) / structure.rest_length
+    states = _states(structure, member_tension)
+    for e, name in enumerate(structure.member_name):
+        nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
+        _add(
+            table, name, structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable"), nodes,
+            f"{structure.rest_length[e]:.6f}", f"{member_length[e]:.6f}", f"{strain[e]:+.3g}",
+            f"{member_tension[e]:+.6g}", states[e],
+        )  # fmt: skip
+    return table
+
+
+def run_table(summary: Mapping[str, Any]) -> Table:
+    """Return a table of the facts about a run that `Trajectory.summary` gives, without the unknown ones."""
+    table = _table("", "fact", "value")
+    table.show_header = False
+    for key, value in summary.items():
+        name, unit = RUN_ROWS.get(key, (key.replace("_", " "), ""))
+        if value is None or value == "":
+            continue
+        text = (
+            f"{value:.6g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
+        )
+        _add(table, name, f"{text} {unit}".rstrip())
+    return table
+
+
+def _table(title: str, *texts: str, **columns: str) -> Table:
+    """Return an empty table with text columns, then columns by name -> alignment."""
+    table = Table(
+        title=Text(title) if title else None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False
+    )
+    for name in texts:
+        table.add_column(name.replace("_", " "), overflow="fold")
+    for name, side in columns.items():
+        justify: Any = side
+        table.add_column(name.replace("_", " "), justify=justify, no_wrap=True)
+    return table
+
+
+def _add(table: Table, *cells: str) -> None:
+    """Add a row of plain texts, in which square brackets mean themselves."""
+    table.add_row(*(Text(cell) for cell in cells))
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return " x ".join(str(size) for size in shape) or "1"
+
+
+def _states(structure: Structure, tension: FloatArray) -> list[str]:
+    """Return in a word what each member does; a tension-only one without tension is slack."""
+    words = []
+    for value, tension_only in zip(tension, structure.tension_only, strict=True):
+        if value > 0:
+            words.append("in tension")
+        elif tension_only:
+            words.append("slack")
+        else:
+            words.append("in compression" if value < 0 else "unloaded")
+    return words
