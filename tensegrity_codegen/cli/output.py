@@ -90,14 +90,16 @@ def print_json(data: Mapping[str, Any]) -> None:
 
 
 def print_text(text: str) -> None:
-    """Write to stdout at once; a reader that has gone away is no error."""
+    """Write to stdout at once; a reader that has gone away is no error. Raises OSError, as on a full disk."""
     if sys.stdout is None:  # closed by the caller
         return
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         drop_output(sys.stdout)
+        if not isinstance(error, BrokenPipeError):
+            raise
 
 
 def drop_output(stream: Any) -> None:
