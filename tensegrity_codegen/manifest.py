@@ -138,16 +138,19 @@ class Manifest:
             )
         try:
             return _decode(data)
-        except (KeyError, TypeError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
 
     @classmethod
     def read(cls, path: Path) -> Manifest:
-        """Read a manifest file."""
+        """Read a manifest file; raises what from_json raises, LibraryError if there is none."""
         try:
-            return cls.from_json(path.read_text(encoding="utf-8"), where=str(path))
+            text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise LibraryError("no manifest beside the library", where=str(path)) from error
+        except UnicodeDecodeError as error:
+            raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
+        return cls.from_json(text, where=str(path))
 
 
 def _decode(data: dict[str, Any]) -> Manifest:

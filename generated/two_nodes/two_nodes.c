@@ -89,20 +89,23 @@ static void acceleration_kernel(
   const double t10 = (1.0 < t9) ? 1.0 : 0.0;
   const double t12 = t9 - 1.0;
   const double t13 = 80.0 * t12;
-  const double t14 = (t10 != 0.0) ? t13 : 0.0;
-  const double t15 = t14 / t9;
-  const double t16 = t15 * coordinate[0];
-  const double t17 = -t16;
-  const double t18 = 2.0 * t17;
+  const double t14 = t13 / t9;
+  const double t15 = t14 * coordinate[0];
+  const double t16 = -t15;
+  const double t17 = 2.0 * t16;
+  const double t18 = (t10 != 0.0) ? t17 : 0.0;
   acceleration[0] = t18;
-  const double t20 = t15 * coordinate[1];
+  const double t20 = t14 * coordinate[1];
   const double t21 = -t20;
   const double t22 = 2.0 * t21;
-  acceleration[1] = t22;
-  const double t25 = t15 * coordinate[2];
-  const double t26 = (-4.905) - t25;
-  const double t27 = 2.0 * t26;
-  acceleration[2] = t27;
+  const double t23 = (t10 != 0.0) ? t22 : 0.0;
+  acceleration[1] = t23;
+  const double t26 = t14 * coordinate[2];
+  const double t27 = -t26;
+  const double t28 = (t10 != 0.0) ? t27 : 0.0;
+  const double t29 = (-4.905) + t28;
+  const double t30 = 2.0 * t29;
+  acceleration[2] = t30;
 }
 
 int two_nodes_compute_acceleration(
@@ -175,7 +178,7 @@ int two_nodes_compute_total_energy(
 }
 
 /* State derivative's second half at (coordinate, velocity). */
-static void rk4_acceleration(
+static void rk4_slope(
     const double *coordinate, const double *velocity, double *result)
 {
   (void)velocity;
@@ -194,22 +197,22 @@ static void rk4_step(
     qs[k] = q[k] + half * v[k];
     v2[k] = v[k] + half * a[k];
   }
-  rk4_acceleration(qs, v2, a2);
+  rk4_slope(qs, v2, a2);
   for (k = 0; k < 3; ++k) {
     qs[k] = q[k] + half * v2[k];
     v3[k] = v[k] + half * a2[k];
   }
-  rk4_acceleration(qs, v3, a3);
+  rk4_slope(qs, v3, a3);
   for (k = 0; k < 3; ++k) {
     qs[k] = q[k] + h * v3[k];
     v4[k] = v[k] + h * a3[k];
   }
-  rk4_acceleration(qs, v4, a4);
+  rk4_slope(qs, v4, a4);
   for (k = 0; k < 3; ++k) {
     q[k] += sixth * (v[k] + 2.0 * (v2[k] + v3[k]) + v4[k]);
     v[k] += sixth * (a[k] + 2.0 * (a2[k] + a3[k]) + a4[k]);
   }
-  rk4_acceleration(q, v, a);
+  rk4_slope(q, v, a);
 }
 
 /* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. */
@@ -260,13 +263,13 @@ int two_nodes_integrate_rk4(
   old = work + 3;
   trial = work + 12;
   stage = work + 18;
-  rk4_acceleration(state, state + 3, a);
+  rk4_slope(state, state + 3, a);
   if (!all_finite(a, 3)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
   for (i = 0; i < n_steps; ++i) {
-    const double t0 = time_start + (double)(first_step + i) * step;
-    const double t1 = time_start + (double)(first_step + i + 1) * step;
+    const double t0 = time_start + ((double)first_step + (double)i) * step;
+    const double t1 = time_start + ((double)first_step + (double)i + 1.0) * step;
     for (k = 0; k < 6; ++k) {
       old[k] = state[k];
       trial[k] = state[k];

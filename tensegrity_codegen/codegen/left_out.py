@@ -46,9 +46,17 @@ def _all(count: int) -> tuple[int, ...]:
     return tuple(range(count))
 
 
+def _with_masses(structure: Structure) -> Structure:
+    """Return the structure with a mass on every node, for variants in which more nodes move."""
+    return structure.with_changes(node_mass=np.where(structure.node_mass > 0, structure.node_mass, 1.0))
+
+
+def _in_space(structure: Structure, request: ModelRequest) -> Variant:
+    return _with_masses(structure).with_changes(axes=(0, 1, 2)), request
+
+
 def _unanchored(structure: Structure, request: ModelRequest) -> Variant:
-    mass = np.where(structure.node_mass > 0, structure.node_mass, 1.0)
-    free = structure.with_changes(node_anchored=np.zeros_like(structure.node_anchored), node_mass=mass)
+    free = _with_masses(structure).with_changes(node_anchored=np.zeros_like(structure.node_anchored))
     kept = {name: items for name, items in request.parameters.items() if name != "anchor_position"}
     return free, replace(request, parameters=kept)
 
@@ -98,7 +106,7 @@ FEATURES = (
         "axes",
         "the scene is planar",
         lambda s, r: len(s.axes) < 3,
-        lambda s, r: (s.with_changes(axes=(0, 1, 2)), r),
+        _in_space,
     ),
     _Feature(
         "run-time parameters",

@@ -36,7 +36,8 @@ class LoadedLibrary:
         self.ffi = cffi.FFI()
         self.ffi.cdef(_declarations(manifest))
         try:
-            self._library = self.ffi.dlopen(str(path))
+            # Absolute: a bare file name would be looked up on the system's library path.
+            self._library = self.ffi.dlopen(str(path.absolute()))
         except OSError as error:
             raise LibraryError(
                 "the library does not load", where=str(path), given=str(error), hint="build it again"

@@ -108,13 +108,14 @@ class CompiledFunction:
         return array
 
     def _check_out(self, out: FloatArray, arrays: Sequence[Any]) -> FloatArray:
-        fits = out.dtype == np.float64 and out.size == self._size
-        apart = not any(np.may_share_memory(out, array) for array in arrays)
-        if not (fits and apart and out.flags.c_contiguous and out.flags.writeable):
+        fits = isinstance(out, np.ndarray) and out.dtype == DOUBLE and out.shape == self._shape
+        apart = fits and not any(np.may_share_memory(out, array) for array in arrays)
+        if not (apart and out.flags.c_contiguous and out.flags.writeable):
+            given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
             raise InvalidValueError(
                 "`out` does not fit",
                 where=self.spec.quantity,
-                given=f"{out.dtype} {out.shape}",
+                given=given,
                 allowed=f"writable C-contiguous float64 of shape {self._shape}, apart from the arguments",
             )
         return out

@@ -147,11 +147,11 @@ class _NodePosition:
 
     @cached_property
     def densities(self) -> list[Scalar]:
-        return [law.tension() / law.length for law in self.laws]
+        return [law.force_density() for law in self.laws]
 
     @cached_property
     def static_densities(self) -> list[Scalar]:
-        return [law.static_tension() / law.length for law in self.laws]
+        return [law.static_force_density() for law in self.laws]
 
     # Nodes
 
