@@ -120,12 +120,17 @@ UNWANTED = "unwanted functions"
 
 
 def with_feature(what: str, structure: Structure, request: ModelRequest) -> Variant:
-    """Return structure and request with the left-out feature of that name put in."""
+    """Return structure and request with the left-out feature of that name put in.
+
+    Quantities of which the feature leaves nothing are no longer wanted, such as the reaction of no anchors.
+    """
     if what == UNWANTED:
         model = build_model(structure, request)
         return structure, replace(request, quantities=(*request.quantities, *_unwanted(model, request)))
     feature = next(item for item in FEATURES if item.what == what)
-    return feature.add(structure, request)
+    variant, wider = feature.add(structure, request)
+    model = build_model(variant, wider)
+    return variant, replace(wider, quantities=tuple(q for q in wider.quantities if _is_offered(model, q)))
 
 
 def account_left_out(
@@ -136,9 +141,10 @@ def account_left_out(
     rows = []
     for feature in FEATURES:
         if feature.is_absent(structure, request):
-            variant, wider = feature.add(structure, request)
-            with_it = prune(build_model(variant, wider), request.quantities)
-            rows.append(_row(feature.what, feature.why, functions, with_it))
+            variant, wider = with_feature(feature.what, structure, request)
+            with_it = prune(build_model(variant, wider), wider.quantities)
+            same = tuple(f for f in functions if f.quantity.name in wider.quantities)
+            rows.append(_row(feature.what, feature.why, same, with_it))
     unwanted = prune(model, _unwanted(model, request))
     why = "nobody wants them: " + ", ".join(function.quantity.name for function in unwanted)
     rows.append(_row(UNWANTED, why, functions, (*functions, *unwanted)))

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import STATUS
+from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.manifest import STATUS, IntegratorSpec, Manifest
 from tensegrity_codegen.runtime.model import CompiledModel, raise_for_status
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
@@ -33,7 +34,9 @@ def integrate_rk4(
     """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
 
     The step used is the largest one not above `step` that divides the span. progress is called with the
-    fraction done. Status "unstable" and the samples reached if the state stops being finite.
+    fraction done. Status "unstable" and the samples reached if the state stops being finite. Raises
+    FormulationError if the model has no such integrator, InvalidValueError for a state or an argument of
+    another size, NonFiniteError for one that is not finite.
     """
     span = float(sample_time[-1])
     n_steps = max(1, math.ceil(span / step * (1.0 - 1e-12)))
@@ -63,18 +66,20 @@ class _Run:
         step: float,
         arguments: Mapping[str, Any],
     ) -> None:
-        spec = next(item for item in model.manifest.integrators if item.name == "rk4")
+        spec = _find_integrator(model.manifest)
+        n_states = 2 * len(model.manifest.coordinate_name)
         self.ffi = model.library.ffi
         self.call = model.library.symbol(spec.symbol)
-        self.step, self.state, self.asked_time = step, state, sample_time
+        self.step, self.asked_time = step, sample_time
+        self.state = _sized("state", state, (n_states,))
         self.sample_time = np.array(sample_time, dtype=np.float64)
         # The last sample is the end of the last step, whatever the rounding of n times the step.
         self.sample_time[-1] = min(self.sample_time[-1], round(sample_time[-1] / step) * step)
-        self.samples = np.empty((len(sample_time), len(state)))
+        self.samples = np.empty((len(sample_time), n_states))
         self.samples[0] = state
         self.passed = {
-            name: np.ascontiguousarray(arguments.get(name, model.nominal(name)), dtype=np.float64)
-            for name in spec.arguments
+            name: _sized(name, arguments.get(name, nominal), nominal.shape)
+            for name, nominal in ((name, model.nominal(name)) for name in spec.arguments)
         }
         self.work = np.empty(spec.work_size)
         self.n_sampled = self.ffi.new("long long *", 1)
@@ -119,3 +124,28 @@ class _Run:
             n_evaluations=4 * n_steps + 1,
             step=self.step,
         )
+
+
+def _find_integrator(manifest: Manifest) -> IntegratorSpec:
+    for spec in manifest.integrators:
+        if spec.name == "rk4":
+            return spec
+    raise FormulationError(
+        "the library has no integrator 'rk4'",
+        where=manifest.name,
+        allowed='a library that was built with integrators = ["rk4"]',
+        hint='build it with integrators=("rk4",), or use one of the methods scipy_*',
+    )
+
+
+def _sized(name: str, value: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return `value` as the C loop reads it; raises InvalidValueError for another size."""
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError(
+            "not an array of numbers", where=name, given=value, allowed=f"shape {shape}"
+        ) from error
+    if array.size != np.prod(shape, dtype=np.int64):
+        raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=f"shape {shape}")
+    return array

@@ -60,17 +60,14 @@ def simulate(
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
     name; step [s]: for the method "rk4" only; progress: called with the fraction done. A run that becomes
     unstable or misses its tolerance comes back with that status and the samples it reached. Raises
-    InvalidValueError for values outside their range, UnknownNameError for an unknown method.
+    InvalidValueError for values outside their range, UnknownNameError for an unknown method or argument,
+    FormulationError where the model lacks the integrator, NonFiniteError for values that are not finite.
     """
     check_options(t_end, samples, method, step, rtol, atol)
     arguments = dict(arguments or {})
-    q0 = np.asarray(model.nominal("coordinate") if coordinate is None else coordinate, dtype=np.float64)
-    v0 = np.asarray(model.nominal("velocity") if velocity is None else velocity, dtype=np.float64)
-    for name, value in (("coordinate", q0), ("velocity", v0)):
-        if not np.all(np.isfinite(value)):
-            raise NonFiniteError(
-                f"the initial {name} is not finite", where="simulate", allowed="finite numbers"
-            )
+    _check_arguments(model, arguments)
+    q0 = _initial(model, "coordinate", coordinate)
+    v0 = _initial(model, "velocity", velocity)
     state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
     if method == "rk4":
         raw = integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
@@ -79,6 +76,32 @@ def simulate(
     else:
         raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments)
     return evaluate_trajectory(model, raw, arguments)
+
+
+def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
+    nominal = model.nominal(name)
+    given = nominal if value is None else np.asarray(value, dtype=np.float64)
+    if given.shape != nominal.shape:
+        raise InvalidValueError(
+            "wrong shape", where=name, given=given.shape, allowed=f"shape {nominal.shape}"
+        )
+    if not np.all(np.isfinite(given)):
+        raise NonFiniteError(f"the initial {name} is not finite", where="simulate", allowed="finite numbers")
+    return given
+
+
+def _check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
+    known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
+    for name in arguments:
+        if name not in known:
+            raise UnknownNameError(
+                "the model has no such argument at run time",
+                where="arguments",
+                given=name,
+                allowed=", ".join(known) or "none",
+                hint="keep it changeable under [parameters] of the scene; pass the initial state as "
+                "coordinate= and velocity=",
+            )
 
 
 def _auto(
