@@ -160,12 +160,12 @@ def _evaluate_samples(
     A run that blows up overflows in the square of its velocities before it does in the velocities.
     """
     names = ("member_tension", "kinetic_energy", "total_energy")
-    n, rows = raw.state.shape[1] // 2, []
+    n = raw.state.shape[1] // 2
+    rows: list[list[Any]] = []
     for state in raw.state:
+        given = {"coordinate": state[:n], "velocity": state[n:], **arguments}
         try:
-            row = [
-                model.compute(name, coordinate=state[:n], velocity=state[n:], **arguments) for name in names
-            ]
+            row = [model.compute(name, **given) for name in names]
         except NonFiniteError:
             if not rows:
                 raise

@@ -1,0 +1,78 @@
+"""The command line called in this process, in a folder of its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.scenes import list_examples
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a call ended: exit code, standard output, standard error."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def data(self) -> Any:
+        """All of standard output as one JSON object; NaN and Infinity are no JSON."""
+
+        def refuse(word: str) -> Any:
+            raise ValueError(f"{word} in JSON")
+
+        data = json.loads(self.out, parse_constant=refuse)
+        assert isinstance(data, dict)
+        return data
+
+
+Run = Callable[..., Ended]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Call the command line with words; return how it ended."""
+
+    def call(*words: object) -> Ended:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return Ended(int(caught.value.code or 0), out, err)
+
+    return call
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder, empty at first."""
+    place = tmp_path / "work"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    return place
+
+
+@pytest.fixture
+def prism(folder: Path) -> Path:
+    """The example prism as a file in the working folder."""
+    return write_example(folder, "prism")
+
+
+@pytest.fixture
+def two_nodes(folder: Path) -> Path:
+    """The smallest example as a file in the working folder."""
+    return write_example(folder, "two_nodes")
+
+
+def write_example(folder: Path, name: str) -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(list_examples()[name], encoding="utf-8")
+    return path
