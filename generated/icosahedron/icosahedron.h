@@ -169,7 +169,7 @@ ICOSAHEDRON_API int icosahedron_compute_member_tension(
  *   coordinate (36,) [m]: Free node coordinates, node by node.
  *   velocity (36,) [m/s]: Rates of the free node coordinates.
  *   returns acceleration (36,) [m/s2]
- *   1094 operations. Source: S&K 2.
+ *   1046 operations. Source: S&K 2.
  */
 ICOSAHEDRON_API int icosahedron_compute_acceleration(
     const double coordinate[36],

@@ -106,7 +106,7 @@ PLANAR_API int planar_compute_member_tension(
  *   coordinate (5,) [m]: Free node coordinates, node by node.
  *   velocity (5,) [m/s]: Rates of the free node coordinates.
  *   returns acceleration (5,) [m/s2]
- *   97 operations. Source: S&K 2.
+ *   91 operations. Source: S&K 2.
  */
 PLANAR_API int planar_compute_acceleration(
     const double coordinate[5],

@@ -131,7 +131,7 @@ PRISM_API int prism_compute_member_tension(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns node_residual (15,) [N]
- *   243 operations. Source: S&K 2.
+ *   225 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_node_residual(
     const double coordinate[15],
@@ -168,7 +168,7 @@ extern PRISM_API const int prism_tangent_stiffness_column_start[16];
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns tangent_stiffness (15, 15) [N/m], the non-zeros column by column
- *   705 operations. Source: S&K 5.
+ *   654 operations. Source: S&K 5.
  */
 PRISM_API int prism_compute_tangent_stiffness(
     const double coordinate[15],
@@ -178,7 +178,7 @@ PRISM_API int prism_compute_tangent_stiffness(
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns acceleration (15,) [m/s2]
- *   282 operations. Source: S&K 2.
+ *   264 operations. Source: S&K 2.
  */
 PRISM_API int prism_compute_acceleration(
     const double coordinate[15],

@@ -224,7 +224,7 @@ TOWER_API int tower_compute_member_tension(
  *   rest_length (12,) [m]: Rest lengths of the changeable members.
  *   gravity (3,) [m/s2]: Gravity vector.
  *   returns acceleration (51,) [m/s2]
- *   1787 operations. Source: S&K 2.
+ *   1706 operations. Source: S&K 2.
  */
 TOWER_API int tower_compute_acceleration(
     const double coordinate[51],

@@ -89,23 +89,20 @@ static void acceleration_kernel(
   const double t10 = (1.0 < t9) ? 1.0 : 0.0;
   const double t12 = t9 - 1.0;
   const double t13 = 80.0 * t12;
-  const double t14 = t13 / t9;
-  const double t15 = t14 * coordinate[0];
-  const double t16 = -t15;
-  const double t17 = 2.0 * t16;
-  const double t18 = (t10 != 0.0) ? t17 : 0.0;
+  const double t14 = (t10 != 0.0) ? t13 : 0.0;
+  const double t15 = t14 / t9;
+  const double t16 = t15 * coordinate[0];
+  const double t17 = -t16;
+  const double t18 = 2.0 * t17;
   acceleration[0] = t18;
-  const double t20 = t14 * coordinate[1];
+  const double t20 = t15 * coordinate[1];
   const double t21 = -t20;
   const double t22 = 2.0 * t21;
-  const double t23 = (t10 != 0.0) ? t22 : 0.0;
-  acceleration[1] = t23;
-  const double t26 = t14 * coordinate[2];
-  const double t27 = -t26;
-  const double t28 = (t10 != 0.0) ? t27 : 0.0;
-  const double t29 = (-4.905) + t28;
-  const double t30 = 2.0 * t29;
-  acceleration[2] = t30;
+  acceleration[1] = t22;
+  const double t25 = t15 * coordinate[2];
+  const double t26 = (-4.905) - t25;
+  const double t27 = 2.0 * t26;
+  acceleration[2] = t27;
 }
 
 int two_nodes_compute_acceleration(

@@ -94,7 +94,7 @@ TWO_NODES_API int two_nodes_compute_member_tension(
  *
  *   coordinate (3,) [m]: Free node coordinates, node by node.
  *   returns acceleration (3,) [m/s2]
- *   23 operations. Source: S&K 2.
+ *   20 operations. Source: S&K 2.
  */
 TWO_NODES_API int two_nodes_compute_acceleration(
     const double coordinate[3],

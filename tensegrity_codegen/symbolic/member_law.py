@@ -51,13 +51,15 @@ class MemberLaw:
         """Return the tension with damping [N], positive in tension, never negative in a cable."""
         return self._if_pulling(self._raw_tension())
 
+    # The division stays outside the branch: CasADi moves a product into it, one branch for each component.
+
     def static_force_density(self) -> Scalar:
-        """Return the static tension over the length [N/m]; zero in a slack cable of any length, also zero."""
-        return self._if_taut(self.mu * self.extension / self.length)
+        """Return the static tension over the length [N/m], not a number where the ends coincide."""
+        return self.static_tension() / self.length
 
     def force_density(self) -> Scalar:
-        """Return the tension with damping over the length [N/m]."""
-        return self._if_pulling(self._raw_tension() / self.length)
+        """Return the tension with damping over the length [N/m], not a number where the ends coincide."""
+        return self.tension() / self.length
 
     def energy(self) -> Scalar:
         """Return mu (l - rho)^2 / 2 [J], zero when slack."""
