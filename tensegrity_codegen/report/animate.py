@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,6 @@ from tensegrity_codegen.report.legend import add_color_bar, add_legend, describe
 from tensegrity_codegen.report.view import find_box, fit_view
 from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.structure import Structure
-
-if TYPE_CHECKING:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 __all__ = ["FILM_SUFFIXES", "find_frames", "write_animation"]
 
@@ -87,12 +84,14 @@ def find_frames(time: FloatArray, fps: float, slow_down: float) -> IntArray:
     elapsed = time - time[0]
     count = np.floor(float(elapsed[-1]) * slow_down * fps * (1 + 1e-12) + 1e-9) + 1
     if count > MOST_FRAMES:
+        fits = (MOST_FRAMES - 1) / (float(elapsed[-1]) * fps)
+        digit = 10.0 ** (np.floor(np.log10(fits)) - 1)
         raise InvalidValueError(
             f"the film would have {count:.6g} frames",
             where="slow_down",
             given=slow_down,
             allowed=f"at most {MOST_FRAMES} frames",
-            hint=f"slow_down {slow_down * MOST_FRAMES / count:.2g}, or fewer frames a second",
+            hint=f"slow_down {np.floor(fits / digit) * digit:.2g}, or fewer frames a second",
         )
     moments = np.arange(int(count)) / (fps * slow_down)
     after = np.clip(np.searchsorted(elapsed, moments), 1, max(len(elapsed) - 1, 1))
@@ -149,14 +148,12 @@ class _Stage:
         self._changing = (*self._drawing.artists, self._clock)
         self._canvas, self._empty = self._paint_still()
 
-    def _paint_still(self) -> tuple[FigureCanvasAgg, Any]:
-        """Lay the figure out around the first sample; return the canvas and its pixels without structure."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-
+    def _paint_still(self) -> tuple[Any, Any]:
+        """Lay the figure out around the first sample; return its Agg canvas and the still pixels."""
         for artist in self._changing:
             artist.set_animated(True)
         self._drawing.show(self._trajectory.node_position[0], self._trajectory.member_tension[0])
-        canvas = FigureCanvasAgg(self._figure)
+        canvas: Any = self._figure.canvas
         canvas.draw()
         return canvas, canvas.copy_from_bbox(self._figure.bbox)
 

@@ -22,6 +22,8 @@ Image = NDArray[np.uint8]
 
 # A GIF counts in hundredths of a second, and players slow down what is held for less than two.
 GIF_FASTEST = 50.0
+# Palette entries from here on are paper.
+NEARLY_WHITE = 246
 
 
 def find_ffmpeg(target: Path) -> str:
@@ -48,7 +50,7 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
 
     # Averaging must not tint the paper.
     colors = np.array(palette.getpalette()).reshape(-1, 3)
-    colors[colors.sum(axis=1).argmax()] = 255
+    colors[colors.min(axis=1) >= NEARLY_WHITE] = 255
     palette.putpalette(colors.ravel().tolist())
 
     def reduce(image: Any) -> Any:
@@ -56,15 +58,16 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
 
     # Rounding the ends, not the lengths, keeps the film in time.
     ends = np.rint(np.concatenate([[0], np.cumsum(counts)]) * 100.0 / fps).astype(int)
-    reduce(first).save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=(reduce(Pillow.fromarray(image)) for image in images),
-        duration=(10 * np.diff(ends)).tolist(),
-        loop=0,
-        optimize=False,
-    )
+    with path.open("wb") as file:
+        reduce(first).save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=(reduce(Pillow.fromarray(image)) for image in images),
+            duration=(10 * np.diff(ends)).tolist(),
+            loop=0,
+            optimize=False,
+        )
 
 
 def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence[int], fps: float) -> None:

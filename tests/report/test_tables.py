@@ -1,0 +1,101 @@
+import io
+
+import numpy as np
+from rich.console import Console
+
+from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, LeftOut, Manifest
+from tensegrity_codegen.report.tables import (
+    functions_table,
+    left_out_table,
+    members_table,
+    nodes_table,
+    run_table,
+)
+from tests.report.samples import frame, make_trajectory, prism
+
+MANIFEST = Manifest(
+    abi_version=1, name="toy", scene_hash="", formulation="node_position", emitter="unrolled", made_by={},
+    axes=(0, 1, 2), node_name=(), member_name=(), connectivity=(), coordinate_node_axis=(), coordinate_name=(),
+    node_position=(),
+    node_velocity=(), input_name=(), arguments=(),
+    functions=(
+        FunctionSpec("acceleration", "toy_a", ("coordinate", "gravity"), (18,), "m/s2", "", 12345),
+        FunctionSpec("total_energy", "toy_e", (), (), "J", "", 7),
+    ),
+    integrators=(IntegratorSpec("rk4", "toy_i", ("gravity",), 90),),
+    left_out=(
+        LeftOut("damping", "no member [has] damping", 0, 2, 1500, 33000),
+        LeftOut("loads", "no node has a load", 1, 1, 6, 120, measured=True),
+    ),
+)  # fmt: skip
+
+
+def rows(table):
+    """Return the header and the rows as plain texts."""
+    header = [str(column.header) for column in table.columns]
+    body = list(zip(*([str(cell) for cell in column.cells] for column in table.columns), strict=True))
+    return header, body
+
+
+def render(table):
+    console = Console(file=io.StringIO(), width=200, color_system=None)
+    console.print(table)
+    return console.file.getvalue()
+
+
+def test_functions_are_listed_with_arguments_shape_unit_and_operations():
+    header, body = rows(functions_table(MANIFEST))
+    assert header == ["quantity", "arguments", "shape", "unit", "operations"]
+    assert body[0] == ("acceleration", "coordinate, gravity", "18", "m/s2", "12,345")
+    assert body[1] == ("total_energy", "none", "1", "J", "7")
+    assert body[2][:2] == ("integrate_rk4", "gravity")
+
+
+def test_left_out_marks_estimates_and_keeps_brackets():
+    _, body = rows(left_out_table(MANIFEST))
+    assert body[0] == ("damping", "no member [has] damping", "0", "2", "1,500", "~33,000")
+    assert body[1][-1] == "120"
+    assert "no member [has] damping" in render(left_out_table(MANIFEST))
+
+
+def test_nodes_show_the_modelled_axes_how_far_they_moved_and_what_is_held():
+    structure = frame()
+    moved = structure.node_position.copy()
+    moved[2] += [0.03, 0, 0.04]
+    header, body = rows(nodes_table(structure, moved))
+    assert header == ["node", "x [m]", "z [m]", "moved [m]", "held"]
+    assert body[0] == ("n0", "0.000000", "0.000000", "0", "xz")
+    assert body[1][-1] == "z"
+    assert body[2] == ("n2", "2.030000", "1.040000", "0.05", "")
+
+
+def test_members_show_strain_tension_and_state():
+    structure = frame()
+    tension = np.array([-3.0, 2.0, 10.0, 0.0, 1.0, 1e-3])
+    header, body = rows(members_table(structure, structure.member_length(), tension))
+    assert header[:3] == ["member", "class", "nodes"]
+    assert body[0][2] == "n0–n2"
+    assert body[0][-2:] == ("-3", "in compression")
+    assert body[1][-1] == "in tension"
+    assert body[2][3:] == ("1.900000", "2.000000", "+5.26", "+10", "in tension")
+    assert body[3][-1] == "slack"
+
+
+def test_unloaded_two_sided_members_are_not_slack():
+    structure = prism()
+    _, body = rows(members_table(structure, structure.rest_length, np.zeros(12)))
+    assert [row[-1] for row in body].count("slack") == 9
+    assert [row[-1] for row in body].count("unloaded") == 3
+
+
+def test_run_has_units_and_leaves_out_what_is_not_known():
+    summary = make_trajectory(prism()).summary() | {"library": "lib[1].so", "n_steps": 12000, "out": None}
+    facts = dict(rows(run_table(summary))[1])
+    assert facts["simulated time"] == "1 s"
+    assert facts["steps"] == "12,000"
+    assert facts["total energy at the end"] == "2 J"
+    assert facts["status"] == "ok"
+    assert facts["library"] == "lib[1].so"
+    assert "result file" not in facts
+    assert "message" not in facts
+    assert "lib[1].so" in render(run_table(summary))
