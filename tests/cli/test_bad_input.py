@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,9 +69,7 @@ PLACES: dict[str, Callable[[str], str]] = {
     "member": lambda name: GOOD.replace("s1 = {", f"{name} = {{"),
     "class": lambda name: GOOD.replace("[classes.string]", f"[classes.{name}]").replace('"string"', name),
     "group": lambda name: GOOD + f'\n[groups]\n{name} = ["s1"]\n',
-    "input": lambda name: (
-        GOOD + f'\n[[inputs]]\nname = {name}\nkind = "rest_length"\nmembers = ["s1"]\n'
-    ),
+    "input": lambda name: GOOD + f'\n[[inputs]]\nname = {name}\nkind = "rest_length"\nmembers = ["s1"]\n',
 }
 
 
@@ -108,7 +105,7 @@ def test_a_name_that_is_no_identifier_is_refused(place: str, name: str, run: Run
     ended = run("build", path.name, "--out", "library", "--json")
     assert_refused(ended, path, "InvalidNameError", ())
     assert ended.data["where"].isprintable()
-    assert os.listdir(folder) == [path.name]
+    assert list(folder.iterdir()) == [path]
 
 
 def test_the_good_scene_is_good(run: Run, folder: Path) -> None:

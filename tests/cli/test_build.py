@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import ctypes
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
+from tests.cli.conftest import Run
+from tests.codegen.compilers import POSIX, write_script
+
+
+def test_the_folder_holds_all_that_is_needed_to_embed(run: Run, folder: Path, two_nodes: Path) -> None:
+    data = run("build", two_nodes, "--out", "library", "--json").data
+    names = {path.name for path in (folder / "library").iterdir()}
+    library = Path(data["library"])
+    assert names == {"Makefile", "example.c", "manifest.json", "two_nodes.c", "two_nodes.h", library.name}
+    assert library.parent == Path("library")
+    manifest = json.loads((folder / "library" / "manifest.json").read_text(encoding="utf-8"))
+    assert data["name"] == manifest["name"] == "two_nodes"
+    loaded = ctypes.CDLL(str(library.resolve()))
+    assert set(data["functions"]) == {"member_tension", "acceleration", "total_energy"}
+    for symbol in data["functions"].values():
+        assert hasattr(loaded, symbol)
+    assert all(count > 0 for count in data["operations"].values())
+
+
+def test_the_second_build_comes_from_the_cache(run: Run, two_nodes: Path) -> None:
+    run("build", two_nodes)
+    again = run("build", two_nodes, "--json").data
+    assert again["from_cache"] is True
+    assert Path(again["library"]).is_file()
+    assert "from the cache" in run("build", two_nodes).out
+
+
+def test_only_the_wanted_quantities_are_built(run: Run, two_nodes: Path) -> None:
+    data = run("build", two_nodes, "-q", "member_length", "--quantity", "node_force", "--json").data
+    assert set(data["functions"]) == {"member_length", "node_force"}
+    assert any(row["what"] == "unwanted functions" for row in data["left_out"])
+
+
+def test_measured_bytes_are_marked(run: Run, two_nodes: Path) -> None:
+    rows = run("build", two_nodes, "--measure", "--json").data["left_out"]
+    assert rows
+    assert all(row["measured"] for row in rows)
+    assert not any(row["measured"] for row in run("build", two_nodes, "--json").data["left_out"])
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_the_exported_makefile_builds_an_example_that_runs(run: Run, folder: Path, two_nodes: Path) -> None:
+    run("build", two_nodes, "--out", "library")
+    subprocess.run(["make"], cwd=folder / "library", check=True, capture_output=True, timeout=60)
+    program = folder / "library" / "example"
+    outcome = subprocess.run([str(program)], check=True, capture_output=True, text=True, timeout=20)
+    assert outcome.stdout.strip()
+
+
+@pytest.mark.parametrize("words", [["--flags", "fast"], ["--quantity", "speed"], ["--compiler", "nope"]])
+def test_an_unknown_choice_is_refused_with_the_known_ones(
+    words: list[str], run: Run, two_nodes: Path
+) -> None:
+    ended = run("build", two_nodes, *words, "--out", "library", "--json")
+    assert ended.code == 2
+    assert words[1] in ended.data["given"]
+    assert ended.data["allowed"] or "known" in ended.data["hint"]
+    assert not Path("library").exists()
+
+
+@pytest.mark.parametrize("out", ["file", "file/library"])
+def test_a_file_is_no_output_folder(out: str, run: Run, folder: Path, two_nodes: Path) -> None:
+    (folder / "file").write_text("precious", encoding="utf-8")
+    ended = run("build", two_nodes, "--out", out, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "OutputError"
+    assert ended.data["where"] == out
+    assert (folder / "file").read_text(encoding="utf-8") == "precious"
+
+
+def test_a_cache_that_cannot_be_written_is_refused(
+    run: Run, folder: Path, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "file").write_text("", encoding="utf-8")
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder / "file"))
+    ended = run("build", two_nodes, "--out", "library", "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "OutputError"
+    assert CACHE_VARIABLE in ended.data["hint"]
+    assert not Path("library").exists()
+
+
+@POSIX
+def test_a_failing_compiler_is_an_error_with_its_log(
+    run: Run, folder: Path, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = 'case "$1" in --version) echo "bad cc 1.0";; *) echo "it hurts here" >&2; exit 7;; esac'
+    monkeypatch.setenv("CC", str(write_script(folder / "bad_cc", body)))
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder / "cache"))
+    ended = run("build", two_nodes, "--out", "library", "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "CompileError"
+    assert "exit code 7" in ended.data["problem"]
+    assert "it hurts here" in ended.data["log"]
+    assert "bad_cc" in ended.data["where"]
+    assert not Path("library").exists()
+    assert list((folder / "cache").glob("libraries/*")) == []
+
+
+@POSIX
+def test_a_program_that_is_no_compiler_is_refused(
+    run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "/bin/false")
+    ended = run("build", two_nodes, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "CompilerMissingError"
+    assert ended.data["where"] == "CC"
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 99]
+)
+def test_a_cache_entry_cut_short_is_rebuilt_silently(
+    spoil: object, run: Run, folder: Path, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder / "cache"))
+    words = ("build", two_nodes, "-q", "member_length", "--json")
+    library = Path(run(*words).data["library"])
+    whole = library.read_bytes()
+    library.unlink()  # never written in place: this process has it loaded
+    library.write_bytes(spoil(whole))  # type: ignore[operator]
+    ended = run(*words)
+    assert ended.code == 0
+    assert ended.err == ""
+    assert ended.data["from_cache"] is False
+    assert library.read_bytes() == whole
+    assert run(*words).data["from_cache"] is True

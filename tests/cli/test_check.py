@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.cli.conftest import Run, write_example
+from tests.cli.scenes import GOOD, write
+
+
+def test_it_says_what_a_scene_holds(run: Run, prism: Path) -> None:
+    data = run("check", prism, "--json").data
+    assert data["status"] == "ok"
+    assert data["name"] == "prism"
+    assert (data["n_nodes"], data["n_bars"], data["n_cables"]) == (6, 3, 9)
+    assert data["n_coordinates"] == 15  # three nodes slide on a table
+    assert data["axes"] == "xyz"
+    assert data["formulation"] == "node_position"
+    assert "member_tension" in data["quantities"]
+    assert data["warnings"] == []
+
+
+def test_a_planar_scene_has_its_axes(run: Run, folder: Path) -> None:
+    data = run("check", write_example(folder, "planar"), "--json").data
+    assert len(data["axes"]) == 2
+
+
+def test_nothing_is_written(run: Run, folder: Path, prism: Path) -> None:
+    ended = run("check", prism)
+    assert ended.out.startswith("prism: 6 nodes, 3 bars, 9 cables, 15 free coordinates\n")
+    assert list(folder.iterdir()) == [prism]
+
+
+def test_a_doubt_is_a_warning_and_no_error(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GOOD.replace("rest_length = 0.9", "rest_length = 0.1"))
+    ended = run("check", path, "--json")
+    assert ended.code == 0
+    assert len(ended.data["warnings"]) == 1
+    assert ended.data["warnings"][0] in ended.err
+
+
+def test_windows_line_ends_and_a_byte_order_mark_are_read(run: Run, folder: Path) -> None:
+    path = folder / "small.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
+    assert run("check", path).code == 0

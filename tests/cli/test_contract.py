@@ -1,0 +1,169 @@
+"""What holds for every verb: help with an example, one JSON object, exit codes, nothing else on stdout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.app import app
+from tensegrity_codegen.cli.output import plain
+from tensegrity_codegen.version import VERSION
+from tests.cli.conftest import Run
+
+VERBS = tuple("build check doctor equilibrium examples import linearize new schema show simulate".split())
+# A good call of each verb.
+GOOD_CALLS = {
+    "build": ["build", "two_nodes.toml"],
+    "check": ["check", "two_nodes.toml"],
+    "doctor": ["doctor"],
+    "equilibrium": ["equilibrium", "two_nodes.toml"],
+    "examples": ["examples"],
+    "import": ["import", "nodes.csv", "members.csv", "-o", "new.toml", "--gravity", "-1,0,0"],
+    "linearize": ["linearize", "two_nodes.toml", "--settle"],
+    "new": ["new", "fresh.toml"],
+    "schema": ["schema", "--out", "scene.json"],
+    "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
+}
+WRONG_USE = {
+    "no verb": [],
+    "unknown verb": ["bake", "prism.toml"],
+    "missing argument": ["check"],
+    "missing option": ["simulate", "two_nodes.toml"],
+    "not a number": ["simulate", "two_nodes.toml", "--t-end", "soon"],
+    "not an integer": ["simulate", "two_nodes.toml", "--t-end", "1", "--samples", "1.5"],
+    "unknown option": ["build", "two_nodes.toml", "--fast"],
+    "option without value": ["build", "two_nodes.toml", "--out"],
+    "too many arguments": ["check", "two_nodes.toml", "prism.toml"],
+    "not a choice": ["equilibrium", "two_nodes.toml", "--method", "guessing"],
+}
+
+
+@pytest.fixture
+def tables(folder: Path) -> None:
+    (folder / "nodes.csv").write_text("node,x,y,z,mass,anchored\na,0,0,0,,1\nb,0,0,-1,1,\n", encoding="utf-8")
+    (folder / "members.csv").write_text(
+        "member,kind,node_i,node_j,spring_constant\ns,cable,a,b,100\n", encoding="utf-8"
+    )
+
+
+def test_these_are_all_verbs() -> None:
+    names = {command.name or command.callback.__name__ for command in app.registered_commands}
+    assert names == set(VERBS)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_has_an_example_that_calls_the_verb(verb: str, run: Run) -> None:
+    ended = run(verb, "--help")
+    assert ended.code == 0
+    assert f"Example: tensegrity-codegen {verb}" in ended.out
+    assert "--json" in ended.out
+    assert ended.err == ""
+    assert run(verb, "-h").out == ended.out
+
+
+@pytest.mark.parametrize("verb", GOOD_CALLS)
+@pytest.mark.usefixtures("two_nodes", "tables")
+def test_json_is_one_object_on_stdout(verb: str, run: Run) -> None:
+    ended = run(*GOOD_CALLS[verb], "--json")
+    assert ended.code == 0
+    assert ended.data["status"] in ("ok", "converged")
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize("verb", GOOD_CALLS)
+@pytest.mark.usefixtures("two_nodes", "tables")
+def test_without_json_people_can_read_it(verb: str, run: Run) -> None:
+    ended = run(*GOOD_CALLS[verb])
+    assert ended.code == 0
+    assert ended.out.strip()
+    assert not ended.out.startswith("{")
+
+
+@pytest.mark.parametrize("case", WRONG_USE)
+@pytest.mark.usefixtures("two_nodes")
+def test_wrong_use_with_json_is_one_object_too(case: str, run: Run) -> None:
+    words = list(WRONG_USE[case])
+    ended = run(*words[:2], "--json", *words[2:])
+    assert ended.code == 2
+    assert ended.data["status"] == "error"
+    assert ended.data["error"] == "CommandLineError"
+    assert ended.data["problem"]
+    assert "--help" in ended.data["hint"]
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize("case", WRONG_USE)
+@pytest.mark.usefixtures("two_nodes")
+def test_wrong_use_leaves_stdout_alone(case: str, run: Run) -> None:
+    ended = run(*WRONG_USE[case])
+    assert ended.code == 2
+    assert ended.out == ""
+    assert "Usage: tensegrity-codegen" in ended.err or ended.err.startswith("Error: ")
+
+
+def test_an_error_is_said_to_people_and_programs(run: Run) -> None:
+    text, both = run("check", "none.toml"), run("check", "none.toml", "--json")
+    assert (text.code, both.code) == (2, 2)
+    assert text.out == ""
+    assert text.err == both.err
+    assert both.data["problem"] in text.err
+    assert set(both.data) == {"status", "error", "problem", "where", "given", "allowed", "hint"}
+
+
+def test_the_version_is_printed(run: Run) -> None:
+    assert run("--version").out == f"tensegrity-codegen {VERSION}\n"
+
+
+def test_ctrl_c_ends_with_130(run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", interrupt)
+    ended = run("check", two_nodes)
+    assert ended.code == 130
+    assert ended.out == ""
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (
+            OSError(28, "No space left on device", "prism.toml"),
+            "prism.toml: the system refused: No space left",
+        ),
+        (PermissionError(13, "Permission denied"), "Permission denied"),
+        (MemoryError(), "not enough memory"),
+    ],
+)
+def test_what_the_machine_refuses_is_said_without_traceback(
+    error: Exception, words: str, run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", refuse)
+    ended = run("check", two_nodes, "--json")
+    assert ended.code == 2
+    assert words in ended.err
+    assert ended.data["status"] == "error"
+
+
+def test_a_defect_is_not_hidden(two_nodes: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["check", str(two_nodes)])
+
+
+def test_json_types_are_plain_and_finite() -> None:
+    data = plain(
+        {"a": np.float64(1.5), 2: (np.int64(3), float("nan")), "c": np.array([1.0, np.inf]), "d": True}
+    )
+    assert data == {"a": 1.5, "2": [3, None], "c": [1.0, None], "d": True}
+    assert isinstance(data["2"][0], int)

@@ -1,0 +1,180 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.pipeline import load_scene
+from tests.cli.conftest import Run, write_example
+from tests.cli.scenes import HANGING, write
+from tests.reference import ReferenceModel
+
+# A bar of 2 kg hangs on a spring: half of its weight acts on each end.
+BAR_ON_SPRING = """\
+name = "bar_on_spring"
+gravity = [0, 0, -10]
+[nodes]
+top = { position = [0, 0, 0], anchored = true }
+middle = { position = [0, 0, -1], mass = 0.5 }
+end = { position = [0, 0, -2] }
+[members]
+s1 = { kind = "cable", spring_constant = 100, rest_length = 1, nodes = ["top", "middle"] }
+rod = { kind = "bar", spring_constant = 1000, rest_length = 1, mass = 2, nodes = ["middle", "end"] }
+"""
+FREE = """\
+name = "free"
+[classes.cable]
+kind = "cable"
+spring_constant = 200
+[classes.bar]
+kind = "bar"
+spring_constant = 2e4
+[shape]
+kind = "prism"
+bars = 3
+bottom_radius = 0.2
+top_radius = 0.2
+height = 0.3
+node_mass = 0.1
+prestress = 10
+"""
+
+
+def settled(path: Path) -> ReferenceModel:
+    return ReferenceModel(load_scene(path)[0])
+
+
+def test_a_mass_on_a_cord_hangs_where_it_must(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    data = run("equilibrium", path, "--json").data
+    assert data["status"] == "converged"
+    assert data["node_position"]["b"] == pytest.approx([0, 0, -0.9 - 0.0981], rel=1e-9, abs=1e-9)
+    assert data["member_length"]["s1"] == pytest.approx(0.9981, rel=1e-9)
+    assert data["member_tension"]["s1"] == pytest.approx(9.81, rel=1e-9)
+    assert data["smallest_eigenvalue"] == pytest.approx(9.81 / 0.9981, rel=1e-6)
+    assert data["displaced_node"] == "b"
+    assert data["displacement"] == pytest.approx(0.0019, rel=1e-6)
+
+
+def test_loads_are_added_to_those_of_the_scene(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING + '\n[[loads]]\nnode = "b"\nforce = [0, 0, -1]\n')
+    words = ["--load", "b=0,0,-10", "--load", "b=0,0,-2.5"]
+    data = run("equilibrium", path, *words, "--json").data
+    assert data["member_tension"]["s1"] == pytest.approx(9.81 + 13.5, rel=1e-9)
+
+
+def test_a_load_may_start_with_a_minus(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    data = run("equilibrium", path, "--load", "b=-1,0,0", "--json").data
+    x, _, z = data["node_position"]["b"]
+    assert x / z == pytest.approx(1 / 9.81, rel=1e-8)
+    assert data["member_tension"]["s1"] == pytest.approx(math.hypot(1, 9.81), rel=1e-8)
+
+
+def test_the_weight_of_a_bar_rests_on_both_ends(run: Run, folder: Path) -> None:
+    path = write(folder / "bar_on_spring.toml", BAR_ON_SPRING)
+    data = run("equilibrium", path, "--json").data
+    assert data["member_tension"]["s1"] == pytest.approx(25.0, rel=1e-8)
+    assert data["member_tension"]["rod"] == pytest.approx(10.0, rel=1e-8)
+    assert data["node_position"]["end"][2] == pytest.approx(-2 - 0.25 - 0.01, rel=1e-8)
+
+
+def test_a_free_floating_prism_settles(run: Run, folder: Path) -> None:
+    path = write(folder / "free.toml", FREE)
+    ended = run("equilibrium", path, "--json")
+    assert ended.code == 0
+    assert ended.data["neutral_motions"] == 6
+    assert ended.data["smallest_eigenvalue"] > 0
+    assert max(ended.data["member_tension"].values()) == pytest.approx(10.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("load", ["b1=0,0,-1", "t2=3,0,0"])
+def test_a_free_floating_prism_holds_no_load(load: str, run: Run, folder: Path) -> None:
+    path = write(folder / "free.toml", FREE)
+    ended = run("equilibrium", path, "--load", load, "--out", "settled.toml", "--json")
+    assert ended.code == 3
+    assert ended.data["status"] == "no_equilibrium"
+    assert "nothing is anchored" in ended.data["message"]
+    assert ended.data["residual"] > 0
+    assert ended.data["out"] is None
+    assert not Path("settled.toml").exists()
+
+
+def test_names_and_balance_of_the_settled_prism(run: Run, folder: Path, prism: Path) -> None:
+    data = run("equilibrium", prism, "--out", "settled.toml", "--json").data
+    structure, _ = load_scene("settled.toml")
+    assert tuple(data["node_position"]) == structure.node_name
+    assert tuple(data["member_length"]) == tuple(data["member_tension"]) == structure.member_name
+    model = settled(folder / "settled.toml")
+    assert np.abs(model.compute("node_residual")).max() <= 1e-9 * data["largest_force"]
+    for quantity in ("member_length", "member_tension"):
+        np.testing.assert_allclose(model.compute(quantity), list(data[quantity].values()), rtol=1e-12)
+    np.testing.assert_array_equal(structure.node_position, list(data["node_position"].values()))
+
+
+def test_a_settled_scene_stays_where_it_is(run: Run, folder: Path, prism: Path) -> None:
+    run("equilibrium", prism, "--out", "settled.toml")
+    data = run("equilibrium", "settled.toml", "--json").data
+    assert data["displacement"] < 1e-9
+    simulated = run("simulate", "settled.toml", "--t-end", 0.05, "--json").data
+    assert simulated["status"] == "ok"
+    assert simulated["largest_kinetic_energy"] < 1e-12
+
+
+@pytest.mark.parametrize("method", ["newton", "relaxation"])
+def test_both_methods_find_it(method: str, run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    data = run("equilibrium", path, "--method", method, "--tolerance", 1e-8, "--json").data
+    assert data["method"] == method
+    assert data["member_tension"]["s1"] == pytest.approx(9.81, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("load", "error"),
+    [
+        ("c=0,0,1", "UnknownNameError"),
+        ("b=0,0", "InvalidValueError"),
+        ("b=0,0,1,2", "InvalidValueError"),
+        ("b=0,0,down", "InvalidValueError"),
+        ("b", "InvalidValueError"),
+        ("", "InvalidValueError"),
+        ("b=0,0,nan", "NonFiniteError"),
+        ("b=0,0,1e999", "NonFiniteError"),
+    ],
+)
+def test_a_load_that_is_none_is_refused(load: str, error: str, run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    ended = run("equilibrium", path, "--load", load, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == error
+    assert ended.data["where"].startswith("--load")
+    assert ended.data["allowed"]
+
+
+def test_a_load_off_the_plane_is_refused(run: Run, folder: Path) -> None:
+    path = write_example(folder, "planar")
+    structure, _ = load_scene(path)
+    force = ["0", "0", "0"]
+    force[next(axis for axis in range(3) if axis not in structure.axes)] = "1"
+    ended = run("equilibrium", path, "--load", f"{structure.node_name[-1]}={','.join(force)}", "--json")
+    assert ended.code == 2
+    assert "axis" in ended.data["problem"]
+
+
+@pytest.mark.parametrize("tolerance", ["0", "-1", "nan", "inf", "1"])
+def test_a_tolerance_out_of_range_is_refused(tolerance: str, run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    ended = run("equilibrium", path, f"--tolerance={tolerance}", "--json")
+    assert ended.code == 2
+    assert "tolerance" in ended.data["where"]
+
+
+def test_a_file_is_kept_unless_told_otherwise(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    ended = run("equilibrium", path, "--out", path, "--json")
+    assert ended.code == 2
+    assert path.read_text(encoding="utf-8") == HANGING
+    assert run("equilibrium", path, "--out", path, "--overwrite").code == 0
+    assert path.read_text(encoding="utf-8") != HANGING
