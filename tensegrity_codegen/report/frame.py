@@ -13,7 +13,7 @@ from tensegrity_codegen.report.view import Box, PerspectiveView, PlanarView, Vie
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_frame", "panel_extent", "picture_size"]
+__all__ = ["draw_frame", "panel_extent", "panel_ratio", "picture_size"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,11 +35,16 @@ def panel_extent(view: View, box: Box) -> tuple[FloatArray, FloatArray]:
     return place.min(axis=0), place.max(axis=0)
 
 
-def picture_size(view: View, box: Box, *, with_bar: bool, area: float = 26.0) -> tuple[float, float]:
-    """Return width and height [in] of a picture in which the panel takes about `area` [in2]."""
+def panel_ratio(view: View, box: Box) -> float:
+    """Return width / height of the panel, from 1/5 to 5."""
     low, high = panel_extent(view, box)
     wide, tall = high - low
-    ratio = float(np.clip(wide / tall, 0.2, 5.0))
+    return float(np.clip(wide / tall, 0.2, 5.0))
+
+
+def picture_size(view: View, box: Box, *, with_bar: bool, area: float = 26.0) -> tuple[float, float]:
+    """Return width and height [in] of a picture in which the panel takes about `area` [in2]."""
+    ratio = panel_ratio(view, box)
     width = float(np.clip(np.sqrt(area * ratio), 3.2, 9.0))
     height = float(np.clip(width / ratio, 2.2, 7.0))
     # Room for rulers, colour bar, heading and legend.

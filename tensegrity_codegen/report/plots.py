@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.report.canvas import PICTURE_SUFFIXES, check_suffix, new_figure, save_figure
 from tensegrity_codegen.report.checks import check_array, check_trajectory
 from tensegrity_codegen.report.drawing import StructureDrawing, find_tension_limit
-from tensegrity_codegen.report.frame import draw_frame, panel_extent, picture_size
+from tensegrity_codegen.report.frame import draw_frame, panel_ratio, picture_size
 from tensegrity_codegen.report.heading import add_heading
 from tensegrity_codegen.report.legend import add_color_bar, add_legend, describe_size, write_names
 from tensegrity_codegen.report.palette import INK, SEQUENCE
@@ -30,8 +30,10 @@ FloatArray = NDArray[np.float64]
 
 # Paths of more nodes than this hide the structure.
 MOST_PATHS = 40
-# A trajectory page in inches.
-PAGE = (13.0, 7.4)
+# Width of a trajectory page, the least and the largest height [in].
+PAGE_WIDTH, PAGE_LEAST, PAGE_MOST = 13.0, 6.3, 7.6
+# Wider panels than this (width / height) stand one above the other.
+WIDE = 1.3
 
 
 def plot_structure(
@@ -86,7 +88,7 @@ def plot_trajectory(structure: Structure, trajectory: Trajectory, path: str | Pa
     check_trajectory(structure, trajectory)
     box = find_box(trajectory.node_position, structure.axes)
     view = fit_view(structure, box, trajectory.node_position[0])
-    figure = new_figure(*PAGE)
+    figure = new_figure(PAGE_WIDTH, _page_height(view, box))
     left, right = figure.subfigures(1, 2, width_ratios=(1.15, 1.0))  # type: ignore[misc]
     _draw_shapes(left, structure, trajectory, view, box)
     panels = right.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.3, 0.7))
@@ -101,13 +103,17 @@ def plot_trajectory(structure: Structure, trajectory: Trajectory, path: str | Pa
     return target
 
 
+def _page_height(view: View, box: Box) -> float:
+    """Return the height of a page [in] on which two panels of about 2.7 in width leave little paper empty."""
+    ratio = panel_ratio(view, box)
+    return PAGE_MOST if ratio > WIDE else round(min(max(2.7 / ratio + 2.9, PAGE_LEAST), PAGE_MOST), 2)
+
+
 def _draw_shapes(
     figure: SubFigure, structure: Structure, trajectory: Trajectory, view: View, box: Box
 ) -> None:
     """Draw the first and the last shape side by side, wide ones one above the other."""
-    low, high = panel_extent(view, box)
-    is_wide = (high - low)[0] > 1.3 * (high - low)[1]
-    panels = figure.subplots(2, 1) if is_wide else figure.subplots(1, 2)
+    panels = figure.subplots(2, 1) if panel_ratio(view, box) > WIDE else figure.subplots(1, 2)
     limit = find_tension_limit(trajectory.member_tension)
     slack = False
     for axes, sample in zip(panels, (0, -1), strict=True):

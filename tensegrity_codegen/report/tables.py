@@ -55,20 +55,21 @@ def functions_table(manifest: Manifest) -> Table:
 
 
 def left_out_table(manifest: Manifest) -> Table:
-    """Return a table of what the library leaves out, why, and what each omission saved.
+    """Return a table of what the library leaves out, with the reason below it, and what each omission saved.
 
     Object bytes are marked with "~" where they were estimated from the operations.
     """
     table = _table(
-        f"{manifest.name}: left out", "what", "why",
+        f"{manifest.name}: left out", "what, and why",
         functions="right", arguments="right", operations="right", object_bytes="right",
     )  # fmt: skip
     for item in manifest.left_out:
         sign = "" if item.measured else "~"
         _add(
-            table, item.what, item.why, f"{item.functions:,}", f"{item.arguments:,}", f"{item.operations:,}",
-            f"{sign}{item.object_bytes:,}",
+            table, f"{item.what}\n{item.why}", f"{item.functions:,}", f"{item.arguments:,}",
+            f"{item.operations:,}", f"{sign}{item.object_bytes:,}",
         )  # fmt: skip
+        table.add_section()
     return table
 
 
@@ -97,8 +98,8 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
     """
     table = _table(
         f"{structure.name}: members", "member", "class", "nodes",
-        **{"rest length [m]": "right", "length [m]": "right", "strain [%]": "right", "tension [N]": "right"},
-        state="left",
+        **{"rest\nlength [m]": "right", "length\n[m]": "right", "strain\n[%]": "right"},
+        **{"tension\n[N]": "right"}, state="left",
     )  # fmt: skip
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
     states = _states(structure, member_tension)
@@ -133,7 +134,7 @@ def _table(title: str, *texts: str, **columns: str) -> Table:
         title=Text(title) if title else None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False
     )
     for name in texts:
-        table.add_column(name.replace("_", " "), overflow="fold")
+        table.add_column(name.replace("_", " "))
     for name, side in columns.items():
         justify: Any = side
         table.add_column(name.replace("_", " "), justify=justify, no_wrap=True)
@@ -154,9 +155,9 @@ def _states(structure: Structure, tension: FloatArray) -> list[str]:
     words = []
     for value, tension_only in zip(tension, structure.tension_only, strict=True):
         if value > 0:
-            words.append("in tension")
+            words.append("taut")
         elif tension_only:
             words.append("slack")
         else:
-            words.append("in compression" if value < 0 else "unloaded")
+            words.append("compressed" if value < 0 else "unloaded")
     return words

@@ -15,9 +15,8 @@ from tests.report.samples import frame, make_trajectory, prism
 
 MANIFEST = Manifest(
     abi_version=1, name="toy", scene_hash="", formulation="node_position", emitter="unrolled", made_by={},
-    axes=(0, 1, 2), node_name=(), member_name=(), connectivity=(), coordinate_node_axis=(), coordinate_name=(),
-    node_position=(),
-    node_velocity=(), input_name=(), arguments=(),
+    axes=(0, 1, 2), node_name=(), member_name=(), connectivity=(), coordinate_node_axis=(),
+    coordinate_name=(), node_position=(), node_velocity=(), input_name=(), arguments=(),
     functions=(
         FunctionSpec("acceleration", "toy_a", ("coordinate", "gravity"), (18,), "m/s2", "", 12345),
         FunctionSpec("total_energy", "toy_e", (), (), "J", "", 7),
@@ -53,7 +52,7 @@ def test_functions_are_listed_with_arguments_shape_unit_and_operations():
 
 def test_left_out_marks_estimates_and_keeps_brackets():
     _, body = rows(left_out_table(MANIFEST))
-    assert body[0] == ("damping", "no member [has] damping", "0", "2", "1,500", "~33,000")
+    assert body[0] == ("damping\nno member [has] damping", "0", "2", "1,500", "~33,000")
     assert body[1][-1] == "120"
     assert "no member [has] damping" in render(left_out_table(MANIFEST))
 
@@ -75,9 +74,9 @@ def test_members_show_strain_tension_and_state():
     header, body = rows(members_table(structure, structure.member_length(), tension))
     assert header[:3] == ["member", "class", "nodes"]
     assert body[0][2] == "n0–n2"
-    assert body[0][-2:] == ("-3", "in compression")
-    assert body[1][-1] == "in tension"
-    assert body[2][3:] == ("1.900000", "2.000000", "+5.26", "+10", "in tension")
+    assert body[0][-2:] == ("-3", "compressed")
+    assert body[1][-1] == "taut"
+    assert body[2][3:] == ("1.900000", "2.000000", "+5.26", "+10", "taut")
     assert body[3][-1] == "slack"
 
 
