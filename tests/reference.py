@@ -18,7 +18,7 @@ from scipy.sparse import linalg as sparse_linalg
 
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure import Structure
-from tests.reference_manifest import all_parameters, build_manifest, full_value
+from tests.reference_manifest import NODE_POSITION_QUANTITIES, all_parameters, build_manifest, full_value
 
 __all__ = ["ReferenceModel"]
 
@@ -77,7 +77,7 @@ class ReferenceModel:
         self.manifest = build_manifest(structure, self.parameters)
 
     def has(self, quantity: str) -> bool:
-        return quantity in QUANTITIES
+        return quantity in NODE_POSITION_QUANTITIES
 
     def nominal(self, argument: str) -> Array:
         spec = self.manifest.argument(argument)

@@ -11,9 +11,18 @@ from tensegrity_codegen.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec,
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["all_parameters", "build_manifest", "full_value"]
+__all__ = ["NODE_POSITION_QUANTITIES", "all_parameters", "build_manifest", "full_value"]
 
 Array = NDArray[np.float64]
+
+# What the formulation in node positions offers, and so the reference.
+NODE_POSITION_QUANTITIES = (
+    *("member_vector", "member_length", "member_tension", "force_density", "node_force", "node_residual"),
+    *("support_reaction", "elastic_energy", "potential_energy", "kinetic_energy", "total_energy"),
+    *("acceleration", "state_derivative", "mass_matrix", "material_stiffness", "geometric_stiffness"),
+    *("tangent_stiffness", "damping_matrix", "equilibrium_matrix", "state_jacobian", "input_jacobian"),
+    *("rest_length_jacobian", "parameter_jacobian"),
+)
 
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 
@@ -60,7 +69,7 @@ def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...
         node_velocity=tuple((float(x), float(y), float(z)) for x, y, z in structure.node_velocity),
         input_name=tuple(item.name for item in structure.inputs),
         arguments=arguments,
-        functions=tuple(function_spec(name, sizes, tuple(wanted)) for name in QUANTITIES),
+        functions=tuple(function_spec(name, sizes, tuple(wanted)) for name in NODE_POSITION_QUANTITIES),
         integrators=(),
         left_out=(),
     )
