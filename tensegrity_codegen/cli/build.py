@@ -34,13 +34,15 @@ def build(
     Example: tensegrity-codegen build prism.toml --out prism_library
     """
     output = Output(json)
-    with output.guard():
+    with output.guard(scene):
         from tensegrity_codegen.pipeline import build_library, load_scene
         from tensegrity_codegen.report.tables import functions_table, left_out_table
 
         structure, request = load_scene(scene)
         if quantity:
-            request = request.wanting(*quantity, integrators=request.integrators)
+            # Without the acceleration there is nothing to integrate.
+            integrators = request.integrators if "acceleration" in quantity else ()
+            request = request.wanting(*quantity, integrators=integrators)
         built = build_library(structure, request, compiler=compiler, flags=flags, measure=measure)
         folder = built.export(out) if out is not None else built.entry.folder
         manifest = built.manifest

@@ -42,7 +42,7 @@ def equilibrium(
     Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
     output = Output(json)
-    with output.guard():
+    with output.guard(scene):
         from tensegrity_codegen.pipeline import EQUILIBRIUM_QUANTITIES, build_library, load_scene
         from tensegrity_codegen.report.tables import members_table, nodes_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium

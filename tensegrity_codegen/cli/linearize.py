@@ -31,7 +31,7 @@ def linearize(
     Example: tensegrity-codegen linearize prism.toml --settle --json
     """
     output = Output(json)
-    with output.guard():
+    with output.guard(scene):
         from tensegrity_codegen.pipeline import (
             EQUILIBRIUM_QUANTITIES,
             LINEARIZE_QUANTITIES,

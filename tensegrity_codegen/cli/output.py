@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from tensegrity_codegen.errors import OutputError, TensegrityError
+from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
 
 __all__ = ["Output", "plain", "print_text"]
 
@@ -58,14 +59,16 @@ class Output:
         return typer.Exit(error.exit_code)
 
     @contextmanager
-    def guard(self) -> Iterator[None]:
+    def guard(self, scene: Path | None = None) -> Iterator[None]:
         """Turn errors made for users, and those of the machine, into a message and an exit code.
 
-        Defects pass through.
+        scene: the file that a refused request stands in. Defects pass through.
         """
         try:
             yield
         except TensegrityError as error:
+            if scene is not None and isinstance(error, FormulationError):
+                name_file(error, scene)
             raise self.fail(error) from error
         except OSError as error:
             raise self.fail(explain_system_error(error)) from error
@@ -108,6 +111,13 @@ def drop_output(stream: Any) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+def name_file(error: FormulationError, scene: Path) -> None:
+    """Let the place of an error start with the scene's file, as in errors of reading; it knows the key alone."""
+    key = error.where.rpartition(": ")[2]
+    if key.startswith(("nodes.", "members.", "model.", "parameters")):
+        error.where = f"{scene}: {key}"
 
 
 def explain_system_error(error: OSError) -> OutputError:

@@ -40,7 +40,7 @@ def simulate(
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
-    with output.guard():
+    with output.guard(scene):
         from tensegrity_codegen.pipeline import (
             EQUILIBRIUM_QUANTITIES,
             SIMULATION_QUANTITIES,

@@ -127,7 +127,7 @@ def test_a_rigid_bar_is_refused_with_what_will_serve_it(verb: str, run: Run, fol
     ended = run(verb, path.name, *more, "--json")
     assert ended.code == 2
     assert ended.data["error"] == "FormulationError"
-    assert "r1" in ended.err
+    assert ended.data["where"] == f"{path.name}: members.r1"
     assert "rigid_bar" in ended.err
 
 

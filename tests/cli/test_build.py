@@ -42,6 +42,12 @@ def test_only_the_wanted_quantities_are_built(run: Run, two_nodes: Path) -> None
     assert any(row["what"] == "unwanted functions" for row in data["left_out"])
 
 
+def test_an_integrator_stays_with_the_acceleration_alone(run: Run, two_nodes: Path) -> None:
+    for quantity, kept in (("acceleration", True), ("member_length", False)):
+        assert run("build", two_nodes, "-q", quantity, "--out", quantity).code == 0
+        assert ("rk4" in (Path(quantity) / "two_nodes.h").read_text(encoding="utf-8")) == kept
+
+
 def test_measured_bytes_are_marked(run: Run, two_nodes: Path) -> None:
     rows = run("build", two_nodes, "--measure", "--json").data["left_out"]
     assert rows

@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.runtime import library
+from tests.cli.conftest import Run
+from tests.cli.scenes import GOOD, HANGING, write
+
+SCIPY_METHODS = ("scipy_dop853", "scipy_rk45", "scipy_lsoda", "scipy_radau")
+
+
+def test_the_result_file_holds_what_it_must(run: Run, prism: Path) -> None:
+    words = ["--t-end", 0.02, "--samples", 5, "--rtol", 1e-5, "--atol", 1e-8, "--out", "prism.npz"]
+    ended = run("simulate", prism, *words, "--json")
+    assert ended.code == 0
+    structure, _ = load_scene(prism)
+    with np.load("prism.npz", allow_pickle=False) as file:
+        data = {name: file[name] for name in file.files}
+    assert data["time"].tolist() == pytest.approx([0.0, 0.005, 0.01, 0.015, 0.02])
+    assert data["node_position"].shape == data["node_velocity"].shape == (5, 6, 3)
+    assert data["member_tension"].shape == (5, 12)
+    assert tuple(data["node_name"].tolist()) == structure.node_name
+    assert tuple(data["member_name"].tolist()) == structure.member_name
+    assert str(data["status"]) == ended.data["status"] == "ok"
+    np.testing.assert_array_equal(data["node_position"][0], structure.node_position)
+    np.testing.assert_array_equal(data["node_velocity"][0], structure.node_velocity)
+    assert all(np.isfinite(value).all() for value in data.values() if value.dtype.kind == "f")
+    assert ended.data["n_samples"] == 5
+    assert ended.data["t_end"] == 0.02
+    assert ended.data["energy_drift"] < 1e-6
+
+
+def test_a_file_is_not_needed(run: Run, folder: Path, two_nodes: Path) -> None:
+    data = run("simulate", two_nodes, "--t-end", 0.1, "--json").data
+    assert data["out"] is None
+    assert data["n_samples"] == 101
+    assert list(folder.iterdir()) == [two_nodes]
+
+
+def test_everything_may_differ_from_the_default(run: Run, two_nodes: Path) -> None:
+    words = ["--t-end", 0.5, "--samples", 3, "--method", "rk4", "--step", 1e-3, "--flags", "native"]
+    ended = run("simulate", two_nodes, *words, "-o", "a.npz", "--json")
+    assert ended.code == 0
+    assert ended.data["method"] == "rk4"
+    assert ended.data["n_steps"] == 500
+    assert ended.data["step"] == pytest.approx(1e-3)
+    with np.load("a.npz") as file:
+        assert file["time"].tolist() == pytest.approx([0.0, 0.25, 0.5])
+
+
+def test_a_mass_on_a_spring_swings_as_it_must(run: Run, folder: Path) -> None:
+    path = write(
+        folder / "small.toml", HANGING.replace("rest_length = 0.9", "rest_length = 0.9\ntension_only = false")
+    )
+    run("simulate", path, "--t-end", 1, "--samples", 41, "--rtol", 1e-10, "--atol", 1e-12, "--out", "a.npz")
+    with np.load("a.npz") as file:
+        found, when = file["node_position"][:, 1, 2], file["time"]
+        tension = file["member_tension"][:, 0]
+    rest = -0.9 - 0.0981
+    np.testing.assert_allclose(found, rest + (-1 - rest) * np.cos(10 * when), rtol=1e-8)
+    np.testing.assert_allclose(tension, 100 * (-found - 0.9), rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", SCIPY_METHODS)
+def test_scipy_finds_the_same(method: str, run: Run, two_nodes: Path) -> None:
+    same = ["--t-end", 0.3, "--samples", 4, "--rtol", 1e-8, "--atol", 1e-10]
+    run("simulate", two_nodes, *same, "--out", "a.npz")
+    ended = run("simulate", two_nodes, *same, "--method", method, "--out", "b.npz", "--json")
+    assert ended.code == 0
+    assert ended.err == ""
+    with np.load("a.npz") as ours, np.load("b.npz") as theirs:
+        np.testing.assert_allclose(ours["node_position"], theirs["node_position"], atol=1e-5)
+
+
+def test_a_step_too_large_ends_with_3_and_keeps_what_it_reached(run: Run, prism: Path) -> None:
+    words = ["--t-end", 1, "--method", "rk4", "--step", 0.01, "--out", "a.npz"]
+    ended = run("simulate", prism, *words, "--json")
+    assert ended.code == 3
+    assert ended.data["status"] == "unstable"
+    assert "smaller step" in ended.data["message"]
+    with np.load("a.npz") as file:
+        assert str(file["status"]) == "unstable"
+        assert 1 < len(file["time"]) < 101
+        assert len(file["time"]) == len(file["member_tension"]) == ended.data["n_samples"]
+        assert np.isfinite(file["node_position"]).all()
+
+
+def test_a_step_slightly_too_large_is_noticed_by_its_energy(run: Run, prism: Path) -> None:
+    ended = run("simulate", prism, "--t-end", 0.05, "--method", "rk4", "--step", 0.0015, "--json")
+    assert ended.code == 3
+    assert ended.data["status"] in ("unstable", "inaccurate")
+
+
+def test_a_tolerance_below_rounding_ends_with_3_in_time(run: Run, prism: Path) -> None:
+    started = time.monotonic()
+    words = ["--t-end", 0.02, "--rtol", 1e-16, "--atol", 1e-300, "--out", "a.npz"]
+    ended = run("simulate", prism, *words, "--json")
+    assert time.monotonic() - started < 30
+    assert ended.code == 3
+    assert ended.data["status"] == "not_converged"
+    assert "--rtol" in ended.data["message"]
+    assert ended.data["error_estimate"] > 1
+    with np.load("a.npz") as file:
+        assert str(file["status"]) == "not_converged"
+
+
+def test_a_time_out_of_reach_ends_with_3_at_once(run: Run, prism: Path) -> None:
+    started = time.monotonic()
+    ended = run("simulate", prism, "--t-end", 1e9, "--json")
+    assert time.monotonic() - started < 10
+    assert ended.code == 3
+    assert ended.data["status"] == "not_converged"
+    assert ended.data["n_samples"] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "where"),
+    [
+        (["--t-end", "0"], "--t-end"),
+        (["--t-end", "-1"], "--t-end"),
+        (["--t-end", "nan"], "--t-end"),
+        (["--t-end", "inf"], "--t-end"),
+        (["--t-end", "1", "--samples", "1"], "--samples"),
+        (["--t-end", "1", "--samples", "-5"], "--samples"),
+        (["--t-end", "1", "--samples", "1000000000000"], "--samples"),
+        (["--t-end", "1", "--rtol", "0"], "--rtol"),
+        (["--t-end", "1", "--rtol", "nan"], "--rtol"),
+        (["--t-end", "1", "--atol", "-1"], "--atol"),
+        (["--t-end", "1", "--method", "rk5"], "--method"),
+        (["--t-end", "1", "--method", "rk4"], "--step"),
+        (["--t-end", "1", "--method", "rk4", "--step", "0"], "--step"),
+        (["--t-end", "1", "--method", "rk4", "--step", "nan"], "--step"),
+        (["--t-end", "1e300", "--method", "rk4", "--step", "1e-320"], "--step"),
+        (["--t-end", "1", "--step", "0.1"], "--step"),
+        (["--t-end", "1", "--method", "scipy_rk45", "--rtol", "1e-16"], "--rtol"),
+    ],
+)
+def test_an_option_out_of_range_is_refused(words: list[str], where: str, run: Run, two_nodes: Path) -> None:
+    ended = run("simulate", two_nodes, *words, "--out", "a.npz", "--json")
+    assert ended.code == 2
+    assert ended.data["where"] == where
+    assert ended.data["allowed"] or ended.data["hint"]
+    assert not Path("a.npz").exists()
+
+
+@pytest.mark.parametrize("out", ["missing/a.npz", "there", "file/a.npz", ""])
+def test_a_result_without_a_place_is_refused_before_the_run(
+    out: str, run: Run, folder: Path, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "there").mkdir()
+    (folder / "file").write_text("", encoding="utf-8")
+    monkeypatch.setattr(
+        "tensegrity_codegen.pipeline.build_library", lambda *_, **__: pytest.fail("was built")
+    )
+    before = sorted(folder.rglob("*"))
+    ended = run("simulate", two_nodes, "--t-end", 1, "--out", out, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "OutputError"
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_library_of_another_interface_is_refused(
+    run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built = run("simulate", two_nodes, "--t-end", 0.1, "--json").data["library"]
+    monkeypatch.setattr(library, "ABI_VERSION", 999)
+    ended = run("simulate", two_nodes, "--t-end", 0.1, "--out", "a.npz", "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "AbiMismatchError"
+    assert ended.data["where"] == built
+    assert ended.data["allowed"] == "999"
+    assert not Path("a.npz").exists()
+
+
+def test_it_may_start_from_the_equilibrium(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    data = run("simulate", path, "--t-end", 0.5, "--settle", "--json").data
+    assert data["status"] == "ok"
+    assert data["largest_kinetic_energy"] < 1e-15
+
+
+def test_a_start_without_equilibrium_ends_with_3(run: Run, folder: Path) -> None:
+    text = HANGING.replace("anchored = true", 'anchored = "xy", mass = 1.0')
+    path = write(folder / "small.toml", text)
+    ended = run("simulate", path, "--t-end", 0.5, "--settle", "--json")
+    assert ended.code == 3
+    assert ended.data["error"] == "ConvergenceError"
+    assert ended.data["evidence"]["status"] == "no_equilibrium"
+
+
+def test_a_node_without_mass_cannot_move_and_is_named(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GOOD.replace(", mass = 1.0", ""))
+    ended = run("simulate", path, "--t-end", 0.5, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "FormulationError"
+    assert ended.data["where"] == f"{path}: nodes.b.mass"
