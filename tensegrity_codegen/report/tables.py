@@ -98,7 +98,7 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
     """
     table = _table(
         f"{structure.name}: members", "member", "class", "nodes",
-        **{"rest\nlength [m]": "right", "length\n[m]": "right", "strain\n[%]": "right"},
+        **{"rest\nlength\n[m]": "right", "length\n[m]": "right", "strain\n[%]": "right"},
         **{"tension\n[N]": "right"}, state="left",
     )  # fmt: skip
     strain = 100 * (member_length - structure.rest_length) / structure.rest_length
@@ -107,8 +107,8 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
         nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
         _add(
             table, name, structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable"), nodes,
-            f"{structure.rest_length[e]:.6f}", f"{member_length[e]:.6f}", f"{strain[e]:+.3g}",
-            f"{member_tension[e]:+.6g}", states[e],
+            f"{structure.rest_length[e]:.5f}", f"{member_length[e]:.5f}", f"{strain[e]:+.2f}",
+            f"{member_tension[e]:+.5g}", states[e],
         )  # fmt: skip
     return table
 
@@ -131,10 +131,14 @@ def run_table(summary: Mapping[str, Any]) -> Table:
 def _table(title: str, *texts: str, **columns: str) -> Table:
     """Return an empty table with text columns, then columns by name -> alignment."""
     table = Table(
-        title=Text(title) if title else None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False
+        title=Text(title) if title else None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
     )
     for name in texts:
-        table.add_column(name.replace("_", " "))
+        table.add_column(name.replace("_", " "), overflow="fold")
     for name, side in columns.items():
         justify: Any = side
         table.add_column(name.replace("_", " "), justify=justify, no_wrap=True)

@@ -76,7 +76,7 @@ def test_members_show_strain_tension_and_state():
     assert body[0][2] == "n0–n2"
     assert body[0][-2:] == ("-3", "compressed")
     assert body[1][-1] == "taut"
-    assert body[2][3:] == ("1.900000", "2.000000", "+5.26", "+10", "taut")
+    assert body[2][3:] == ("1.90000", "2.00000", "+5.26", "+10", "taut")
     assert body[3][-1] == "slack"
 
 
@@ -98,3 +98,12 @@ def test_run_has_units_and_leaves_out_what_is_not_known():
     assert "result file" not in facts
     assert "message" not in facts
     assert "lib[1].so" in render(run_table(summary))
+
+
+def test_names_are_whole_on_a_narrow_terminal():
+    structure = frame().with_changes(member_name=tuple(f"vertical{e}_12" for e in range(6)))
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    console.print(members_table(structure, structure.member_length(), np.full(6, -12345.678)))
+    text = console.file.getvalue()
+    assert all(name in text for name in structure.member_name)
+    assert "…" not in text
