@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
-import casadi as ca
+from collections.abc import Callable, Iterable
+
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.codegen.prune import PrunedFunction, prune
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.quantities import PARAMETERS
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
-from tests.compare import dense, run_in_casadi
+from tensegrity_codegen.symbolic.model import SymbolicModel
+from tests.compare import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
+from tests.runtime.build import cable, make_structure, spring
+from tests.symbolic.taylor import check_second_order
 
 SLOW = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 
 
-def offered(structure: Structure, request: ModelRequest) -> list:
+def offered(structure: Structure, request: ModelRequest) -> list[PrunedFunction]:
     """Return every quantity that has an entry in this structure, pruned."""
     model = build_model(structure, request)
-    functions = []
-    for name in model.quantities:
+    return offered_by(model, *model.quantities)
+
+
+def offered_by(model: SymbolicModel, *quantities: str) -> list[PrunedFunction]:
+    functions: list[PrunedFunction] = []
+    for name in quantities:
         try:
             functions += prune(model, (name,))
         except FormulationError:
@@ -76,3 +85,198 @@ def test_every_quantity_equals_the_numpy_model_with_all_parameters_at_run_time(
     structure: Structure, seed: int
 ) -> None:
     check_against_reference(structure, ModelRequest((), parameters=all_parameters(structure)), seed)
+
+
+# --- derivatives by Taylor tests -------------------------------------------------------------------
+
+
+class Evaluator:
+    """Quantities of one structure in CasADi's virtual machine; arguments default to the structure's own."""
+
+    def __init__(self, structure: Structure, parameters: dict[str, tuple[int, ...]] | None = None) -> None:
+        request = ModelRequest((), parameters=parameters or {})
+        self.model = build_model(structure, request)
+        self.nominal = {name: item.nominal for name, item in self.model.arguments.items()}
+        self.functions: dict[str, PrunedFunction] = {}
+
+    def __call__(self, quantity: str, **changes: np.ndarray) -> np.ndarray:
+        if quantity not in self.functions:
+            (self.functions[quantity],) = prune(self.model, (quantity,))
+        return dense(run_in_casadi(self.functions[quantity], {**self.nominal, **changes}))
+
+    def along(self, quantity: str, direction: dict[str, np.ndarray]) -> Callable[[float], np.ndarray]:
+        """Return the quantity as a function of the step along a direction in several arguments."""
+        return lambda h: self(quantity, **{n: self.nominal[n] + h * d for n, d in direction.items()}).ravel()
+
+
+def draw_direction(evaluator: Evaluator, names: Iterable[str], seed: int) -> dict[str, np.ndarray]:
+    """Return a random direction; stiffness, damping and mass change in proportion to what they are."""
+    rng = np.random.default_rng(seed)
+    proportional = ("spring_constant", "axial_stiffness", "damping", "node_mass")
+    direction = {}
+    for name in names:
+        nominal = evaluator.nominal[name]
+        direction[name] = rng.uniform(-1, 1, nominal.shape) * (nominal if name in proportional else 1.0)
+    return direction
+
+
+def terms_of_acceleration(structure: Structure) -> float:
+    masses = np.concatenate([structure.node_mass, structure.member_mass / 6])
+    return largest_terms(structure) / float(masses[masses > 0].min())
+
+
+JACOBIANS = {
+    "state_jacobian": ("coordinate", "velocity"),
+    "input_jacobian": ("input",),
+    "rest_length_jacobian": ("rest_length",),
+    "parameter_jacobian": PARAMETERS,
+}
+
+
+@pytest.mark.parametrize("jacobian", JACOBIANS)
+@given(structure=structures(most_nodes=8), seed=st.integers(0, 2**32 - 1))
+@settings(SLOW, max_examples=12)
+def test_jacobians_leave_a_remainder_of_second_order(jacobian: str, structure: Structure, seed: int) -> None:
+    parameters = all_parameters(structure) if jacobian not in ("state_jacobian", "input_jacobian") else {}
+    evaluator = Evaluator(structure, parameters)
+    assume(offered_by(evaluator.model, jacobian))  # inputs may act on anchors alone
+    names = [name for name in JACOBIANS[jacobian] if name in evaluator.nominal]
+    direction = draw_direction(evaluator, names, seed)
+    stacked = np.concatenate([direction[name].ravel() for name in names])
+    check_second_order(
+        evaluator.along("state_derivative", direction),
+        evaluator(jacobian) @ stacked,
+        terms_of_acceleration(structure),
+        jacobian,
+    )
+
+
+@given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
+@settings(SLOW, max_examples=20)
+def test_the_tangent_stiffness_is_the_slope_of_the_residual(structure: Structure, seed: int) -> None:
+    evaluator = Evaluator(structure)
+    direction = draw_direction(evaluator, ("coordinate",), seed)
+    slope = -evaluator("tangent_stiffness") @ direction["coordinate"]
+    along = evaluator.along("node_residual", direction)
+    check_second_order(along, slope, largest_terms(structure), "tangent_stiffness")
+
+
+@given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
+@settings(SLOW, max_examples=20)
+def test_the_residual_is_the_slope_of_the_energy(structure: Structure, seed: int) -> None:
+    evaluator = Evaluator(structure)
+    direction = draw_direction(evaluator, ("coordinate",), seed)
+    slope = np.atleast_1d(-evaluator("node_residual") @ direction["coordinate"])
+    extent = np.abs(structure.node_position).max() + 3.0
+    terms = largest_terms(structure) * extent * structure.n_members
+    check_second_order(evaluator.along("potential_energy", direction), slope, terms, "node_residual")
+
+
+# --- identities ------------------------------------------------------------------------------------
+
+
+@given(structures(most_nodes=12))
+@settings(SLOW, max_examples=20)
+def test_stiffness_is_material_plus_geometric_and_symmetric(structure: Structure) -> None:
+    evaluator = Evaluator(structure)
+    material, geometric, tangent = (
+        evaluator(f"{name}_stiffness") for name in ("material", "geometric", "tangent")
+    )
+    np.testing.assert_allclose(material + geometric, tangent, rtol=0, atol=1e-13 * np.abs(material).max())
+    for matrix in (material, geometric, tangent):
+        np.testing.assert_array_equal(matrix, matrix.T)
+    assert np.linalg.eigvalsh(material).min() >= -1e-12 * np.abs(material).max()
+
+
+@given(structures(most_nodes=12))
+@settings(SLOW, max_examples=20)
+def test_tensions_balance_what_acts_on_the_free_coordinates(structure: Structure) -> None:
+    """A t = weight + loads - residual at rest, where weight and loads are the residual without members."""
+    still = structure.with_changes(node_velocity=np.zeros_like(structure.node_velocity))
+    evaluator = Evaluator(still, all_parameters(still))
+    soft = {
+        name: np.zeros_like(evaluator.nominal[name])
+        for name in ("spring_constant", "axial_stiffness")
+        if name in evaluator.nominal
+    }
+    applied = evaluator("node_residual", **soft)
+    pulled = evaluator("equilibrium_matrix") @ evaluator("member_tension")
+    residual = evaluator("node_residual")
+    np.testing.assert_allclose(applied - pulled, residual, rtol=0, atol=1e-12 * largest_terms(structure))
+
+
+@given(structures(most_nodes=12))
+@settings(SLOW, max_examples=20)
+def test_anchors_carry_weight_and_loads(structure: Structure) -> None:
+    """Along an axis that is modelled, residuals minus reactions add up to weight and loads."""
+    still = structure.with_changes(node_velocity=np.zeros_like(structure.node_velocity))
+    evaluator = Evaluator(still)
+    axes = list(still.axes)
+    weight = (still.node_mass.sum() + still.member_mass.sum()) * still.gravity[axes]
+    total = evaluator("node_force").sum(axis=0)
+    atol = 1e-12 * largest_terms(structure) * structure.n_members
+    np.testing.assert_allclose(total, weight + still.node_load[:, axes].sum(axis=0), rtol=0, atol=atol)
+    if still.node_anchored[:, axes].any():
+        anchored = still.node_anchored[:, axes]
+        force = evaluator("node_force")
+        np.testing.assert_allclose(force[anchored], -evaluator("support_reaction"), rtol=0, atol=atol)
+        np.testing.assert_allclose(force[~anchored], evaluator("node_residual"), rtol=0, atol=atol)
+
+
+# --- slack cables, coincident nodes ----------------------------------------------------------------
+
+
+def two_members(rest: float) -> Structure:
+    """A taut two-sided spring 0-1, and a cable 1-2 of length 1 that is slack from a rest length of 1 on."""
+    members = [spring(0, 1, 0.9), cable(1, 2, rest, damping=2.0)]
+    position = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+    return make_structure(position, members).with_changes(node_velocity=np.arange(9.0).reshape(3, 3))
+
+
+@pytest.mark.parametrize("rest", [1.0, 1.1])
+def test_a_slack_cable_leaves_zero_blocks(rest: float) -> None:
+    evaluator = Evaluator(two_members(rest))
+    cable_end = slice(6, 9)
+    for name in ("material_stiffness", "geometric_stiffness", "tangent_stiffness", "damping_matrix"):
+        matrix = evaluator(name)
+        assert not matrix[cable_end].any()
+        assert not matrix[:, cable_end].any()
+    assert not evaluator("state_jacobian")[9 + 6 :].any()
+    assert not evaluator("rest_length_jacobian")[:, 1].any()
+    assert evaluator("rest_length_jacobian")[:, 0].any()
+    assert evaluator("member_tension").tolist() == [pytest.approx(10.0), 0.0]
+    assert evaluator("force_density")[1] == 0.0
+
+
+def test_a_taut_cable_fills_its_blocks() -> None:
+    evaluator = Evaluator(two_members(0.9))
+    for name in ("material_stiffness", "geometric_stiffness", "damping_matrix"):
+        assert evaluator(name)[6:9].any()
+
+
+def test_a_slack_cable_between_coincident_nodes_has_tension_and_energy_but_no_direction() -> None:
+    structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.5)])
+    evaluator = Evaluator(structure)
+    together = np.zeros(6)
+    assert evaluator("member_tension", coordinate=together) == [0.0]
+    assert evaluator("elastic_energy", coordinate=together) == [0.0]
+    assert np.isnan(evaluator("acceleration", coordinate=together)).all()
+
+
+def test_a_spring_between_coincident_nodes_has_no_direction() -> None:
+    structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 0.5)])
+    evaluator = Evaluator(structure)
+    assert evaluator("member_tension", coordinate=np.zeros(6)) == [-50.0]
+    assert np.isnan(evaluator("acceleration", coordinate=np.zeros(6))).all()
+
+
+def test_both_stiffness_laws_agree_where_they_must() -> None:
+    """EA = k rho gives the same tension and stiffness, but another derivative to rest length (SCS)."""
+    place = [[0, 0, 0], [1.2, 0, 0]]
+    by_k = Evaluator(make_structure(place, [spring(0, 1, 0.8, mu=50.0)]))
+    by_area = Evaluator(make_structure(place, [spring(0, 1, 0.8, mu=0.0, axial=40.0)]))
+    for name in ("member_tension", "tangent_stiffness", "elastic_energy"):
+        np.testing.assert_allclose(by_k(name), by_area(name), rtol=1e-15)
+    slope_k, slope_area = (e("rest_length_jacobian")[9, 0] for e in (by_k, by_area))
+    assert slope_k == pytest.approx(50.0)
+    assert slope_area == pytest.approx(40.0 * 1.2 / 0.8**2)
