@@ -1,4 +1,4 @@
-"""What is wanted of a structure: quantities, run-time parameters, formulation and emitter."""
+"""What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter."""
 
 from __future__ import annotations
 
@@ -6,7 +6,47 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-__all__ = ["ModelRequest"]
+from tensegrity_codegen.errors import UnknownKeyError, UnknownNameError, suggest
+
+__all__ = ["FORMULATION_OPTIONS", "ModelRequest", "complete_options"]
+
+# The options of each formulation that has any, with their allowed words; the first is the default.
+FORMULATION_OPTIONS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "node_distance": {
+        "pairs": ("connected", "full"),
+        "order": ("uvec321", "uvec123"),
+        "basis": ("cycles", "orthonormal"),
+    },
+}
+
+
+def complete_options(
+    formulation: str, options: Mapping[str, str], where: str = "model.options"
+) -> dict[str, str]:
+    """Return all options of a formulation, the omitted ones at their defaults.
+
+    Raises UnknownKeyError for an option that the formulation does not have, UnknownNameError for a word
+    that the option does not allow; `where` names the key in errors.
+    """
+    known = FORMULATION_OPTIONS.get(formulation, {})
+    for name, value in options.items():
+        if name not in known:
+            raise UnknownKeyError(
+                f"formulation {formulation!r} has no such option",
+                where=where,
+                given=name,
+                allowed=", ".join(known) or "no options",
+                hint=suggest(name, known),
+            )
+        if value not in known[name]:
+            raise UnknownNameError(
+                "not one of the words that the option allows",
+                where=f"{where}.{name}",
+                given=value,
+                allowed=", ".join(known[name]),
+                hint=suggest(str(value)[:80], known[name]),
+            )
+    return {name: options.get(name, words[0]) for name, words in known.items()}
 
 
 @dataclass(frozen=True)
@@ -14,7 +54,8 @@ class ModelRequest:
     """The wanted functions and the choices that shape them, apart from the structure itself.
 
     parameters: argument name -> indices of the nodes or members that stay changeable at run time (gravity:
-    an empty tuple); all else is baked in. integrators: names of integrators to emit.
+    an empty tuple); all else is baked in. integrators: names of integrators to emit. options: the
+    formulation's own choices, see FORMULATION_OPTIONS.
     """
 
     quantities: tuple[str, ...]
@@ -22,10 +63,12 @@ class ModelRequest:
     integrators: tuple[str, ...] = ()
     formulation: str = "node_position"
     emitter: str = "unrolled"
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
 
     def wanting(
         self,

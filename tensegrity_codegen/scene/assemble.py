@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from tensegrity_codegen.errors import DuplicateNameError
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.check import check_structure
 from tensegrity_codegen.scene.geometry import check_freedom, find_fully_anchored
 from tensegrity_codegen.scene.members import build_member_arrays
@@ -57,6 +57,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         **member,
     )
     check_structure(structure, where)
+    complete_options(scene.model.formulation, scene.model.options, key_path(where, "model", "options"))
     return structure, _build_request(scene, structure, targets)
 
 
@@ -103,6 +104,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
         formulation=scene.model.formulation,
         emitter=scene.model.emitter,
+        options=scene.model.options,
     )
 
 

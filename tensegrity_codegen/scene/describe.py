@@ -88,12 +88,14 @@ def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]
 
 
 def _describe_request(structure: Structure, request: ModelRequest) -> dict[str, Any]:
-    model = {
+    model: dict[str, Any] = {
         "formulation": request.formulation,
         "emitter": request.emitter,
         "quantities": list(request.quantities),
         "integrators": list(request.integrators),
     }
+    if request.options:
+        model["options"] = dict(request.options)
     parameters: dict[str, Any] = {}
     for name, targets in request.parameters.items():
         owners = structure.node_name if name in _NODE_PARAMETERS else structure.member_name

@@ -46,7 +46,7 @@ __all__ = [
 ]
 
 # What a scene may ask for. A new formulation, emitter or integrator adds its name here.
-FORMULATIONS = ("node_position",)
+FORMULATIONS = ("node_position", "node_distance")
 EMITTERS = ("unrolled",)
 INTEGRATORS = ("rk4",)
 
@@ -195,6 +195,9 @@ class ModelOptions(_Table):
     """What is wanted of the scene."""
 
     formulation: Annotated[str, *_FORMULATION] = Field(FORMULATIONS[0], description="Choice of coordinates.")
+    options: dict[str, str] = Field(
+        default_factory=dict, description="The formulation's own choices, by name; see its documentation."
+    )
     emitter: Annotated[str, *_EMITTER] = Field(EMITTERS[0], description="Way of writing the C code.")
     quantities: Annotated[tuple[Annotated[str, *_QUANTITY], ...], Strict(False)] = Field(
         (), description="Wanted quantities; none: tensions, accelerations and total energy."

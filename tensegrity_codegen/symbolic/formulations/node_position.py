@@ -6,6 +6,7 @@ K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -16,10 +17,10 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import dot, member_length, member_rate, member_vector
+from tensegrity_codegen.symbolic.geometry import dot, member_vector
 from tensegrity_codegen.symbolic.inertia import Inertia
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_blocks
-from tensegrity_codegen.symbolic.member_law import MemberLaw
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
@@ -64,94 +65,41 @@ class _NodePosition:
         self.arguments = arguments
         self.map = CoordinateMap(structure)
         self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
+        self.members = MemberSet(
+            structure, arguments, self._differences(arguments.position), self._differences(arguments.velocity)
+        )
 
     def builders(self) -> dict[str, Any]:
         """Return quantity name -> builder."""
-        names = (
-            "member_vector",
-            "member_length",
-            "member_tension",
-            "force_density",
-            "node_force",
-            "node_residual",
-            "support_reaction",
-            "elastic_energy",
-            "potential_energy",
-            "kinetic_energy",
-            "total_energy",
-            "acceleration",
-            "state_derivative",
-            "mass_matrix",
-            "material_stiffness",
-            "geometric_stiffness",
-            "tangent_stiffness",
-            "damping_matrix",
-            "equilibrium_matrix",
-            "state_jacobian",
-            "input_jacobian",
-            "rest_length_jacobian",
-            "parameter_jacobian",
-        )
-        return {name: getattr(self, name) for name in names}
+        members = self.members
+        return {
+            "member_vector": members.member_vector,
+            "member_length": members.member_length,
+            "member_tension": members.member_tension,
+            "force_density": members.force_density,
+            "node_force": self.node_force,
+            "node_residual": self.node_residual,
+            "support_reaction": self.support_reaction,
+            "elastic_energy": members.elastic_energy,
+            "potential_energy": self.potential_energy,
+            "kinetic_energy": self.kinetic_energy,
+            "total_energy": self.total_energy,
+            "acceleration": self.acceleration,
+            "state_derivative": self.state_derivative,
+            "mass_matrix": self.mass_matrix,
+            "material_stiffness": self.material_stiffness,
+            "geometric_stiffness": self.geometric_stiffness,
+            "tangent_stiffness": self.tangent_stiffness,
+            "damping_matrix": self.damping_matrix,
+            "equilibrium_matrix": self.equilibrium_matrix,
+            "state_jacobian": self.state_jacobian,
+            "input_jacobian": self.input_jacobian,
+            "rest_length_jacobian": self.rest_length_jacobian,
+            "parameter_jacobian": self.parameter_jacobian,
+        }
 
-    # Geometry of every member
-
-    @cached_property
-    def vectors(self) -> list[Vector]:
-        position = self.arguments.position
-        return [member_vector(position[i], position[j]) for i, j in self.ends]
-
-    @cached_property
-    def lengths(self) -> list[Scalar]:
-        return [member_length(vector) for vector in self.vectors]
-
-    @cached_property
-    def vector_rates(self) -> list[Vector]:
-        velocity = self.arguments.velocity
-        return [member_vector(velocity[i], velocity[j]) for i, j in self.ends]
-
-    @cached_property
-    def laws(self) -> list[MemberLaw]:
-        values = self.arguments
-        return [
-            MemberLaw(
-                length=self.lengths[e],
-                rate=self._rate(e),
-                rest_length=values.rest_length[e],
-                spring_constant=values.spring_constant[e],
-                axial_stiffness=values.axial_stiffness[e],
-                damping=values.damping[e],
-                tension_only=bool(self.structure.tension_only[e]),
-            )
-            for e in range(self.structure.n_members)
-        ]
-
-    def _rate(self, e: int) -> Scalar:
-        if self.arguments.damping[e].is_zero():
-            return ca.SX(0.0)
-        return member_rate(self.vectors[e], self.vector_rates[e], self.lengths[e])
-
-    # Members
-
-    def member_vector(self) -> ca.SX:
-        return ca.horzcat(*[ca.vertcat(*vector) for vector in self.vectors])
-
-    def member_length(self) -> ca.SX:
-        return ca.vertcat(*self.lengths)
-
-    def member_tension(self) -> ca.SX:
-        return ca.vertcat(*[law.tension() for law in self.laws])
-
-    def force_density(self) -> ca.SX:
-        return ca.vertcat(*self.densities)
-
-    @cached_property
-    def densities(self) -> list[Scalar]:
-        return [law.force_density() for law in self.laws]
-
-    @cached_property
-    def static_densities(self) -> list[Scalar]:
-        return [law.static_force_density() for law in self.laws]
+    def _differences(self, vectors: list[Vector]) -> list[Vector]:
+        return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]
 
     # Nodes
 
@@ -159,29 +107,18 @@ class _NodePosition:
     def inertia(self) -> Inertia:
         return Inertia(self.structure, self.arguments.node_mass)
 
+    @cached_property
     def external_force(self) -> list[Vector]:
-        """Return weight and load on every node [N]."""
-        mass, gravity = self.inertia.weight_mass(), self.arguments.gravity
-        return [
-            [f + m * g for f, g in zip(load, gravity, strict=True)]
-            for load, m in zip(self.arguments.node_load, mass, strict=True)
-        ]
-
-    def _net_force(self, densities: list[Scalar]) -> list[Vector]:
-        force = self.external_force()
-        for (i, j), vector, density in zip(self.ends, self.vectors, densities, strict=True):
-            pull = [density * component for component in vector]
-            force[i] = [f - p for f, p in zip(force[i], pull, strict=True)]
-            force[j] = [f + p for f, p in zip(force[j], pull, strict=True)]
-        return force
+        """Weight and load on every node [N]."""
+        return self.members.node_load(self.inertia.weight_mass())
 
     @cached_property
     def net_force(self) -> list[Vector]:
-        return self._net_force(self.densities)
+        return self.members.add_to(self.external_force, self.members.densities)
 
     @cached_property
     def net_static_force(self) -> list[Vector]:
-        return self._net_force(self.static_densities)
+        return self.members.add_to(self.external_force, self.members.static_densities)
 
     def node_force(self) -> ca.SX:
         return ca.horzcat(*[ca.vertcat(*force) for force in self.net_force])
@@ -194,14 +131,11 @@ class _NodePosition:
 
     # Energies
 
-    def elastic_energy(self) -> Scalar:
-        return sum((law.energy() for law in self.laws), ca.SX(0.0))
-
     def potential_energy(self) -> Scalar:
         work = ca.SX(0.0)
-        for force, position in zip(self.external_force(), self.arguments.position, strict=True):
+        for force, position in zip(self.external_force, self.arguments.position, strict=True):
             work = work + dot(force, position)
-        return self.elastic_energy() - work
+        return self.members.elastic_energy() - work
 
     def kinetic_energy(self) -> Scalar:
         return self.inertia.kinetic_energy(self.arguments.velocity)
@@ -244,67 +178,37 @@ class _NodePosition:
 
     # Stiffness and Jacobians, member block by member block
 
-    def _static_blocks(self, e: int) -> tuple[MemberBlocks, MemberBlocks]:
-        law, density = self.laws[e], self.static_densities[e]
-        return stiffness_blocks(self.vectors[e], law.length, law.static_tension_by_length(), density)
-
     def material_stiffness(self) -> ca.SX:
-        return self.map.member_matrix((self._static_blocks(e)[0], self.ends[e]) for e in self._all())
+        return self._assembled(self.members.static_blocks(e)[0] for e in self._all())
 
     def geometric_stiffness(self) -> ca.SX:
-        return self.map.member_matrix((self._static_blocks(e)[1], self.ends[e]) for e in self._all())
+        return self._assembled(self.members.static_blocks(e)[1] for e in self._all())
 
     def tangent_stiffness(self) -> ca.SX:
-        blocks = [self._static_blocks(e) for e in self._all()]
-        return self.map.member_matrix(
-            (m.plus(g), ends) for (m, g), ends in zip(blocks, self.ends, strict=True)
-        )
-
-    def _rate_block(self, e: int) -> MemberBlocks:
-        law = self.laws[e]
-        return MemberBlocks.outer(
-            self.vectors[e], self.vectors[e], law.tension_by_rate() / (law.length * law.length)
-        )
+        blocks = [self.members.static_blocks(e) for e in self._all()]
+        return self._assembled(material.plus(geometric) for material, geometric in blocks)
 
     def damping_matrix(self) -> ca.SX:
-        return self.map.member_matrix((self._rate_block(e), self.ends[e]) for e in self._damped())
-
-    def _position_block(self, e: int) -> MemberBlocks:
-        """Return -d(member force)/d(member vector), damping included, (n_axes, n_axes)."""
-        law, d = self.laws[e], self.vectors[e]
-        material, geometric = stiffness_blocks(d, law.length, law.tension_by_length(), self.densities[e])
-        block = material.plus(geometric)
-        if self.arguments.damping[e].is_zero():
-            return block
-        # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.
-        slope = [
-            rate / law.length - law.rate / (law.length * law.length) * component
-            for rate, component in zip(self.vector_rates[e], d, strict=True)
-        ]
-        return block.plus(MemberBlocks.outer(d, slope, law.tension_by_rate() / law.length))
+        damped = self.members.damped
+        return self.map.member_matrix((self.members.rate_block(e), self.ends[e]) for e in damped)
 
     def state_jacobian(self) -> ca.SX:
         n = self.map.n_coordinates
-        stiffness = self.map.member_matrix((self._position_block(e), self.ends[e]) for e in self._all())
+        stiffness = self._assembled(self.members.position_block(e) for e in self._all())
         lower = [
             -ca.mtimes(self.inverse_mass, stiffness),
             -ca.mtimes(self.inverse_mass, self.damping_matrix()),
         ]
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
-    def _tension_to_force(self) -> ca.SX:
-        """Return d(node force)/d(member tension) = -A, sparse (n_coordinates, n_members)."""
-        return -self.equilibrium_matrix()
-
     def equilibrium_matrix(self) -> ca.SX:
-        directions = [
-            [c / length for c in vector] for vector, length in zip(self.vectors, self.lengths, strict=True)
-        ]
+        vectors, lengths = self.members.vectors, self.members.lengths
+        directions = [[c / length for c in vector] for vector, length in zip(vectors, lengths, strict=True)]
         return self.map.member_columns(directions, self.ends)
 
     def rest_length_jacobian(self) -> ca.SX:
-        slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.laws]))
-        return self._below_zeros(ca.mtimes(self.inverse_mass, ca.mtimes(self._tension_to_force(), slope)))
+        slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.members.laws]))
+        return self._below_zeros(ca.mtimes(self.inverse_mass, ca.mtimes(-self.equilibrium_matrix(), slope)))
 
     def input_jacobian(self) -> ca.SX:
         return self._below_zeros(ca.jacobian(self.acceleration(), self.arguments.symbols["input"]))
@@ -322,8 +226,8 @@ class _NodePosition:
     def _below_zeros(self, matrix: ca.SX) -> ca.SX:
         return ca.vertcat(ca.SX(self.map.n_coordinates, matrix.shape[1]), matrix)
 
+    def _assembled(self, blocks: Iterable[MemberBlocks]) -> ca.SX:
+        return self.map.member_matrix(zip(blocks, self.ends, strict=True))
+
     def _all(self) -> range:
         return range(self.structure.n_members)
-
-    def _damped(self) -> list[int]:
-        return [e for e in self._all() if not self.arguments.damping[e].is_zero()]
