@@ -3,7 +3,8 @@
 Registered once; header comments, docstrings, help texts and shape checks all read it from here.
 Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
 `n_states` = 2 n_coordinates, `n_inputs`, `n_parameters` (all run-time parameters, stacked in argument
-order); `k` is the number of nodes or members that the scene keeps changeable.
+order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs; `k` is the number of nodes or members that the scene
+keeps changeable.
 """
 
 from __future__ import annotations
@@ -52,6 +53,8 @@ ARGUMENTS = _table(
 PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "input"))
 
 QUANTITIES = _table(
+    Quantity("node_position", "r", "m", ("n_nodes", "n_axes"), "Positions of all nodes."),
+    Quantity("node_velocity", "r'", "m/s", ("n_nodes", "n_axes"), "Velocities of all nodes."),
     Quantity("member_vector", "d", "m", ("n_members", "n_axes"), "Member vectors d_e = r_i - r_j."),
     Quantity("member_length", "l", "m", ("n_members",), "Member lengths l_e = |d_e|."),
     Quantity(
@@ -155,6 +158,49 @@ QUANTITIES = _table(
         True,
     ),
     Quantity(
+        "coordinate_force",
+        "-dU/dq + Q",
+        "N, N m",
+        ("n_coordinates",),
+        "Static generalised force (no damping) on every coordinate; zero in equilibrium.",
+        "SCS 8",
+    ),
+    Quantity(
+        "coriolis_force",
+        "c",
+        "N, N m",
+        ("n_coordinates",),
+        "Terms c(q, q') of the equations of motion that are quadratic in the velocities.",
+        "SCS 9",
+        needs_mass=True,
+    ),
+    Quantity(
+        "load_matrix",
+        "H",
+        "1, m",
+        ("n_coordinates", "n_inputs"),
+        "Load matrix: H F balances the generalised force of the force and torque inputs F.",
+        "SCS 10",
+        True,
+    ),
+    Quantity(
+        "node_jacobian",
+        "dr/dq",
+        "1, m",
+        ("n_node_components", "n_coordinates"),
+        "Jacobian of the node positions, node by node, to the coordinates.",
+        "SCS 6",
+        True,
+    ),
+    Quantity(
+        "chart_margin",
+        "sin",
+        "1",
+        ("n_charts",),
+        "Sine of the angle from each bar to the pole of its chart, cos(phi) of a rigid body; 0 at the pole.",
+        "SCS 3",
+    ),
+    Quantity(
         "state_jacobian",
         "dx'/dx",
         "1/s, 1/s2",
@@ -192,6 +238,54 @@ QUANTITIES = _table(
         "Jacobian of the state derivative to all run-time parameters.",
         "S&K 5",
         True,
+        True,
+    ),
+    Quantity(
+        "member_extension",
+        "l - rho",
+        "m",
+        ("n_members",),
+        "Extensions l_e - rho_e of members; negative in slack cables.",
+    ),
+    Quantity(
+        "bar_distance",
+        "D",
+        "m",
+        ("n_bar_pairs",),
+        "Distances between the surfaces of bars with round ends, pair by pair; negative where they overlap.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_case",
+        "k",
+        "1",
+        ("n_bar_pairs",),
+        "Which case of the geometry of two bars holds, 1 to 11.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_parameters",
+        "(s, t)",
+        "1",
+        ("n_bar_pairs", "2"),
+        "Where the nearest points are on both axes, from 0 (first node of the bar) to 1 (second node).",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_nearest_point",
+        "P, Q",
+        "m",
+        ("n_bar_points", "n_axes"),
+        "Nearest points of the axes of two bars, first and second, pair by pair.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_jacobian",
+        "dD/dq",
+        "1",
+        ("n_bar_pairs", "n_coordinates"),
+        "Jacobian of the distances between bars; where axes meet, of one of the two sides.",
+        "LIN 3.2",
         True,
     ),
 )

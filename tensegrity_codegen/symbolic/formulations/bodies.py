@@ -1,0 +1,315 @@
+"""Formulation `bodies`: rigid bodies and tendons in minimal coordinates, Lagrange by differentiation.
+
+M(q) q'' + c(q, q') + A(q) T(q) + C(q) q' + H(q) F = 0 (SCS 10), where M and c come from the kinetic energy,
+A = dl/dq, C from the friction of joints and the damping of tendons, H from the loads; weight and forces of
+constant direction enter through their potential.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.body_system import Bar, BodyInput, BodyLoad, BodySystem, FixedBody, RigidBody
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.kinematics import compute_node_position
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.symbolic.body_arguments import BodyArguments
+from tensegrity_codegen.symbolic.body_motion import BodyMotion
+from tensegrity_codegen.symbolic.geometry import dot, member_length, member_rate, member_vector
+from tensegrity_codegen.symbolic.lagrange import Lagrangian
+from tensegrity_codegen.symbolic.member_law import MemberLaw
+from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
+
+__all__ = ["build_bodies"]
+
+Scalar = Any
+Vector = list[Scalar]
+
+QUANTITIES = (
+    "node_position", "node_velocity", "node_jacobian", "chart_margin",
+    "member_vector", "member_length", "member_extension", "member_tension", "force_density",
+    "elastic_energy", "potential_energy", "kinetic_energy", "total_energy",
+    "coordinate_force", "coriolis_force", "acceleration", "state_derivative",
+    "mass_matrix", "equilibrium_matrix", "damping_matrix", "load_matrix", "tangent_stiffness",
+    "state_jacobian", "input_jacobian", "rest_length_jacobian", "parameter_jacobian",
+)  # fmt: skip
+
+
+def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
+    """Return the symbolic model of bodies and tendons in minimal coordinates.
+
+    Raises FormulationError for a body without inertia and for a run-time parameter that bodies do not have.
+    """
+    _check_inertia(system)
+    parts = _Bodies(BodyArguments(system, request.parameters))
+    builders = {name: getattr(parts, name) for name in QUANTITIES}
+    return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders)
+
+
+def _check_inertia(system: BodySystem) -> None:
+    """Raise FormulationError if a body can move without any kinetic energy."""
+    for body in system.bodies:
+        if isinstance(body, Bar):
+            bare = not body.mass > 0 or (not body.held and not body.inertia > 0)
+        elif isinstance(body, RigidBody):
+            bare = not body.mass > 0 or not np.linalg.eigvalsh(np.array(body.inertia))[0] > 0
+        else:
+            bare = False
+        if bare:
+            raise FormulationError(
+                "a body that can move without any kinetic energy has no acceleration",
+                where=f"{system.name}: bodies.{body.name}",
+                allowed="a mass > 0 and an inertia > 0; a held bar needs no inertia of its own",
+            )
+
+
+class _Bodies:
+    """All expressions of one system; every intermediate is built once, when first needed."""
+
+    def __init__(self, arguments: BodyArguments) -> None:
+        self.arguments, self.system = arguments, arguments.system
+        self.motion = BodyMotion(arguments)
+        self.place = self.motion.place
+        self.q, self.v, self.u = arguments.coordinate, arguments.velocity, arguments.input
+        self.n = self.system.n_coordinates
+
+    def frame(self) -> Frame:
+        system = self.system
+        speed = ca.Function("node_velocity", [self.q, self.v], [self.node_velocity()])
+        return Frame(
+            axes=(0, 1, 2),
+            node_name=system.node_name,
+            node_position=compute_node_position(system),
+            node_velocity=np.array(speed(system.coordinate, system.velocity)).T.reshape(-1, 3),
+            member_name=system.member_name,
+            connectivity=tuple((int(i), int(j)) for i, j in system.connectivity),
+            coordinate_name=system.coordinate_name,
+            coordinate_node_axis=(),
+            input_name=tuple(item.name for item in system.inputs),
+        )
+
+    # Points
+
+    @cached_property
+    def points(self) -> list[Vector]:
+        return [self.place.point(node) for node in range(self.system.n_nodes)]
+
+    @cached_property
+    def stacked_points(self) -> ca.SX:
+        return ca.vertcat(*[ca.SX(component) for point in self.points for component in point])
+
+    def node_position(self) -> ca.SX:
+        return ca.reshape(self.stacked_points, 3, self.system.n_nodes)
+
+    def node_velocity(self) -> ca.SX:
+        return ca.reshape(ca.jtimes(self.stacked_points, self.q, self.v), 3, self.system.n_nodes)
+
+    def node_jacobian(self) -> ca.SX:
+        return ca.jacobian(self.stacked_points, self.q)
+
+    def chart_margin(self) -> ca.SX:
+        return ca.vertcat(*[self.place.margin(body) for body in self.system.charted])
+
+    # Tendons
+
+    @cached_property
+    def vectors(self) -> list[Vector]:
+        pairs = [(int(i), int(j)) for i, j in self.system.connectivity]
+        return [[ca.SX(x) for x in member_vector(self.points[i], self.points[j])] for i, j in pairs]
+
+    @cached_property
+    def laws(self) -> list[MemberLaw]:
+        values, laws = self.arguments, []
+        for e, vector in enumerate(self.vectors):
+            length = member_length(vector)
+            undamped = values.damping[e].is_zero()
+            rate = ca.SX(0.0) if undamped else member_rate(vector, self.motion.rate(vector), length)
+            laws.append(
+                MemberLaw(
+                    length=length,
+                    rate=rate,
+                    rest_length=values.rest_length[e],
+                    spring_constant=values.spring_constant[e],
+                    axial_stiffness=values.axial_stiffness[e],
+                    damping=values.damping[e],
+                    tension_only=bool(self.system.tension_only[e]),
+                )
+            )
+        return laws
+
+    def member_vector(self) -> ca.SX:
+        return ca.horzcat(*[ca.vertcat(*vector) for vector in self.vectors])
+
+    @cached_property
+    def lengths(self) -> ca.SX:
+        return ca.vertcat(ca.SX(0, 1), *[law.length for law in self.laws])
+
+    def member_length(self) -> ca.SX:
+        return self.lengths
+
+    def member_extension(self) -> ca.SX:
+        return ca.vertcat(ca.SX(0, 1), *[law.extension for law in self.laws])
+
+    def member_tension(self) -> ca.SX:
+        return ca.vertcat(ca.SX(0, 1), *[law.tension() for law in self.laws])
+
+    def force_density(self) -> ca.SX:
+        return ca.vertcat(ca.SX(0, 1), *[law.force_density() for law in self.laws])
+
+    @cached_property
+    def tendon_matrix(self) -> ca.SX:
+        return ca.jacobian(self.lengths, self.q).T
+
+    def equilibrium_matrix(self) -> ca.SX:
+        return self.tendon_matrix
+
+    # Energies
+
+    def elastic_energy(self) -> Scalar:
+        return sum((law.energy() for law in self.laws), ca.SX(0.0))
+
+    @cached_property
+    def load_potential(self) -> Scalar:
+        """Potential of weight and of forces with a constant direction [J]."""
+        energy = ca.SX(0.0)
+        for body, item in enumerate(self.system.bodies):
+            if not isinstance(item, FixedBody):
+                energy = energy - item.mass * dot(self.arguments.gravity, self.place.centre(body))
+        for node, load in enumerate(self.arguments.node_load):
+            if not isinstance(self.system.bodies[int(self.system.node_body[node])], FixedBody):
+                energy = energy - dot(load, self.points[node])
+        return energy
+
+    def potential_energy(self) -> Scalar:
+        return self.elastic_energy() + self.load_potential
+
+    @cached_property
+    def lagrangian(self) -> Lagrangian:
+        return Lagrangian(self.motion.kinetic_energy(), self.q, self.v)
+
+    def kinetic_energy(self) -> Scalar:
+        return self.lagrangian.kinetic_energy
+
+    def total_energy(self) -> Scalar:
+        return self.kinetic_energy() + self.potential_energy()
+
+    # Generalised forces
+
+    @cached_property
+    def unpotential_force(self) -> ca.SX:
+        """Generalised force of torques and of forces that turn with their body, (n_coordinates, 1)."""
+        force = ca.SX(self.n, 1)
+        for load in self.system.loads:
+            force = force + self._spread(load, load.target, [ca.SX(x) for x in load.vector])
+        for index, item in enumerate(self.system.inputs):
+            if item.kind == "torque" or (item.kind == "force" and item.frame == "body"):
+                for target in item.targets:
+                    vector = [self.u[index] * x for x in item.direction]
+                    force = force + self._spread(item, target, vector)
+        return force
+
+    def _spread(self, load: BodyLoad | BodyInput, target: int, vector: Vector) -> ca.SX:
+        """Return J^T F of a force on a node or a torque on a body, (n_coordinates, 1) (SCS 6)."""
+        body = target if load.kind == "torque" else int(self.system.node_body[target])
+        if load.frame == "body":
+            vector = [dot(row, vector) for row in self.place.rotation(body)]
+        if load.kind == "force":
+            point = ca.vertcat(*self.points[target])
+            return ca.jtimes(point, self.q, ca.vertcat(*vector), True)
+        turning = ca.vertcat(*self.motion.angular_velocity(body))
+        return ca.jtimes(turning, self.v, ca.vertcat(*vector), True)
+
+    @cached_property
+    def external_force(self) -> ca.SX:
+        return self.unpotential_force - ca.gradient(self.load_potential, self.q)
+
+    @cached_property
+    def static_force(self) -> ca.SX:
+        tension = ca.vertcat(ca.SX(0, 1), *[law.static_tension() for law in self.laws])
+        return self.external_force - ca.mtimes(self.tendon_matrix, tension)
+
+    def coordinate_force(self) -> ca.SX:
+        return self.static_force
+
+    def coriolis_force(self) -> ca.SX:
+        return self.lagrangian.coriolis_force
+
+    @cached_property
+    def dissipation(self) -> Scalar:
+        """Rayleigh's function of the joints, half the power that they lose [W]."""
+        half_power = ca.SX(0.0)
+        for joint in self.system.friction:
+            half_power = half_power - 0.5 * joint.coefficient * self.motion.relative_rotation(*joint.bodies)
+        return half_power
+
+    @cached_property
+    def force(self) -> ca.SX:
+        """All generalised forces, (n_coordinates, 1): M q'' + c = force."""
+        tension = self.member_tension()
+        friction = ca.gradient(self.dissipation, self.v)
+        return self.external_force - ca.mtimes(self.tendon_matrix, tension) - friction
+
+    def damping_matrix(self) -> ca.SX:
+        matrix = ca.hessian(self.dissipation, self.v)[0]
+        damped = [e for e, value in enumerate(self.arguments.damping) if not value.is_zero()]
+        if damped:
+            columns = self.tendon_matrix[:, damped]
+            rates = ca.diag(ca.vertcat(*[self.laws[e].tension_by_rate() for e in damped]))
+            matrix = matrix + ca.mtimes(columns, ca.mtimes(rates, columns.T))
+        return matrix
+
+    def load_matrix(self) -> ca.SX:
+        return -ca.jacobian(self.external_force, self.u)
+
+    def tangent_stiffness(self) -> ca.SX:
+        return ca.hessian(self.potential_energy(), self.q)[0] - ca.jacobian(self.unpotential_force, self.q)
+
+    # Dynamics
+
+    def mass_matrix(self) -> ca.SX:
+        return self.lagrangian.mass_matrix
+
+    @cached_property
+    def accelerations(self) -> ca.SX:
+        return self.lagrangian.solve(self.force - self.coriolis_force())
+
+    def acceleration(self) -> ca.SX:
+        return self.accelerations
+
+    def state_derivative(self) -> ca.SX:
+        return ca.vertcat(self.v, self.accelerations)
+
+    def _by(self, symbols: ca.SX) -> ca.SX:
+        """Return dq''/dsymbols = -M^-1 d(M a + c - f)/dsymbols at a = q'', without differentiating M^-1."""
+        a = ca.SX.sym("a", self.n)
+        residual = ca.mtimes(self.mass_matrix(), a) + self.coriolis_force() - self.force
+        slope = ca.substitute(ca.jacobian(residual, symbols), a, self.accelerations)
+        return self.lagrangian.solve(-slope)
+
+    def state_jacobian(self) -> ca.SX:
+        upper = ca.horzcat(ca.SX(self.n, self.n), ca.SX.eye(self.n))
+        return ca.vertcat(upper, self._by(ca.vertcat(self.q, self.v)))
+
+    def input_jacobian(self) -> ca.SX:
+        return self._below_zeros(self._by(self.u))
+
+    def rest_length_jacobian(self) -> ca.SX:
+        slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.laws]))
+        return self._below_zeros(self.lagrangian.solve(-ca.mtimes(self.tendon_matrix, slope)))
+
+    def parameter_jacobian(self) -> ca.SX:
+        stacked = self.arguments.parameter_symbols()
+        if stacked.numel() == 0:
+            raise FormulationError(
+                "parameter_jacobian needs run-time parameters, and the scene keeps none",
+                where=f"{self.system.name}: model.quantities",
+                hint='name some under [parameters], for example rest_length = "all"',
+            )
+        return self._below_zeros(self._by(stacked))
+
+    def _below_zeros(self, matrix: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.SX(self.n, matrix.shape[1]), matrix)
