@@ -114,7 +114,7 @@ def drop_output(stream: Any) -> None:
 
 
 def name_file(error: FormulationError, scene: Path) -> None:
-    """Let the place of an error start with the scene's file, as in errors of reading; it knows the key alone."""
+    """Let the place of an error start with the scene's file, as in errors of reading."""
     key = error.where.rpartition(": ")[2]
     if key.startswith(("nodes.", "members.", "model.", "parameters")):
         error.where = f"{scene}: {key}"

@@ -17,6 +17,7 @@ __all__ = ["MOST_STEPS", "estimate_frequency", "halve_until_converged"]
 FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 20_000_000
+MOST_STALLS = 3  # halvings in a row that bring nothing
 ROUNDING = 1e-8  # differences this small against the state, if they stop shrinking, are rounding
 ORDER_GAIN = 15.0  # 2^4 - 1: Richardson's factor of a method of order 4
 
@@ -47,10 +48,10 @@ def halve_until_converged(
     run: step [s] -> trajectory. The estimate is the difference of two runs over the gain that their
     successive differences show, at most 15 (order 4), so that kinks, which lower the order, are not
     taken for convergence. Status "not_converged" with the last estimate if the steps grow too many or
-    rounding stops the differences from shrinking.
+    the differences have stopped shrinking, which rounding does for good and a kink for one or two halvings.
     """
     step, previous, last_difference = first_step, run(first_step), np.inf
-    total_steps = previous.n_steps
+    total_steps, least, stalls = previous.n_steps, np.inf, 0
     while True:
         step /= 2.0
         if span / step > MOST_STEPS:
@@ -70,9 +71,10 @@ def halve_until_converged(
                 n_evaluations=4 * total_steps,
             )
         close = last_difference < 1e3 or _is_rounding(previous, finer)
-        if finer.status == "ok" and close and difference >= last_difference:
+        stalls = stalls + 1 if finer.status == "ok" and close and difference >= least else 0
+        if stalls == MOST_STALLS:
             return _give_up(finer, difference, "a smaller step no longer brings the runs together")
-        previous, last_difference = finer, difference
+        previous, last_difference, least = finer, difference, min(least, difference)
 
 
 def _difference(coarse: RawTrajectory, fine: RawTrajectory, rtol: float, atol: float) -> float:

@@ -81,12 +81,13 @@ def read_table(path: Path, columns: Sequence[str], needed: Sequence[str]) -> lis
     UnknownKeyError, DuplicateNameError or InvalidValueError (header).
     """
     text = read_text(path, LARGEST_TABLE, "a CSV table")
-    lines = list(_lines(text, path))
-    if not lines:
+    lines = _lines(text, path)
+    first = next(lines, None)
+    if first is None:
         raise SceneSyntaxError("the file has no header", where=str(path), allowed="a CSV table")
-    header = _check_header(lines[0], path, columns, needed)
-    width = len(lines[0][1])
-    return [_make_row(path, number, cells, header, width) for number, cells in lines[1:]]
+    header = _check_header(first, path, columns, needed)
+    width = len(first[1])
+    return [_make_row(path, number, cells, header, width) for number, cells in lines]
 
 
 def _lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
