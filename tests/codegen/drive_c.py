@@ -1,0 +1,127 @@
+"""A C program that calls every generated function with good, bad and missing values."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
+
+__all__ = ["format_driver"]
+
+VALUES = ("NAN", "INFINITY", "-INFINITY", "0.0", "1e308", "-1e308", "5e-324")
+STEPS = (
+    # time_start, step, first_step, n_steps, n_samples
+    ("0.0", "1e-4", "0", "50", "3"),
+    ("0.0", "1e-4", "0", "0", "0"),
+    ("0.0", "1e300", "0", "3", "3"),
+    ("1e308", "1e308", "3", "2", "3"),
+    ("0.0", "1e-4", "LLONG_MAX", "2", "3"),
+    ("0.0", "1e-4", "-1", "2", "3"),
+    ("0.0", "1e-4", "0", "LLONG_MIN", "3"),
+    ("0.0", "0.0", "0", "2", "3"),
+    ("NAN", "1e-4", "0", "2", "3"),
+    ("0.0", "NAN", "0", "2", "3"),
+    ("0.0", "INFINITY", "0", "2", "LLONG_MIN"),
+)
+
+
+def format_driver(manifest: Manifest) -> str:
+    """Return the program's text; it ends with 0 unless a status is outside the table."""
+    largest = max(len(item.nominal) for item in manifest.arguments)
+    body = [_function_calls(manifest, spec) for spec in manifest.functions]
+    body += [_integrator_calls(manifest, spec) for spec in manifest.integrators]
+    body += [_casadi_calls(manifest, spec) for spec in manifest.functions]
+    return "\n".join(
+        [
+            *(f"#include <{name}.h>" for name in ("limits", "math", "stddef", "stdio", "stdlib")),
+            f'#include "{manifest.name}.h"',
+            f"enum {{ LARGEST = {largest} }};",
+            "static const double bad[] = {" + ", ".join(VALUES) + "};",
+            "static int worst = 0;",
+            "static void note(int status) { if (status < 0 || status > 4) { worst = 1; } }",
+            *body,
+            "int main(void)\n{",
+            *(f"  call_{spec.quantity}();\n  external_{spec.quantity}();" for spec in manifest.functions),
+            *(f"  integrate_{spec.name}();" for spec in manifest.integrators),
+            '  puts(worst ? "bad status" : "done");\n  return worst;\n}\n',
+        ]
+    )
+
+
+def _size(manifest: Manifest, spec: FunctionSpec) -> int:
+    if spec.pattern is not None:
+        return len(spec.pattern.row)
+    size = 1
+    for length in spec.shape:
+        size *= length
+    return size
+
+
+def _function_calls(manifest: Manifest, spec: FunctionSpec) -> str:
+    nominal = [f"{manifest.name}_nominal_{name}" for name in spec.arguments]
+    calls = [f"note({spec.symbol}({', '.join([*nominal, 'out'])}));"]
+    calls += [f"note({spec.symbol}({', '.join([*nominal, 'NULL'])}));"]
+    for place in range(len(nominal)):
+        others = [*nominal[:place], "NULL", *nominal[place + 1 :]]
+        calls.append(f"note({spec.symbol}({', '.join([*others, 'out'])}));")
+    whole = [f"note({spec.symbol}({', '.join(['value'] * len(nominal) + ['out'])}));"] if nominal else []
+    return _with_bad_values(f"call_{spec.quantity}", f"double out[{_size(manifest, spec)}];", calls, whole)
+
+
+def _with_bad_values(name: str, declarations: str, calls: list[str], whole: list[str]) -> str:
+    """A function that makes the calls, then `whole` with `value` filled with each bad value."""
+    lines = [f"static void {name}(void)\n{{", f"  {declarations}", "  double value[LARGEST];"]
+    lines += ["  size_t k, i;", *(f"  {call}" for call in calls)]
+    lines += ["  for (k = 0; k < sizeof bad / sizeof bad[0]; ++k) {"]
+    lines += ["    for (i = 0; i < LARGEST; ++i) { value[i] = bad[k]; }"]
+    return "\n".join([*lines, "    (void)value;", *(f"    {call}" for call in whole), "  }\n}"])
+
+
+def _integrator_calls(manifest: Manifest, spec: IntegratorSpec) -> str:
+    n_states = 2 * len(manifest.coordinate_name)
+    nominal = [f"{manifest.name}_nominal_{name}" for name in spec.arguments]
+
+    def call(values: tuple[str, ...], passed: list[str], state: str = "state", work: str = "work") -> str:
+        start, step, first, count, samples = values
+        arguments = [start, step, first, count, state, *passed, samples, "times", "samples"]
+        given = ", ".join([*arguments, "&sampled", "&done", work])
+        return f"reset(state, &sampled); note({spec.symbol}({given}));"
+
+    calls = [call(values, nominal) for values in STEPS]
+    calls += [call(STEPS[0], nominal, state="NULL"), call(STEPS[0], nominal, work="NULL")]
+    for place in range(len(nominal)):
+        calls.append(call(STEPS[0], [*nominal[:place], "NULL", *nominal[place + 1 :]]))
+    reset = (
+        "static void reset(double *state, long long *sampled)\n{\n  int i;\n  *sampled = 0;\n"
+        f"  for (i = 0; i < {n_states // 2}; ++i) {{\n    state[i] = {manifest.name}_nominal_coordinate[i];\n"
+        f"    state[{n_states // 2} + i] = {manifest.name}_nominal_velocity[i];\n  }}\n}}\n"
+    )
+    declarations = (
+        f"static const double times[3] = {{0.0, 1e-4, 2e-3}};\n  double state[{n_states}], "
+        f"samples[{3 * n_states}], work[{spec.work_size}];\n  long long sampled, done;"
+    )
+    whole = [call(STEPS[0], ["value"] * len(nominal))]
+    return reset + _with_bad_values(f"integrate_{spec.name}", declarations, calls, whole)
+
+
+def _casadi_calls(manifest: Manifest, spec: FunctionSpec) -> str:
+    """Calls as CasADi makes them: no more work memory than asked for, NULL for zeros and for no result."""
+    name, count = f"{manifest.name}_{spec.quantity}", len(spec.arguments)
+    return f"""static void external_{spec.quantity}(void)
+{{
+  const double *arg[{count + 1}] = {{NULL}};
+  double out[{_size(manifest, spec)}], *res[1] = {{NULL}}, *w;
+  long long n_arg, n_res, n_iw, n_w, i;
+  {name}_work(&n_arg, &n_res, &n_iw, &n_w);
+  w = (double *)malloc((size_t)(n_w + 1) * sizeof(double));
+  if (w == NULL) {{ worst = 1; return; }}
+  note({name}(arg, res, NULL, w, {name}_checkout()));
+  res[0] = out;
+  note({name}(arg, res, NULL, w, 0));
+  {name}_release(0);
+  for (i = -1; i <= {name}_n_in(); ++i) {{
+    const char *word = {name}_name_in(i);
+    const long long *pattern = {name}_sparsity_in(i);
+    if ((word == NULL) != (pattern == NULL)) {{ worst = 1; }}
+  }}
+  if ({name}_name_out(1) != NULL || {name}_sparsity_out(1) != NULL) {{ worst = 1; }}
+  free(w);
+}}"""

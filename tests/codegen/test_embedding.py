@@ -1,0 +1,222 @@
+"""The generated files as an embedder uses them: any compiler, C or C++, no state, no surprises."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.codegen.emit import GeneratedSource, emit
+from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.toolchain import find_compiler, find_compilers
+from tensegrity_codegen.manifest import FunctionSpec
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.runtime.model import CompiledModel
+from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
+from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.drive_c import format_driver
+from tests.codegen.subjects import bare, everything
+from tests.compare import dense
+
+REFERENCE = FLAG_SETS["reference"].options
+SUBJECTS = {"everything": everything, "bare": bare}
+both = pytest.mark.parametrize("subject", SUBJECTS)
+
+
+@pytest.fixture(scope="module")
+def sources() -> dict[str, GeneratedSource]:
+    return {name: emit(*make()) for name, make in SUBJECTS.items()}
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[str, CompiledModel]:
+    return {name: build_library(*make()).load() for name, make in SUBJECTS.items()}
+
+
+# --- compilers and languages -----------------------------------------------------------------------
+
+
+@both
+@pytest.mark.parametrize("family", FAMILIES)
+def test_it_is_c99_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
+    compiler = require_compiler(family)
+    files = sources[subject].files
+    folder = write_files(tmp_path / "source", files)
+    for unit in (f"{sources[subject].manifest.name}.c", "example.c"):
+        run([*compiler.command, "-std=c99", *STRICT, "-c", unit, "-o", f"{unit}.o"], folder, compiler)
+
+
+@both
+@pytest.mark.parametrize("family", ["g++", "clang++", "zig"])
+def test_it_is_cpp11_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
+    command, name = require_cpp(family), sources[subject].manifest.name
+    folder = write_files(tmp_path / "source", sources[subject].files)
+    run(
+        [
+            *command,
+            "-x",
+            "c++",
+            "-std=c++11",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-c",
+            f"{name}.c",
+            "-o",
+            "scene.o",
+        ],
+        folder,
+        require_compiler("zig") if family == "zig" else None,
+    )
+
+
+@both
+def test_the_header_may_be_included_twice(sources: Any, subject: str, tmp_path: Path) -> None:
+    compiler, name = find_compiler(), sources[subject].manifest.name
+    folder = write_files(tmp_path / "source", sources[subject].files)
+    text = f'#include "{name}.h"\n#include "{name}.h"\nint main(void) {{ return {name.upper()}_OK; }}\n'
+    write_files(folder, {"twice.c": text})
+    run([*compiler.command, "-std=c99", *STRICT, "-c", "twice.c", "-o", "twice.o"], folder, compiler)
+
+
+def test_two_scenes_go_into_one_program(sources: Any, tmp_path: Path) -> None:
+    compiler = find_compiler()
+    folder = write_files(tmp_path / "source", {n: t for s in sources.values() for n, t in s.files.items()})
+    names = [source.manifest.name for source in sources.values()]
+    includes = "".join(f'#include "{name}.h"\n' for name in names)
+    sizes = " + ".join(f"{name}_descriptor.abi_version" for name in names)
+    write_files(folder, {"main.c": f"{includes}int main(void) {{ return {sizes} - 2; }}\n"})
+    units = ["main.c", *(f"{name}.c" for name in names)]
+    run([*compiler.command, "-std=c99", *units, "-o", "main", "-lm"], folder, compiler)
+    run([str(folder / "main")], folder)
+
+
+# --- what it prints is what Python computes --------------------------------------------------------
+
+
+def parse_printed(text: str) -> dict[str, list[float]]:
+    """Return title -> numbers of the blocks "title ...\\n  index number"."""
+    found: dict[str, list[float]] = {}
+    title = ""
+    for line in text.splitlines():
+        entry = re.match(r"^  \d+ +(\S+)$", line)
+        if entry:
+            found[title].append(float(entry[1]))
+        else:
+            title = line.split(" ")[0]
+            found[title] = []
+    return found
+
+
+def stored_values(model: CompiledModel, spec: FunctionSpec) -> np.ndarray:
+    """Return a quantity's numbers as C stores them."""
+    found = model.compute(spec.quantity)
+    return found.data if spec.pattern is not None else dense(found).ravel()
+
+
+@both
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_the_example_prints_what_python_computes(
+    sources: Any, models: Any, subject: str, tmp_path: Path
+) -> None:
+    compiler = find_compiler()
+    folder = write_files(tmp_path / "source", sources[subject].files)
+    run(["make", "example", f"CC={' '.join(compiler.command)}"], folder, compiler)
+    printed = parse_printed(run([str(folder / "example")], folder).stdout)
+    for spec in models[subject].manifest.functions:
+        np.testing.assert_array_equal(printed[spec.quantity], stored_values(models[subject], spec))
+    run(["make", "clean"], folder)
+    assert not (folder / "example").exists()
+
+
+EMBEDDER = """
+#include <stdio.h>
+#include "braced.h"
+
+int main(void)
+{
+  double tension[BRACED_N_MEMBERS], force[BRACED_N_NODES * BRACED_N_AXES];
+  double coordinate[BRACED_N_COORDINATES];
+  int k, status;
+  for (k = 0; k < BRACED_N_COORDINATES; ++k) {
+    coordinate[k] = braced_nominal_coordinate[k] + 0.001 * k;
+  }
+  status = braced_compute_member_tension(TENSION_ARGUMENTS, tension);
+  status += braced_compute_node_force(FORCE_ARGUMENTS, force);
+  printf("tension\\n");
+  for (k = 0; k < BRACED_N_MEMBERS; ++k) {
+    printf("  %d %.17g\\n", k, tension[k]);
+  }
+  printf("force\\n");
+  for (k = 0; k < BRACED_N_NODES * BRACED_N_AXES; ++k) {
+    printf("  %d %.17g\\n", k, force[k]);
+  }
+  printf("named\\n  0 %.17g\\n  1 %.17g\\n", tension[BRACED_MEMBER_e3],
+         force[BRACED_NODE_n3 * BRACED_N_AXES + 2]);
+  return status;
+}
+"""
+
+
+def test_forces_in_a_program_of_one_s_own(sources: Any, models: Any, tmp_path: Path) -> None:
+    """Header and source alone, linked into a program elsewhere, no Python and no CasADi."""
+    compiler, model = find_compiler(), models["everything"]
+
+    def passed(quantity: str) -> str:
+        names = model.function(quantity).arguments
+        return ", ".join("coordinate" if n == "coordinate" else f"braced_nominal_{n}" for n in names)
+
+    text = EMBEDDER.replace("TENSION_ARGUMENTS", passed("member_tension"))
+    text = text.replace("FORCE_ARGUMENTS", passed("node_force"))
+    files = sources["everything"].files
+    folder = write_files(
+        tmp_path / "elsewhere", {"main.c": text} | {n: files[n] for n in ("braced.c", "braced.h")}
+    )
+    run([*compiler.command, *REFERENCE, *STRICT, "main.c", "braced.c", "-o", "main", "-lm"], folder, compiler)
+    printed = parse_printed(run([str(folder / "main")], folder).stdout)
+    coordinate = model.nominal("coordinate") + 0.001 * np.arange(8)
+    tension = model.compute("member_tension", coordinate=coordinate)
+    force = model.compute("node_force", coordinate=coordinate)
+    np.testing.assert_array_equal(printed["tension"], tension)
+    np.testing.assert_array_equal(printed["force"], force.ravel())
+    assert printed["named"] == [tension[3], force[3, 2]]
+
+
+# --- no state, no memory, no undefined behaviour ---------------------------------------------------
+
+
+@both
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of ELF objects")
+def test_it_allocates_nothing_and_has_no_writable_data(sources: Any, subject: str, tmp_path: Path) -> None:
+    if shutil.which("nm") is None:
+        pytest.skip("nm is not installed")
+    compiler, name = find_compiler(), sources[subject].manifest.name
+    folder = write_files(tmp_path / "source", sources[subject].files)
+    run([*compiler.command, *REFERENCE, "-c", f"{name}.c", "-o", "scene.o"], folder, compiler)
+    rows = [line.split()[-2:] for line in run(["nm", "scene.o"], folder).stdout.splitlines()]
+    assert [symbol for kind, symbol in rows if kind in "dDbBcC"] == []
+    needed = {symbol for kind, symbol in rows if kind == "U"}
+    assert needed <= {"sqrt", "memset", "memcpy", "memmove", "_GLOBAL_OFFSET_TABLE_"}
+    exported = {symbol for kind, symbol in rows if kind in "TR"}
+    assert all(symbol.startswith(f"{name}_") for symbol in exported)
+
+
+@both
+def test_no_sanitizer_has_anything_to_say(sources: Any, subject: str, tmp_path: Path) -> None:
+    able = (c for c in find_compilers() if c.name != "zig" and has_sanitizers(c, tmp_path))
+    compiler = next(able, None)
+    if compiler is None:
+        pytest.skip("no compiler here builds programs with the address sanitizer")
+    source = sources[subject]
+    folder = write_files(tmp_path / "source", source.files | {"driver.c": format_driver(source.manifest)})
+    options = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    units = ["driver.c", f"{source.manifest.name}.c"]
+    run([*compiler.command, *options, *units, "-o", "driver", "-lm"], folder, compiler)
+    done = run([str(folder / "driver")], folder, UBSAN_OPTIONS="print_stacktrace=1")
+    assert done.stdout == "done\n"
+    assert done.stderr == ""
