@@ -31,6 +31,11 @@ class Quantity:
     sparse: bool = False
     needs_mass: bool = False
 
+    @property
+    def over_bar_pairs(self) -> bool:
+        """Whether the quantity runs over pairs of bars."""
+        return bool({"n_bar_pairs", "n_bar_points"}.intersection(self.shape))
+
 
 def _table(*rows: Quantity) -> Mapping[str, Quantity]:
     return MappingProxyType({row.name: row for row in rows})
@@ -286,6 +291,90 @@ QUANTITIES = _table(
         ("n_bar_pairs", "n_coordinates"),
         "Jacobian of the distances between bars; where axes meet, of one of the two sides.",
         "LIN 3.2",
+        True,
+    ),
+    Quantity("node_position", "r", "m", ("n_nodes", "n_axes"), "Positions of all nodes.", "S&K 3"),
+    Quantity("node_velocity", "r'", "m/s", ("n_nodes", "n_axes"), "Velocities of all nodes.", "S&K 3"),
+    Quantity(
+        "distance_force",
+        "f",
+        "N",
+        ("n_coordinates",),
+        "Forces of pairs that move the structure as all forces do, then those on the centre of mass.",
+        "S&K 3",
+    ),
+    Quantity(
+        "distance_inertia",
+        "H_delta, M",
+        "kg",
+        ("n_coordinates", "n_coordinates"),
+        "Diagonal inertia of all pairs, H = D^T H_delta D + J_c^T M J_c.",
+        "S&K 4",
+        True,
+        True,
+    ),
+    Quantity(
+        "distance_inertia_inverse",
+        "D H^-1 D^T, M^-1",
+        "1/kg",
+        ("n_coordinates", "n_coordinates"),
+        "What turns forces of pairs into accelerations, block by block.",
+        "S&K 4",
+        True,
+        True,
+    ),
+    Quantity(
+        "constraint_basis",
+        "L",
+        "1",
+        ("n_coordinates", "n_constraints"),
+        "Basis of the constraints between differences, L^T D = 0.",
+        "S&K 4",
+        True,
+    ),
+    Quantity(
+        "constraint_residual",
+        "L^T delta",
+        "m",
+        ("n_constraints",),
+        "Violation of the constraints between differences; every Runge-Kutta method keeps it.",
+        "S&K 4",
+    ),
+    Quantity(
+        "multiplier",
+        "lambda",
+        "N",
+        ("n_constraints",),
+        "Multipliers of the constraints, H_delta delta'' + L lambda = f.",
+        "S&K 7",
+        needs_mass=True,
+    ),
+    Quantity(
+        "saddle_matrix",
+        "[H L; L^T 0]",
+        "kg, 1",
+        ("n_saddle", "n_saddle"),
+        "Matrix of the saddle system; n_saddle = n_coordinates + n_constraints.",
+        "S&K 7",
+        True,
+        True,
+    ),
+    Quantity(
+        "force_jacobian",
+        "df/ddelta",
+        "N/m",
+        ("n_coordinates", "n_coordinates"),
+        "Block-diagonal Jacobian of the member forces to the differences.",
+        "S&K 5",
+        True,
+    ),
+    Quantity(
+        "control_jacobian",
+        "df/du",
+        "N/m",
+        ("n_coordinates", "n_inputs"),
+        "Jacobian of the member forces to the rest-length inputs, one column block an actuated member.",
+        "S&K 6",
         True,
     ),
 )

@@ -67,6 +67,7 @@ def describe(
         functions=specs,
         integrators=tuple(_integrator_spec(model, name, specs) for name in request.integrators),
         left_out=left_out,
+        bar_pair=frame.bar_pair if any(f.quantity.over_bar_pairs for f in functions) else (),
     )
 
 
@@ -102,7 +103,7 @@ def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
         name=name,
         shape=argument.nominal.shape,
         unit=ARGUMENTS[name].unit,
-        sentence=ARGUMENTS[name].sentence,
+        sentence=argument.sentence or ARGUMENTS[name].sentence,
         nominal=tuple(float(value) for value in argument.nominal.ravel()),
         over=argument.over,
     )

@@ -10,6 +10,7 @@ from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.formulations.bodies import build_bodies
+from tensegrity_codegen.symbolic.formulations.node_distance import build_node_distance
 from tensegrity_codegen.symbolic.formulations.node_position import build_node_position
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
@@ -17,6 +18,7 @@ __all__ = ["FORMULATIONS", "build_model"]
 
 FORMULATIONS: dict[str, Callable[[Any, ModelRequest], SymbolicModel]] = {
     "node_position": build_node_position,
+    "node_distance": build_node_distance,
     "bodies": build_bodies,
 }
 

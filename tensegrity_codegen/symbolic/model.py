@@ -22,11 +22,13 @@ class ModelArgument:
     """One run-time argument: its symbols, its value in the scene (C order), the names it runs over.
 
     The symbols of a (k, n) argument are n x k, so that CasADi's columns are the rows of a C array.
+    sentence: what it means in this formulation, where that differs from the table of arguments.
     """
 
     symbol: ca.SX
     nominal: NDArray[np.float64]
     over: tuple[str, ...] = ()
+    sentence: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Frame:
     """What a model's results run over: names of nodes, members, coordinates and inputs, and where nodes are.
 
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
+    bar_pair: names of the two bars of each pair whose distance can be asked for.
     """
 
     axes: tuple[int, ...]
@@ -45,11 +48,13 @@ class Frame:
     coordinate_name: tuple[str, ...]
     coordinate_node_axis: tuple[tuple[int, int], ...]
     input_name: tuple[str, ...]
+    bar_pair: tuple[tuple[str, str], ...] = ()
 
 
 def frame_structure(structure: Structure) -> Frame:
     """Return the frame of a model whose coordinates are the structure's free node coordinates."""
     places = tuple((int(node), int(axis)) for node, axis in structure.coordinate_node_axis)
+    name = structure.member_name
     return Frame(
         axes=structure.axes,
         node_name=structure.node_name,
@@ -60,6 +65,7 @@ def frame_structure(structure: Structure) -> Frame:
         coordinate_name=tuple(f"{structure.node_name[node]}_{'xyz'[axis]}" for node, axis in places),
         coordinate_node_axis=places,
         input_name=tuple(item.name for item in structure.inputs),
+        bar_pair=tuple((name[i], name[j]) for i, j in structure.bar_pairs),
     )
 
 

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
@@ -19,9 +18,11 @@ from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import dot, member_vector
 from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities, pair_members
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
+from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
 __all__ = ["build_node_position"]
@@ -35,26 +36,10 @@ def build_node_position(structure: Structure, request: ModelRequest) -> Symbolic
 
     Raises FormulationError for rigid bars, which this formulation does not have.
     """
-    check_no_rigid_bar(structure)
+    check_no_rigid_bar(structure, "node_position")
     parts = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
     arguments = parts.arguments.ordered()
     return SymbolicModel("node_position", structure, frame_structure(structure), arguments, parts.builders())
-
-
-def check_no_rigid_bar(structure: Structure) -> None:
-    """Raise FormulationError if a member has neither spring constant nor axial stiffness."""
-    rigid = np.flatnonzero(structure.is_rigid)
-    if rigid.size:
-        name = structure.member_name[rigid[0]]
-        others = f" and {rigid.size - 1} more" if rigid.size > 1 else ""
-        raise FormulationError(
-            "formulation 'node_position' has no rigid bars; rigid bars will be served by the formulation "
-            "'rigid_bar', which this version does not have yet",
-            where=f"{structure.name}: members.{name}",
-            given=f"bar {name}{others} without axial_stiffness and spring_constant",
-            allowed="axial_stiffness > 0 [N] or spring_constant > 0 [N/m] on every bar",
-            hint="give the bar a finite stiffness, 1,000 times that of the cables is nearly rigid",
-        )
 
 
 class _NodePosition:
@@ -96,7 +81,12 @@ class _NodePosition:
             "input_jacobian": self.input_jacobian,
             "rest_length_jacobian": self.rest_length_jacobian,
             "parameter_jacobian": self.parameter_jacobian,
+            "member_extension": members.member_extension,
+            **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
         }
+
+    def bar_pairs(self) -> BarPairs:
+        return pair_members(self.structure, self.arguments.position)
 
     def _differences(self, vectors: list[Vector]) -> list[Vector]:
         return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]

@@ -1,0 +1,349 @@
+"""Formulation `node_distance`: differences of node positions over pairs, and centres of mass (S&K 3 to 7).
+
+delta = D r over the members ("connected") or over all pairs of nodes ("full"); r_c the centre of mass
+delta'' = D H^-1 D^T f, r_c'' = M^-1 f_e    in factored form: forces on nodes, over masses, differences
+H_delta delta'' + L lambda = f, L^T delta'' = 0    the same as a saddle system, for checks
+
+Member vectors are coordinates: no difference of large numbers enters a tension.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.request import ModelRequest, complete_options
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.cycle_basis import build_constraint_basis
+from tensegrity_codegen.symbolic.distance_inertia import (
+    build_distance_inertia,
+    build_inverse_inertia,
+    spread_force,
+)
+from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.symbolic.interference import build_bar_quantities, pair_members
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.member_set import MemberSet
+from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
+from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
+from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
+from tensegrity_codegen.symbolic.scatter import CoordinateMap
+
+__all__ = ["build_node_distance"]
+
+Scalar = Any
+Vector = list[Scalar]
+
+
+def build_node_distance(structure: Structure, request: ModelRequest) -> SymbolicModel:
+    """Return the symbolic model of `structure` in node distances.
+
+    Options: pairs "connected" or "full"; order "uvec321" or "uvec123"; basis "cycles" or "orthonormal".
+    Raises FormulationError for rigid bars and for anchors that may move at run time, UnknownKeyError or
+    UnknownNameError for options that there are not.
+    """
+    check_no_rigid_bar(structure, "node_distance")
+    _check_anchors_stay(structure, request)
+    options = complete_options("node_distance", request.options)
+    parts = _NodeDistance(structure, SymbolicArguments(structure, request.parameters), options)
+    return SymbolicModel(
+        "node_distance", structure, parts.frame(), parts.ordered_arguments(), parts.builders()
+    )
+
+
+def _check_anchors_stay(structure: Structure, request: ModelRequest) -> None:
+    if "anchor_position" in request.parameters:
+        raise FormulationError(
+            "formulation 'node_distance' has no anchor positions at run time: where the anchors are is part "
+            "of the coordinates of the pairs that end there",
+            where=f"{structure.name}: parameters.anchor_position",
+            given="anchor_position",
+            allowed="any other run-time parameter",
+            hint='formulation = "node_position", or other coordinates at the start of a simulation',
+        )
+
+
+class _NodeDistance:
+    """All expressions of one structure; every intermediate is built once, when first needed."""
+
+    def __init__(self, structure: Structure, arguments: SymbolicArguments, options: dict[str, str]) -> None:
+        self.structure = structure
+        self.arguments = arguments
+        self.options = options
+        self.inertia = Inertia(structure, arguments.node_mass)
+        which, order = options["pairs"], options["order"]
+        self.layout = PairCoordinates(structure, which, order, self.inertia.weight_mass())
+        self.coordinate = ca.SX.sym("coordinate", self.layout.n_coordinates)
+        self.velocity = ca.SX.sym("velocity", self.layout.n_coordinates)
+        zero = [[ca.SX(0.0) for _ in structure.axes] for _ in range(structure.n_nodes)]
+        held = [[ca.SX(float(x)) for x in row[list(structure.axes)]] for row in structure.node_position]
+        pairs = [int(pair) for pair in self.layout.pairs.pair_of_member]
+        self.members = MemberSet(
+            structure,
+            arguments,
+            [self.layout.pair_vector(pair, self.coordinate, held) for pair in pairs],
+            [self.layout.pair_vector(pair, self.velocity, zero) for pair in pairs],
+        )
+        self.positions = self.layout.node_vectors(self.coordinate, held)
+        self.velocities = self.layout.node_vectors(self.velocity, zero)
+
+    def frame(self) -> Frame:
+        """Return the frame: coordinates by name, none of them that of a node."""
+        frame = frame_structure(self.structure)
+        return Frame(**{**vars(frame), "coordinate_name": self.layout.names(), "coordinate_node_axis": ()})
+
+    def ordered_arguments(self) -> dict[str, ModelArgument]:
+        """Return the arguments, the state in coordinates of its own."""
+        structure, layout = self.structure, self.layout
+        mass = [ca.SX(float(value)) for value in structure.node_mass]
+        weight = np.array([float(value) for value in Inertia(structure, mass).weight_mass()])
+        own = {
+            "coordinate": ModelArgument(
+                self.coordinate,
+                layout.compute(structure.node_position, weight),
+                sentence="Differences of node positions over the pairs, then the centre of mass.",
+            ),
+            "velocity": ModelArgument(
+                self.velocity,
+                layout.compute(structure.node_velocity, weight),
+                sentence="Rates of these differences and of the centre of mass.",
+            ),
+        }
+        return {**self.arguments.ordered(), **own}
+
+    def builders(self) -> dict[str, Any]:
+        """Return quantity name -> builder."""
+        members = self.members
+        return {
+            "node_position": lambda: _columns(self.positions),
+            "node_velocity": lambda: _columns(self.velocities),
+            "member_vector": members.member_vector,
+            "member_length": members.member_length,
+            "member_tension": members.member_tension,
+            "force_density": members.force_density,
+            "node_force": lambda: _columns(self.net_force),
+            "support_reaction": self.support_reaction,
+            "elastic_energy": members.elastic_energy,
+            "potential_energy": self.potential_energy,
+            "kinetic_energy": self.kinetic_energy,
+            "total_energy": self.total_energy,
+            "acceleration": self.acceleration,
+            "state_derivative": lambda: ca.vertcat(self.velocity, self.acceleration()),
+            "distance_force": self.distance_force,
+            "distance_inertia": self.distance_inertia,
+            "distance_inertia_inverse": lambda: self.inverse_inertia,
+            "constraint_basis": lambda: ca.SX(self.basis),
+            "constraint_residual": self.constraint_residual,
+            "multiplier": self.multiplier,
+            "saddle_matrix": self.saddle_matrix,
+            "force_jacobian": self.force_jacobian,
+            "control_jacobian": self.control_jacobian,
+            "state_jacobian": self.state_jacobian,
+            "input_jacobian": self.input_jacobian,
+            "rest_length_jacobian": self.rest_length_jacobian,
+            "parameter_jacobian": self.parameter_jacobian,
+            "member_extension": members.member_extension,
+            **build_bar_quantities(lambda: pair_members(self.structure, self.positions), self.coordinate),
+        }
+
+    # Nodes and energies
+
+    @cached_property
+    def external_force(self) -> list[Vector]:
+        """Weight and load on every node [N]."""
+        return self.members.node_load(self.inertia.weight_mass())
+
+    @cached_property
+    def net_force(self) -> list[Vector]:
+        return self.members.add_to(self.external_force, self.members.densities)
+
+    def support_reaction(self) -> ca.SX:
+        static = self.members.add_to(self.external_force, self.members.static_densities)
+        return -CoordinateMap(self.structure).anchored(static)
+
+    def potential_energy(self) -> Scalar:
+        work = ca.SX(0.0)
+        for force, position in zip(self.external_force, self.positions, strict=True):
+            work = work + dot(force, position)
+        return self.members.elastic_energy() - work
+
+    def kinetic_energy(self) -> Scalar:
+        return self.inertia.kinetic_energy(self.velocities)
+
+    def total_energy(self) -> Scalar:
+        return self.kinetic_energy() + self.potential_energy()
+
+    # Dynamics: forces on nodes, over masses, differences
+
+    def acceleration(self) -> ca.SX:
+        self.inertia.check()
+        node: list[Vector] = [[ca.SX(0.0) for _ in self.layout.axes] for _ in self.net_force]
+        for column, axis in enumerate(self.layout.axes):
+            for nodes in self.inertia.groups(axis):
+                solution = self.inertia.solve(nodes, [self.net_force[k][column] for k in nodes])
+                for k, value in zip(nodes, solution, strict=True):
+                    node[k][column] = value
+        return ca.vertcat(*self.layout.differences(node), *self._centre_accelerations())
+
+    def _centre_forces(self) -> list[Scalar]:
+        """Return the sum of external forces on each floating part; member forces cancel in it."""
+        return [
+            sum((self.external_force[node][centre.column] for node in centre.nodes), ca.SX(0.0))
+            for centre in self.layout.centres
+        ]
+
+    def _centre_accelerations(self) -> list[Scalar]:
+        forces = zip(self.layout.centres, self._centre_forces(), strict=True)
+        return [force / self.layout.mass(centre) for centre, force in forces]
+
+    def distance_force(self) -> ca.SX:
+        values = spread_force(self.layout, self.external_force)
+        for e, vector in enumerate(self.members.vectors):
+            for place, row in self._member_places(e):
+                values[place] = values[place] - self.members.densities[e] * vector[row]
+        return ca.vertcat(*values, *self._centre_forces())
+
+    def distance_inertia(self) -> ca.SX:
+        self._check_full("the diagonal inertia in node distances")
+        self.inertia.check()
+        return build_distance_inertia(self.layout, self.inertia)
+
+    @cached_property
+    def inverse_inertia(self) -> ca.SX:
+        return build_inverse_inertia(self.layout, self.inertia)
+
+    # Constraints
+
+    @cached_property
+    def axis_bases(self) -> list[np.ndarray]:
+        return [build_constraint_basis(graph, self.options["basis"]) for graph in self.layout.graphs]
+
+    @cached_property
+    def basis(self) -> ca.DM:
+        """L, sparse (n_coordinates, n_constraints), the constraints axis by axis."""
+        rows, columns, values, start = [], [], [], 0
+        for column, (graph, basis) in enumerate(zip(self.layout.graphs, self.axis_bases, strict=True)):
+            for r, c in zip(*np.nonzero(basis), strict=True):
+                rows.append(self.layout.index[int(graph.moving[r]), column])
+                columns.append(start + int(c))
+                values.append(float(basis[r, c]))
+            start += basis.shape[1]
+        return ca.DM.triplet(rows, columns, ca.DM(values), self.layout.n_coordinates, start)
+
+    def constraint_residual(self) -> ca.SX:
+        constants = []
+        for axis, graph, basis in zip(self.layout.axes, self.layout.graphs, self.axis_bases, strict=True):
+            held = np.where(graph.anchored, self.structure.node_position[:, axis], 0.0)
+            constants.append(basis.T @ (graph.incidence @ held))
+        return ca.mtimes(self.basis.T, self.coordinate) - ca.DM(np.concatenate(constants))
+
+    def multiplier(self) -> ca.SX:
+        rest = self.distance_force() - ca.mtimes(self.distance_inertia(), self.acceleration())
+        if self.options["basis"] == "orthonormal":
+            return ca.mtimes(self.basis.T, rest)
+        # The pair that closes a cycle is in no other one, with the coefficient +1.
+        crowd = np.array(self.basis.sparsity().row())
+        alone = np.bincount(crowd, minlength=self.layout.n_coordinates) == 1
+        starts, result = self.basis.sparsity().colind(), []
+        for column in range(self.basis.shape[1]):
+            entries = range(starts[column], starts[column + 1])
+            closing = next(int(crowd[k]) for k in entries if alone[crowd[k]] and self.basis.nz[k] == 1)
+            result.append(rest[closing])
+        return ca.vertcat(*result)
+
+    def saddle_matrix(self) -> ca.SX:
+        count = self.basis.shape[1]
+        upper = ca.horzcat(self.distance_inertia(), ca.SX(self.basis))
+        return ca.vertcat(upper, ca.horzcat(ca.SX(self.basis.T), ca.SX(count, count)))
+
+    def _check_full(self, what: str) -> None:
+        if self.options["pairs"] != "full":
+            raise FormulationError(
+                f"{what} needs the pairs of all nodes",
+                where=f"{self.structure.name}: model.options.pairs",
+                given=self.options["pairs"],
+                allowed="full",
+                hint='options = { pairs = "full" }',
+            )
+
+    # Linear model, block by block (S&K 5, 6)
+
+    def force_jacobian(self) -> ca.SX:
+        return self._member_blocks({e: self.members.position_block(e) for e in self._all()})
+
+    def control_jacobian(self) -> ca.SX:
+        columns: list[ca.SX] = []
+        slope = self._rest_length_blocks()
+        for item in self.structure.inputs:
+            targets = list(item.targets) if item.kind == "rest_length" else []
+            columns.append(sum((slope[:, e] for e in targets), ca.SX(self.layout.n_coordinates, 1)))
+        return ca.horzcat(*columns) if columns else ca.SX(self.layout.n_coordinates, 0)
+
+    def state_jacobian(self) -> ca.SX:
+        n = self.layout.n_coordinates
+        damping = self._member_blocks({e: self.members.rate_block(e) for e in self.members.damped})
+        lower = [ca.mtimes(self.inverse_inertia, block) for block in (self.force_jacobian(), damping)]
+        return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
+
+    def rest_length_jacobian(self) -> ca.SX:
+        return self._below_zeros(ca.mtimes(self.inverse_inertia, self._rest_length_blocks()))
+
+    def input_jacobian(self) -> ca.SX:
+        return self._below_zeros(ca.jacobian(self.acceleration(), self.arguments.symbols["input"]))
+
+    def parameter_jacobian(self) -> ca.SX:
+        stacked = self.arguments.parameter_symbols()
+        if stacked.numel() == 0:
+            raise FormulationError(
+                "parameter_jacobian needs run-time parameters, and the scene keeps none",
+                where=f"{self.structure.name}: model.quantities",
+                hint='name some under [parameters], for example rest_length = "all"',
+            )
+        return self._below_zeros(ca.jacobian(self.acceleration(), stacked))
+
+    def _member_blocks(self, blocks: dict[int, MemberBlocks]) -> ca.SX:
+        """Return the block-diagonal matrix of -blocks at their members, sparse (n_coordinates,) * 2."""
+        entries = [
+            (row, column, -block.entries[r][c])
+            for e, block in blocks.items()
+            for row, r in self._member_places(e)
+            for column, c in self._member_places(e)
+        ]
+        return _sparse(entries, self.layout.n_coordinates, self.layout.n_coordinates)
+
+    def _rest_length_blocks(self) -> ca.SX:
+        """Return df/drho: -(dt/drho) d / l at each member, sparse (n_coordinates, n_members)."""
+        entries = [
+            (row, e, -self.members.laws[e].tension_by_rest_length() * self.members.vectors[e][r] / length)
+            for e, length in enumerate(self.members.lengths)
+            for row, r in self._member_places(e)
+        ]
+        return _sparse(entries, self.layout.n_coordinates, self.structure.n_members)
+
+    def _member_places(self, e: int) -> list[tuple[int, int]]:
+        """Return (coordinate, column of its axis) of the components of member e that are coordinates."""
+        pair = int(self.layout.pairs.pair_of_member[e])
+        columns = range(len(self.layout.axes))
+        return [(self.layout.index[pair, c], c) for c in columns if (pair, c) in self.layout.index]
+
+    def _below_zeros(self, matrix: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.SX(self.layout.n_coordinates, matrix.shape[1]), matrix)
+
+    def _all(self) -> range:
+        return range(self.structure.n_members)
+
+
+def _columns(vectors: list[Vector]) -> ca.SX:
+    return ca.horzcat(*[ca.vertcat(*vector) for vector in vectors])
+
+
+def _sparse(entries: list[tuple[int, int, Scalar]], rows: int, columns: int) -> ca.SX:
+    kept = [entry for entry in entries if not entry[2].is_zero()]
+    stacked = ca.vertcat(*[value for _, _, value in kept]) if kept else ca.SX(0, 1)
+    return ca.SX.triplet([r for r, _, _ in kept], [c for _, c, _ in kept], stacked, rows, columns)
