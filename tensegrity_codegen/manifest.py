@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ __all__ = [
     "LeftOut",
     "Manifest",
     "Pattern",
+    "name_bar_pairs",
 ]
 
 ABI_VERSION = 1
@@ -111,6 +113,14 @@ class Manifest:
     functions: tuple[FunctionSpec, ...]
     integrators: tuple[IntegratorSpec, ...]
     left_out: tuple[LeftOut, ...]
+    bar_pair: tuple[
+        tuple[str, str], ...
+    ] = ()  # names of the two bars, where a wanted quantity runs over pairs
+
+    @property
+    def bar_pair_name(self) -> tuple[str, ...]:
+        """Names of the pairs of bars, in the order of the quantities over them."""
+        return name_bar_pairs(self.bar_pair)
 
     def argument(self, name: str) -> ArgumentSpec:
         """Return the argument of that name."""
@@ -151,6 +161,21 @@ class Manifest:
         except UnicodeDecodeError as error:
             raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
         return cls.from_json(text, where=str(path))
+
+
+def name_bar_pairs(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Return one name for each pair of bars: "bar1_bar2", numbered where two would be equal."""
+    taken: set[str] = set()
+    names: list[str] = []
+    for first, second in pairs:
+        plain = name = f"{first}_{second}"
+        number = 1
+        while name in taken:
+            number += 1
+            name = f"{plain}_{number}"
+        taken.add(name)
+        names.append(name)
+    return tuple(names)
 
 
 def _decode(data: dict[str, Any]) -> Manifest:

@@ -64,6 +64,7 @@ class Structure:
     radius: FloatArray  # (n_members,) [m], 0 where not given
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # member indices
     inputs: tuple[ActuatedInput, ...] = ()
+    interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -98,6 +99,22 @@ class Structure:
         """(n_members,): members without any stiffness, which keep their length exactly."""
         rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)
         return rigid
+
+    @property
+    def bar_pairs(self) -> NDArray[np.int64]:
+        """(n_bar_pairs, 2): members whose distance is watched.
+
+        Those of `interference`, or all pairs of bars that have a radius and share no node.
+        """
+        if self.interference is not None:
+            return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
+        round_bar = np.flatnonzero(self.is_bar & (self.radius > 0))
+        first, second = np.triu_indices(len(round_bar), 1)
+        pairs = np.stack([round_bar[first], round_bar[second]], axis=1)
+        ends = self.connectivity[pairs]
+        meets = (ends[:, 0, :, None] == ends[:, 1, None, :]).any(axis=(1, 2))
+        apart: NDArray[np.int64] = pairs[~meets].astype(np.int64)
+        return apart
 
     def member_length(self) -> FloatArray:
         """Return the member lengths at the stated node positions, (n_members,) [m]."""

@@ -19,6 +19,7 @@ from scipy.sparse import linalg as sparse_linalg
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure import Structure
 from tests.reference_manifest import NODE_POSITION_QUANTITIES, all_parameters, build_manifest, full_value
+from tests.segments import Nearest, find_nearest
 
 __all__ = ["ReferenceModel"]
 
@@ -169,6 +170,45 @@ class ReferenceModel:
 
     def _force_density(self, v: Values, m: Members) -> Array:
         return m.tension / m.length
+
+    def _member_extension(self, v: Values, m: Members) -> Array:
+        return m.extension
+
+    # --- pairs of bars -----------------------------------------------------------------------------
+
+    def _bars(self, v: Values) -> list[tuple[Array, Nearest]]:
+        """The four end points (4, 3) of each pair and where the two are nearest."""
+        space = np.zeros((self.structure.n_nodes, 3))
+        space[:, self.axes] = v.position
+        corners = [
+            space[self.structure.connectivity[pair]].reshape(4, 3) for pair in self.structure.bar_pairs
+        ]
+        return [(four, find_nearest(*four)) for four in corners]
+
+    def _bar_distance(self, v: Values, m: Members) -> Array:
+        radii = self.structure.radius[self.structure.bar_pairs].sum(axis=1)
+        return np.array([near.distance for _, near in self._bars(v)]) - radii
+
+    def _bar_distance_case(self, v: Values, m: Members) -> Array:
+        return np.array([float(near.case) for _, near in self._bars(v)])
+
+    def _bar_distance_parameters(self, v: Values, m: Members) -> Array:
+        return np.array([(near.s, near.t) for _, near in self._bars(v)]).reshape(-1, 2)
+
+    def _bar_nearest_point(self, v: Values, m: Members) -> Array:
+        points = [(a + near.s * (b - a), c + near.t * (d - c)) for (a, b, c, d), near in self._bars(v)]
+        return np.array(points).reshape(-1, 3)[:, self.axes]
+
+    def _bar_distance_jacobian(self, v: Values, m: Members) -> Array:
+        rows = np.zeros((len(self.structure.bar_pairs), self.structure.n_nodes, len(self.axes)))
+        for row, pair, ((a, b, c, d), near) in zip(
+            rows, self.structure.bar_pairs, self._bars(v), strict=True
+        ):
+            gap = c + near.t * (d - c) - a - near.s * (b - a)
+            weights = (near.s - 1, -near.s, 1 - near.t, near.t)
+            for node, weight in zip(self.structure.connectivity[pair].ravel(), weights, strict=True):
+                row[node] += weight * gap[self.axes] / np.linalg.norm(gap)
+        return rows.reshape(len(rows), self.free.size)[:, self.free]
 
     # --- forces ------------------------------------------------------------------------------------
 

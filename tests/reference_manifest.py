@@ -21,7 +21,8 @@ NODE_POSITION_QUANTITIES = (
     *("support_reaction", "elastic_energy", "potential_energy", "kinetic_energy", "total_energy"),
     *("acceleration", "state_derivative", "mass_matrix", "material_stiffness", "geometric_stiffness"),
     *("tangent_stiffness", "damping_matrix", "equilibrium_matrix", "state_jacobian", "input_jacobian"),
-    *("rest_length_jacobian", "parameter_jacobian"),
+    *("rest_length_jacobian", "parameter_jacobian", "member_extension", "bar_distance", "bar_distance_case"),
+    *("bar_distance_parameters", "bar_nearest_point", "bar_distance_jacobian"),
 )
 
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
@@ -106,6 +107,9 @@ def count_sizes(structure: Structure, arguments: tuple[ArgumentSpec, ...]) -> di
         "n_anchored_coordinates": structure.n_nodes * len(structure.axes) - n,
         "n_states": 2 * n,
         "n_inputs": len(structure.inputs),
+        "n_bar_pairs": len(structure.bar_pairs),
+        "n_bar_points": 2 * len(structure.bar_pairs),
+        "2": 2,
         "n_parameters": sum(len(item.nominal) for item in arguments if item.name in PARAMETERS),
     }
 

@@ -9,20 +9,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["exact_distance", "searched_distance"]
+__all__ = ["Nearest", "exact_distance", "find_nearest", "searched_distance"]
 
 Array = NDArray[np.float64]
 Rational = list[Fraction]
 
 
+@dataclass(frozen=True)
+class Nearest:
+    """Where two segments are nearest, and the number of the case that LIN 3.2 lists."""
+
+    distance: float
+    s: float
+    t: float
+    case: int
+
+
 def exact_distance(a: Sequence[float], b: Sequence[float], c: Sequence[float], d: Sequence[float]) -> float:
     """Distance between segments a-b and c-d from exact rationals."""
+    return find_nearest(a, b, c, d).distance
+
+
+def find_nearest(a: Sequence[float], b: Sequence[float], c: Sequence[float], d: Sequence[float]) -> Nearest:
+    """Nearest points of segments a-b and c-d from exact rationals; of several, the ones in the middle."""
     start, other = rational(a), rational(c)
     u, v = minus(rational(b), start), minus(rational(d), other)
     w = minus(other, start)
@@ -34,12 +50,31 @@ def exact_distance(a: Sequence[float], b: Sequence[float], c: Sequence[float], d
         if uu:
             candidates.append((clamp((end * uv + uw) / uu), end))
     determinant = uu * vv - uv * uv
+    feet = None
     if determinant:
-        s, t = (uw * vv - uv * vw) / determinant, (uv * uw - uu * vw) / determinant
-        if 0 <= s <= 1 and 0 <= t <= 1:
-            candidates.append((s, t))
+        feet = (uw * vv - uv * vw) / determinant, (uv * uw - uu * vw) / determinant
+        if all(0 <= foot <= 1 for foot in feet):
+            candidates.append(feet)
     square = min(squared_gap(w, u, v, s, t) for s, t in candidates)
-    return sqrt(square)
+    best = sorted(pair for pair in candidates if squared_gap(w, u, v, *pair) == square)
+    s, t = ((x + y) / 2 for x, y in zip(best[0], best[-1], strict=True))
+    case = 11 if not (uu and vv) else name_case(feet, s, t)
+    return Nearest(sqrt(square), float(s), float(t), case)
+
+
+def name_case(feet: tuple[Fraction, Fraction] | None, s: Fraction, t: Fraction) -> int:
+    """The number of the case; feet: where the common normal meets the lines, None if they are parallel."""
+    first_inner, second_inner = 0 < s < 1, 0 < t < 1
+    if feet is None:
+        return 9 if first_inner or second_inner else 10
+    on_first, on_second = (0 <= foot <= 1 for foot in feet)
+    if on_first and on_second:
+        return 1
+    if on_second:
+        return 2 if second_inner else 3
+    if on_first:
+        return 4 if first_inner else 5
+    return 6 if second_inner else 7 if first_inner else 8
 
 
 def searched_distance(a: Array, b: Array, c: Array, d: Array, size: int = 33, rounds: int = 12) -> float:

@@ -77,6 +77,8 @@ def _context(manifest: Manifest, functions: tuple[PrunedFunction, ...]) -> dict[
         "states": 2 * n_coordinates,
         "inputs": len(manifest.input_name),
     }
+    if manifest.bar_pair:
+        sizes["bar_pairs"] = len(manifest.bar_pair)
     return {
         "banner": BANNER,
         "flags": REFERENCE_FLAGS,
@@ -105,6 +107,7 @@ def _indices(manifest: Manifest) -> dict[str, list[str]]:
         "member": list(manifest.member_name),
         "coordinate": list(manifest.coordinate_name),
         "input": list(manifest.input_name),
+        "bar_pair": list(manifest.bar_pair_name),
     }
 
 

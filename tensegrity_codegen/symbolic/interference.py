@@ -21,25 +21,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import casadi as ca
 
 from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.geometry import dot
 
 __all__ = [
     "BAR_DISTANCE_CASE",
-    "BAR_QUANTITIES",
     "MOST_PAIRS",
     "BarContact",
     "BarPairs",
     "build_bar_contact",
+    "build_bar_quantities",
     "check_bar_pairs",
-    "wants_bar_pairs",
+    "pair_members",
 ]
 
 Scalar = Any
@@ -61,14 +60,6 @@ BAR_DISTANCE_CASE = {
     10: "parallel_apart",  # no single common normal, nearest points are ends (not in the paper)
     11: "no_length",  # one of the bars is a point (not in the paper)
 }
-
-BAR_QUANTITIES = (
-    "bar_distance",
-    "bar_distance_case",
-    "bar_distance_parameters",
-    "bar_nearest_point",
-    "bar_distance_jacobian",
-)
 
 # Pairs of bars that can be had in one library; the number of all pairs grows as the square of the bars'.
 MOST_PAIRS = 500
@@ -139,7 +130,7 @@ class BarPairs:
 
     def __init__(
         self,
-        ends: Sequence[tuple[Vector, Vector]],
+        ends: Sequence[Sequence[Vector]],
         radius: Sequence[float],
         pairs: Sequence[tuple[int, int]],
         where: str = "",
@@ -147,16 +138,6 @@ class BarPairs:
         check_bar_pairs(len(pairs), where)
         self.ends, self.radius, self.pairs = list(ends), list(radius), list(pairs)
         self.n_axes = len(self.ends[0][0])
-
-    def builders(self, coordinate: ca.SX) -> dict[str, Callable[[], ca.SX]]:
-        """Return quantity name -> builder; coordinate: the symbols that the Jacobian is taken to."""
-        return {
-            "bar_distance": self.distance,
-            "bar_distance_case": self.case,
-            "bar_distance_parameters": self.parameters,
-            "bar_nearest_point": self.nearest_point,
-            "bar_distance_jacobian": lambda: self.jacobian(coordinate),
-        }
 
     def distance(self) -> ca.SX:
         """Return the surface distances [m], (n_bar_pairs, 1)."""
@@ -215,14 +196,34 @@ class BarPairs:
         return ca.Function("bar_contact", [*points, radii], [ca.SX(item) for item in outputs])
 
 
-def wants_bar_pairs(request: ModelRequest) -> bool:
-    """Return whether any wanted quantity runs over pairs of bars."""
-    return any(
-        size in ("n_bar_pairs", "n_bar_points")
-        for name in request.quantities
-        if name in QUANTITIES
-        for size in QUANTITIES[name].shape
-    )
+def build_bar_quantities(
+    make_pairs: Callable[[], BarPairs], coordinate: ca.SX
+) -> dict[str, Callable[[], ca.SX]]:
+    """Return quantity name -> builder; nothing is built, and no error raised, before one is called.
+
+    make_pairs: returns the pairs; coordinate: the symbols that the Jacobian is taken to.
+    """
+    pairs = cache(make_pairs)
+    return {
+        "bar_distance": lambda: pairs().distance(),
+        "bar_distance_case": lambda: pairs().case(),
+        "bar_distance_parameters": lambda: pairs().parameters(),
+        "bar_nearest_point": lambda: pairs().nearest_point(),
+        "bar_distance_jacobian": lambda: pairs().jacobian(coordinate),
+    }
+
+
+def pair_members(structure: Structure, position: Sequence[Vector]) -> BarPairs:
+    """Return the pairs of a structure whose nodes are at `position`, n_nodes vectors [m].
+
+    Raises FormulationError if there are none, or too many.
+    """
+    chosen = [(int(i), int(j)) for i, j in structure.bar_pairs]
+    bars = sorted({bar for pair in chosen for bar in pair})
+    row = {bar: k for k, bar in enumerate(bars)}
+    ends = [tuple(position[node] for node in structure.connectivity[bar]) for bar in bars]
+    radius = [float(structure.radius[bar]) for bar in bars]
+    return BarPairs(ends, radius, [(row[i], row[j]) for i, j in chosen], structure.name)
 
 
 def check_bar_pairs(count: int, where: str = "") -> None:

@@ -92,6 +92,10 @@ class MemberSet:
         """Return the member tensions, (n_members, 1) [N]."""
         return ca.vertcat(*[law.tension() for law in self.laws])
 
+    def member_extension(self) -> ca.SX:
+        """Return the extensions l_e - rho_e, (n_members, 1) [m]."""
+        return ca.vertcat(*[law.extension for law in self.laws])
+
     def force_density(self) -> ca.SX:
         """Return the force densities with damping, (n_members, 1) [N/m]."""
         return ca.vertcat(*self.densities)

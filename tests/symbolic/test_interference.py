@@ -17,6 +17,7 @@ from tensegrity_codegen.symbolic.interference import (
     MOST_PAIRS,
     BarPairs,
     build_bar_contact,
+    build_bar_quantities,
 )
 from tests.segments import exact_distance, searched_distance
 
@@ -227,11 +228,9 @@ def pairs_of(count: int) -> BarPairs:
 def test_pairs_of_bars_of_different_radii() -> None:
     bars = pairs_of(3)
     q = np.random.default_rng(1).uniform(-1, 1, (3, 2, 3))
-    evaluate = ca.Function(
-        "f",
-        [bars.symbols],  # type: ignore[attr-defined]
-        [builder() for builder in bars.builders(bars.symbols).values()],  # type: ignore[attr-defined]
-    )
+    symbols = bars.symbols  # type: ignore[attr-defined]
+    builders = build_bar_quantities(lambda: bars, symbols)
+    evaluate = ca.Function("f", [symbols], [builder() for builder in builders.values()])
     distance, case, parameters, nearest, jacobian = evaluate(q.ravel())
     assert jacobian.shape == (3, 18)
     assert jacobian.nnz() == 36  # a pair depends on its own two bars only
