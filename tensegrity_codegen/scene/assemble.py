@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from tensegrity_codegen.errors import DuplicateNameError
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.check import check_structure
 from tensegrity_codegen.scene.geometry import check_freedom, find_fully_anchored
 from tensegrity_codegen.scene.members import build_member_arrays
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.nodes import build_node_arrays, spread_vectors
-from tensegrity_codegen.scene.schema import Scene, SceneParts
+from tensegrity_codegen.scene.schema import ForceInput, Load, RestLengthInput, Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.targets import Targets, build_inputs, build_parameters
 from tensegrity_codegen.scene.translate import translate
@@ -31,9 +31,10 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
 
     Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
     """
+    loads, inputs = _of_nodes(scene, where)
     parts = _with_shape(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
-    node = build_node_arrays(parts.nodes, scene.loads, axes, where)
+    node = build_node_arrays(parts.nodes, loads, axes, where)
     member = build_member_arrays(
         scene.classes, parts.members, node["node_name"], node["node_position"], where
     )
@@ -52,13 +53,44 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         axes=axes,
         gravity=spread_vectors([scene.gravity], axes, [("gravity",)], where)[0],
         groups=targets.groups,
-        inputs=build_inputs(scene.inputs, targets, rigid, axes),
+        inputs=build_inputs(inputs, targets, rigid, axes),
         **node,
         **member,
     )
     check_structure(structure, where)
     complete_options(scene.model.formulation, scene.model.options, key_path(where, "model", "options"))
     return structure, _build_request(scene, structure, targets)
+
+
+def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInput | ForceInput]]:
+    """Return loads and inputs of a scene without bodies; InvalidValueError for what only bodies have."""
+    loads = [item for item in scene.loads if isinstance(item, Load)]
+    inputs = [item for item in scene.inputs if isinstance(item, RestLengthInput | ForceInput)]
+    foreign = [
+        ("bodies", bool(scene.bodies)),
+        ("tendons", bool(scene.tendons)),
+        ("joint_friction", bool(scene.joint_friction)),
+        ("loads", len(loads) < len(scene.loads)),
+        ("inputs", len(inputs) < len(scene.inputs)),
+    ]
+    for section, is_there in foreign:
+        if is_there:
+            raise InvalidValueError(
+                "this belongs to a scene of bodies",
+                where=key_path(where, section),
+                given=section,
+                allowed="nodes and members, with loads on nodes and inputs of kind rest_length and force",
+                hint="describe everything as bodies and tendons, or everything as nodes and members",
+            )
+    if scene.model.formulation == "bodies":
+        raise InvalidValueError(
+            "formulation 'bodies' needs bodies",
+            where=key_path(where, "model", "formulation"),
+            given="bodies",
+            allowed="a scene with a table [bodies.<name>]",
+            hint='formulation = "node_position"',
+        )
+    return loads, inputs
 
 
 def _with_shape(scene: Scene, where: str) -> SceneParts:

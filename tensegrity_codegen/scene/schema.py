@@ -6,26 +6,36 @@ scene is assembled. SI units everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Strict,
-    StringConstraints,
-    Tag,
-    WithJsonSchema,
-)
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, WithJsonSchema
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import NullableSchema
 
 from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.scene.names import KEYWORDS, NAME_PATTERN, NAME_RULE
+from tensegrity_codegen.scene.body_schema import (
+    BodyTable,
+    BodyTorque,
+    JointFrictionTable,
+    PointForceInput,
+    PointLoad,
+    Tendon,
+    TorqueInput,
+    load_tag,
+)
+from tensegrity_codegen.scene.schema_types import (
+    Anchored,
+    Axes,
+    MemberValues,
+    Name,
+    Positive,
+    Reference,
+    References,
+    Selection,
+    Table,
+    Vector,
+)
 from tensegrity_codegen.scene.shapes import Shape
 
 __all__ = [
@@ -46,15 +56,9 @@ __all__ = [
 ]
 
 # What a scene may ask for. A new formulation, emitter or integrator adds its name here.
-FORMULATIONS = ("node_position", "node_distance")
+FORMULATIONS = ("node_position", "node_distance", "bodies")
 EMITTERS = ("unrolled",)
 INTEGRATORS = ("rk4",)
-
-
-def _refuse_keyword(name: str) -> str:
-    if name in KEYWORDS:
-        raise PydanticCustomError("name_keyword", "the name is a keyword of C or C++")
-    return name
 
 
 def _one_of(what: str, known: tuple[str, ...]) -> tuple[AfterValidator, WithJsonSchema]:
@@ -66,77 +70,13 @@ def _one_of(what: str, known: tuple[str, ...]) -> tuple[AfterValidator, WithJson
     return AfterValidator(check), WithJsonSchema({"type": "string", "enum": list(known)})
 
 
-def _tag(word: type, yes: str, no: str) -> Callable[[Any], str]:
-    return lambda value: yes if isinstance(value, word) else no
-
-
 _QUANTITY = _one_of("quantity", tuple(QUANTITIES))
 _FORMULATION = _one_of("formulation", FORMULATIONS)
 _EMITTER = _one_of("emitter", EMITTERS)
 _INTEGRATOR = _one_of("integrator", INTEGRATORS)
 
-# A new name, and a reference to one that is defined elsewhere.
-Name: TypeAlias = Annotated[
-    str,
-    StringConstraints(pattern=NAME_PATTERN),
-    AfterValidator(_refuse_keyword),
-    Field(description=NAME_RULE),
-]
-Reference: TypeAlias = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
-References: TypeAlias = Annotated[tuple[Reference, ...], Strict(False), Field(min_length=1)]
 
-Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
-Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Vector: TypeAlias = Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=3)]
-
-Axes: TypeAlias = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
-Anchored: TypeAlias = Annotated[
-    Annotated[bool, Tag("@flag")] | Annotated[Axes, Tag("@axes")],
-    Discriminator(_tag(str, "@axes", "@flag")),
-]
-Selection: TypeAlias = Annotated[
-    Annotated[Literal["all"], Tag("@all")] | Annotated[References, Tag("@names")],
-    Discriminator(_tag(str, "@all", "@names")),
-]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
-
-
-class _MemberValues(_Table):
-    """What a member class sets and a member may override."""
-
-    spring_constant: Positive | None = Field(None, description="Spring constant mu = dt/dl [N/m].")
-    axial_stiffness: Positive | None = Field(
-        None, description="Axial stiffness EA [N]; the spring constant is EA / rest_length."
-    )
-    rest_length: Positive | None = Field(None, description="Length without tension [m].")
-    prestress: Number | None = Field(
-        None, description="Tension at the stated node positions [N], positive in tension."
-    )
-    strain: Annotated[float, Field(gt=-1, allow_inf_nan=False)] | None = Field(
-        None, description="(length - rest_length) / rest_length at the stated node positions."
-    )
-    damping: NotNegative | None = Field(
-        None, description="Damping constant c [N s/m]: adds c times the rate of length to the tension."
-    )
-    mass: Positive | None = Field(None, description="Bars only: own mass [kg], spread evenly along the bar.")
-    density: Positive | None = Field(
-        None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."
-    )
-    radius: Positive | None = Field(None, description="Outer radius of the round section [m].")
-    inner_radius: NotNegative | None = Field(
-        None, description="Bars only: inner radius of a tube [m], less than radius."
-    )
-    tension_only: bool | None = Field(
-        None,
-        description="Cables only: no force when slack (default true); false makes a two-sided spring.",
-    )
-
-
-class MemberClass(_MemberValues):
+class MemberClass(MemberValues):
     """Values that many members share."""
 
     kind: Literal["bar", "cable"] = Field(
@@ -144,7 +84,7 @@ class MemberClass(_MemberValues):
     )
 
 
-class Member(_MemberValues):
+class Member(MemberValues):
     """One member between two nodes: a class with overrides, or a kind with all values in place."""
 
     class_name: Reference | None = Field(None, alias="class", description="Name of a member class.")
@@ -156,7 +96,7 @@ class Member(_MemberValues):
     )
 
 
-class Node(_Table):
+class Node(Table):
     """One point: where it is, what it weighs, on which axes it is held."""
 
     position: Vector = Field(description="Position [m]: 3 numbers, or one for each modelled axis.")
@@ -167,14 +107,14 @@ class Node(_Table):
     velocity: Vector | None = Field(None, description="Velocity at the start [m/s]; 0 on anchored axes.")
 
 
-class Load(_Table):
+class Load(Table):
     """A constant force on one node."""
 
     node: Reference = Field(description="Name of the node.")
     force: Vector = Field(description="Force [N], constant in direction.")
 
 
-class RestLengthInput(_Table):
+class RestLengthInput(Table):
     """An actuator: its value u [m] is added to the rest length of every listed member."""
 
     kind: Literal["rest_length"] = Field(description="Kind of input.")
@@ -182,7 +122,7 @@ class RestLengthInput(_Table):
     members: References = Field(description="Names of members, groups or classes.")
 
 
-class ForceInput(_Table):
+class ForceInput(Table):
     """A force of value u [N] along `direction` on every listed node."""
 
     kind: Literal["force"] = Field(description="Kind of input.")
@@ -191,7 +131,7 @@ class ForceInput(_Table):
     direction: Vector = Field(description="Direction of the force; normalised, so only its direction counts.")
 
 
-class ModelOptions(_Table):
+class ModelOptions(Table):
     """What is wanted of the scene."""
 
     formulation: Annotated[str, *_FORMULATION] = Field(FORMULATIONS[0], description="Choice of coordinates.")
@@ -207,7 +147,7 @@ class ModelOptions(_Table):
     )
 
 
-class Parameters(_Table):
+class Parameters(Table):
     """What stays changeable at run time; all else is baked in as constants."""
 
     rest_length: Selection | None = Field(None, description='Rest lengths [m]: "all" or member names.')
@@ -226,7 +166,7 @@ class Parameters(_Table):
     gravity: Literal["all"] | None = Field(None, description='Gravity vector [m/s2]: "all" only.')
 
 
-class SceneParts(_Table):
+class SceneParts(Table):
     """Nodes, members and groups: what a shape stands for, and what a scene adds to it."""
 
     nodes: dict[Name, Node] = Field(default_factory=dict, description="Nodes by name.")
@@ -250,9 +190,33 @@ class Scene(SceneParts):
         default_factory=dict, description="Member classes by name: values that many members share."
     )
     shape: Shape | None = Field(None, description="Nodes and members generated from a few words.")
-    loads: Annotated[tuple[Load, ...], Strict(False)] = Field((), description="Constant forces on nodes.")
+    bodies: dict[Name, BodyTable] = Field(
+        default_factory=dict, description="Rigid bodies by name, in place of nodes and members."
+    )
+    tendons: dict[Name, Tendon] = Field(
+        default_factory=dict, description="Cables between points of bodies, by name."
+    )
+    joint_friction: Annotated[tuple[JointFrictionTable, ...], Strict(False)] = Field(
+        (), description="Friction in the joints of bodies."
+    )
+    loads: Annotated[
+        tuple[
+            Annotated[
+                Annotated[Load, Tag("@node")]
+                | Annotated[PointLoad, Tag("@point")]
+                | Annotated[BodyTorque, Tag("@body")],
+                Discriminator(load_tag),
+            ],
+            ...,
+        ],
+        Strict(False),
+    ] = Field((), description="Constant forces on nodes; forces and torques on bodies.")
     inputs: Annotated[
-        tuple[Annotated[RestLengthInput | ForceInput, Discriminator("kind")], ...], Strict(False)
+        tuple[
+            Annotated[RestLengthInput | ForceInput | PointForceInput | TorqueInput, Discriminator("kind")],
+            ...,
+        ],
+        Strict(False),
     ] = Field(
         (), description="Actuated inputs: rest-length changes and forces, in the order of the input vector."
     )

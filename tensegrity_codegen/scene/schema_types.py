@@ -1,0 +1,116 @@
+"""The words that scene models are made of: names, references, numbers, vectors, selections, member values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    StringConstraints,
+    Tag,
+)
+from pydantic_core import PydanticCustomError
+
+from tensegrity_codegen.scene.names import KEYWORDS, NAME_PATTERN, NAME_RULE
+
+__all__ = [
+    "Anchored",
+    "Axes",
+    "MemberValues",
+    "Name",
+    "NotNegative",
+    "Number",
+    "PointReference",
+    "Positive",
+    "Reference",
+    "References",
+    "Selection",
+    "Table",
+    "Vector",
+    "tag_by_type",
+]
+
+
+def _refuse_keyword(name: str) -> str:
+    if name in KEYWORDS:
+        raise PydanticCustomError("name_keyword", "the name is a keyword of C or C++")
+    return name
+
+
+def tag_by_type(word: type, yes: str, no: str) -> Callable[[Any], str]:
+    """Return a discriminator: the tag `yes` for values of type `word`, else `no`."""
+    return lambda value: yes if isinstance(value, word) else no
+
+
+# A new name, and a reference to one that is defined elsewhere.
+Name: TypeAlias = Annotated[
+    str,
+    StringConstraints(pattern=NAME_PATTERN),
+    AfterValidator(_refuse_keyword),
+    Field(description=NAME_RULE),
+]
+Reference: TypeAlias = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+PointReference: TypeAlias = Annotated[
+    str,
+    StringConstraints(pattern=f"{NAME_PATTERN[:-1]}[.]{NAME_PATTERN[1:]}"),
+    Field(description="body.point"),
+]
+References: TypeAlias = Annotated[tuple[Reference, ...], Strict(False), Field(min_length=1)]
+
+Number: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
+Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Vector: TypeAlias = Annotated[tuple[Number, ...], Strict(False), Field(min_length=1, max_length=3)]
+
+Axes: TypeAlias = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
+Anchored: TypeAlias = Annotated[
+    Annotated[bool, Tag("@flag")] | Annotated[Axes, Tag("@axes")],
+    Discriminator(tag_by_type(str, "@axes", "@flag")),
+]
+Selection: TypeAlias = Annotated[
+    Annotated[Literal["all"], Tag("@all")] | Annotated[References, Tag("@names")],
+    Discriminator(tag_by_type(str, "@all", "@names")),
+]
+
+
+class Table(BaseModel):
+    """A table of the scene file: no other keys, no conversions, frozen."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class MemberValues(Table):
+    """What a member class sets and a member may override."""
+
+    spring_constant: Positive | None = Field(None, description="Spring constant mu = dt/dl [N/m].")
+    axial_stiffness: Positive | None = Field(
+        None, description="Axial stiffness EA [N]; the spring constant is EA / rest_length."
+    )
+    rest_length: Positive | None = Field(None, description="Length without tension [m].")
+    prestress: Number | None = Field(
+        None, description="Tension at the stated node positions [N], positive in tension."
+    )
+    strain: Annotated[float, Field(gt=-1, allow_inf_nan=False)] | None = Field(
+        None, description="(length - rest_length) / rest_length at the stated node positions."
+    )
+    damping: NotNegative | None = Field(
+        None, description="Damping constant c [N s/m]: adds c times the rate of length to the tension."
+    )
+    mass: Positive | None = Field(None, description="Bars only: own mass [kg], spread evenly along the bar.")
+    density: Positive | None = Field(
+        None, description="Bars only: density [kg/m3]; needs radius; mass = density * section * length."
+    )
+    radius: Positive | None = Field(None, description="Outer radius of the round section [m].")
+    inner_radius: NotNegative | None = Field(
+        None, description="Bars only: inner radius of a tube [m], less than radius."
+    )
+    tension_only: bool | None = Field(
+        None,
+        description="Cables only: no force when slack (default true); false makes a two-sided spring.",
+    )

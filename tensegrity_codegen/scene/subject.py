@@ -1,0 +1,24 @@
+"""What a scene describes: nodes and members, or bodies and tendons."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from tensegrity_codegen.body_system import BodySystem
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.assemble import assemble
+from tensegrity_codegen.scene.assemble_bodies import assemble_bodies
+from tensegrity_codegen.scene.schema import Scene
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["Subject", "assemble_scene"]
+
+Subject: TypeAlias = Structure | BodySystem
+
+
+def assemble_scene(scene: Scene, where: str = "scene") -> tuple[Subject, ModelRequest]:
+    """Return what `scene` states, a Structure or, where it has bodies, a BodySystem; and what it wants.
+
+    Raises what `assemble` and `assemble_bodies` raise.
+    """
+    return assemble_bodies(scene, where) if scene.bodies else assemble(scene, where)
