@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tests.runtime.build import bar, cable, make_structure, spring
 
-__all__ = ["all_parameters", "bare", "everything"]
+__all__ = ["all_parameters", "bare", "everything", "offered"]
 
 
 def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
@@ -26,6 +28,18 @@ def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
         "anchor_position": tuple(int(n) for n in np.flatnonzero(anchored)),
     }
     return {name: items for name, items in found.items() if items} | {"gravity": ()}
+
+
+def offered(structure: Structure, request: ModelRequest) -> dict[str, PrunedFunction]:
+    """Return every quantity that has an entry in this structure, pruned."""
+    model = build_model(structure, request)
+    functions = {}
+    for name in model.quantities:
+        try:
+            (functions[name],) = prune(model, (name,))
+        except FormulationError:
+            continue
+    return functions
 
 
 def everything() -> tuple[Structure, ModelRequest]:
@@ -55,8 +69,7 @@ def everything() -> tuple[Structure, ModelRequest]:
     velocity = np.where(structure.node_anchored, 0.0, np.linspace(-0.5, 0.7, 12).reshape(4, 3))
     structure = structure.with_changes(name="braced", node_velocity=velocity)
     request = ModelRequest((), parameters=all_parameters(structure), integrators=("rk4",))
-    offered = build_model(structure, request).quantities
-    return structure, request.wanting(*offered, integrators=("rk4",))
+    return structure, request.wanting(*offered(structure, request), integrators=("rk4",))
 
 
 def bare() -> tuple[Structure, ModelRequest]:

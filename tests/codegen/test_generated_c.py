@@ -10,15 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.errors import FormulationError, NonFiniteError
+from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.manifest import STATUS
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.structure import Structure
-from tensegrity_codegen.symbolic.build import build_model
-from tests.codegen.subjects import all_parameters, bare, everything
+from tests.codegen.subjects import all_parameters, bare, everything, offered
 from tests.compare import dense, run_in_casadi
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
@@ -28,18 +26,6 @@ SLOW = settings(max_examples=10, deadline=None, suppress_health_check=list(Healt
 
 def build(structure: Structure, request: ModelRequest) -> CompiledModel:
     return build_library(structure, request).load()
-
-
-def offered(structure: Structure, request: ModelRequest) -> dict[str, PrunedFunction]:
-    """Return every quantity that has an entry in this structure, pruned."""
-    model = build_model(structure, request)
-    functions = {}
-    for name in model.quantities:
-        try:
-            (functions[name],) = prune(model, (name,))
-        except FormulationError:
-            continue
-    return functions
 
 
 def arguments_near(model: CompiledModel, seed: int) -> dict[str, np.ndarray]:

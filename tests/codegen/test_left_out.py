@@ -1,0 +1,153 @@
+"""What a scene does not need is listed, with what it saves; what it needs is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.codegen.compile import object_size
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.left_out import BYTES_AN_OPERATION, FEATURES, UNWANTED
+from tensegrity_codegen.codegen.toolchain import find_compiler
+from tensegrity_codegen.manifest import LeftOut
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
+from tests.codegen.subjects import all_parameters
+from tests.runtime.build import cable, make_structure, prism, spring
+
+WANTED = ModelRequest(("member_tension", "acceleration"))
+
+
+def left_out(structure: Structure, request: ModelRequest = WANTED) -> dict[str, LeftOut]:
+    return {row.what: row for row in emit(structure, request).manifest.left_out}
+
+
+def triangle(**more: Any) -> Structure:
+    members = [spring(0, 1, 0.9), spring(1, 2, 1.1), spring(2, 0, 1.0)]
+    return make_structure([[0, 0, 0], [1, 0, 0], [0.5, 0, 0.8]], members, axes="xz", **more)
+
+
+def spatial(**more: Any) -> Structure:
+    return triangle(**more).with_changes(axes=(0, 1, 2))
+
+
+def damped(structure: Structure) -> Structure:
+    return structure.with_changes(damping=np.full(structure.n_members, 0.1))
+
+
+def slack(structure: Structure) -> Structure:
+    return structure.with_changes(tension_only=np.ones(structure.n_members, dtype=bool))
+
+
+# feature: (a structure without it, one with it)
+CASES = {
+    "gravity": (triangle(), triangle(gravity=(0, 0, -9.81))),
+    "damping": (triangle(), damped(triangle())),
+    "loads": (triangle(), triangle(load={1: (1, 0, 0)})),
+    "slack branch": (triangle(), slack(triangle())),
+    "anchored coordinates": (triangle(anchored={0: "xz"}), triangle()),
+    "axes": (triangle(), spatial()),
+}
+
+
+@pytest.mark.parametrize("what", CASES)
+def test_a_row_appears_exactly_where_the_feature_is_absent(what: str) -> None:
+    without, with_it = CASES[what]
+    row = left_out(without)[what]
+    assert row.operations > 0
+    assert row.object_bytes == row.operations * BYTES_AN_OPERATION
+    assert not row.measured
+    assert row.why
+    assert what not in left_out(with_it)
+
+
+def test_every_feature_has_a_case() -> None:
+    assert {feature.what for feature in FEATURES} == {*CASES, "run-time parameters"}
+
+
+@pytest.mark.parametrize(
+    ("what", "parameters"),
+    [("gravity", {"gravity": ()}), ("damping", {"damping": (0,)}), ("loads", {"node_load": (1,)})],
+)
+def test_what_is_changeable_is_not_left_out(what: str, parameters: dict[str, tuple[int, ...]]) -> None:
+    assert what not in left_out(triangle(), ModelRequest(WANTED.quantities, parameters=parameters))
+
+
+def test_constants_that_could_have_been_arguments_are_listed() -> None:
+    row = left_out(triangle())["run-time parameters"]
+    # rest lengths and spring constants in both functions, masses in one
+    assert row.arguments == 5
+    whole = ModelRequest(WANTED.quantities, parameters=all_parameters(triangle()))
+    assert "run-time parameters" not in left_out(triangle(), whole)
+
+
+def test_functions_that_nobody_wants_are_listed_by_name() -> None:
+    row = left_out(triangle())[UNWANTED]
+    assert "tangent_stiffness" in row.why
+    assert "member_tension" not in row.why
+    assert "support_reaction" not in row.why  # nothing is anchored, so there is none
+    assert row.functions == row.why.count(",") + 1
+
+
+def test_a_row_counts_the_arguments_too() -> None:
+    row = left_out(triangle())["damping"]
+    assert row.arguments == 4  # velocity and damping, in two functions
+    assert row.functions == 0
+
+
+@pytest.mark.parametrize("quantity", ["support_reaction", "parameter_jacobian"])
+def test_quantities_that_end_with_the_anchors_do_not_stand_in_the_way(quantity: str) -> None:
+    structure = triangle(anchored={0: "xz"})
+    request = ModelRequest(("acceleration", quantity), parameters={"anchor_position": (0,)})
+    assert left_out(structure, request)["anchored coordinates"].operations > 0
+
+
+def test_an_anchored_node_without_mass_does_not_stand_in_the_way() -> None:
+    rows = left_out(triangle(anchored={0: "xz"}, mass=[0.0, 1.0, 1.0]))
+    assert rows["axes"].operations > 0
+    assert rows["anchored coordinates"].operations > 0
+
+
+def test_bars_alone_have_no_slack_branch_to_leave_out() -> None:
+    structure = triangle().with_changes(is_bar=np.ones(3, dtype=bool))
+    assert "slack branch" not in left_out(structure)
+
+
+def test_measured_bytes_are_those_of_the_compiled_variants() -> None:
+    seen: list[int] = []
+
+    def size(files: dict[str, str]) -> int:
+        seen.append(len(files["small.c"]))
+        return seen[-1]
+
+    manifest = emit(triangle(), WANTED, size).manifest
+    assert all(row.measured for row in manifest.left_out)
+    assert [row.object_bytes for row in manifest.left_out] == [length - seen[0] for length in seen[1:]]
+    assert all(row.object_bytes > 0 for row in manifest.left_out)
+
+
+def test_the_estimate_is_near_what_the_compiler_makes() -> None:
+    compiler = find_compiler()
+
+    def size(files: dict[str, str]) -> int:
+        sources = {name: text for name, text in files.items() if name in ("small.c", "small.h")}
+        found = object_size(sources, compiler=compiler, flags=FLAG_SETS["reference"])
+        assert found is not None
+        return found
+
+    structure = prism(gravity=(0, 0, -9.81))
+    measured = {row.what: row.object_bytes for row in emit(structure, WANTED, size).manifest.left_out}
+    estimate = left_out(structure)
+    assert 0.2 < measured[UNWANTED] / estimate[UNWANTED].object_bytes < 5.0
+
+
+def test_a_structure_that_has_everything_leaves_out_only_what_nobody_wants() -> None:
+    members = [cable(0, 1, 0.9, damping=0.1), cable(1, 2, 1.1), spring(2, 0, 1.0)]
+    structure = make_structure(
+        [[0, 0, 0], [1, 0, 0], [0.5, 0, 0.8]], members, gravity=(0, 0, -9.81), load={1: (1, 0, 0)}
+    )
+    request = ModelRequest(WANTED.quantities, parameters=all_parameters(structure))
+    assert set(left_out(structure, request)) == {UNWANTED}
