@@ -1,6 +1,6 @@
 """The whole way, one function an arrow.
 
-scene.toml --read_scene--> Scene --assemble--> Structure, ModelRequest
+scene.toml --read_scene--> Scene --assemble_scene--> Structure or BodySystem, ModelRequest
   --emit--> C source, manifest --compile--> library in the cache --load--> CompiledModel --> results
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,13 +23,12 @@ from tensegrity_codegen.errors import LibraryError
 from tensegrity_codegen.files import write_folder
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
 from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
-from tensegrity_codegen.scene.assemble import assemble
+from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, simulation_quantities
 from tensegrity_codegen.scene.read import read_scene
-from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.scene.subject import Subject, assemble_scene
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
@@ -38,11 +37,17 @@ __all__ = [
     "EQUILIBRIUM_QUANTITIES",
     "LINEARIZE_QUANTITIES",
     "SIMULATION_QUANTITIES",
+    "WITHOUT_STATICS",
     "BuiltLibrary",
     "build_library",
     "compile_scene",
     "load_scene",
+    "settle_structure",
+    "simulation_quantities",
 ]
+
+# Formulations of a structure that leave its equilibrium to node coordinates.
+WITHOUT_STATICS = ("node_distance",)
 
 
 @dataclass(frozen=True)
@@ -76,9 +81,9 @@ class BuiltLibrary:
         return write_folder(folder, {path.name: path.read_bytes() for path in files})
 
 
-def load_scene(path: str | Path) -> tuple[Structure, ModelRequest]:
-    """Read a scene file: the structure, and what is wanted of it. Raises SceneError for bad input."""
-    return assemble(read_scene(path), str(path))
+def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
+    """Read a scene file: the structure or body system, and what is wanted of it. Raises SceneError for bad input."""
+    return assemble_scene(read_scene(path), str(path))
 
 
 def compile_scene(
@@ -103,7 +108,7 @@ def compile_scene(
 
 
 def build_library(
-    structure: Structure,
+    structure: Subject,
     request: ModelRequest,
     *,
     compiler: str | None = None,
@@ -141,7 +146,22 @@ def build_library(
     )
 
 
-def _request_key(structure: Structure, request: ModelRequest, toolchain: str, measure: bool) -> str:
+def settle_structure(
+    structure: Subject, request: ModelRequest, *, compiler: str | None = None, flags: str = "reference"
+) -> Structure:
+    """Return the structure with its nodes where they are in equilibrium, found in node coordinates.
+
+    For formulations that have no statics of their own, see WITHOUT_STATICS. Raises what build_library
+    raises, and ConvergenceError or UnstableError where there is no stable equilibrium.
+    """
+    statics = replace(
+        request.wanting(*EQUILIBRIUM_QUANTITIES), formulation="node_position", integrators=(), options={}
+    )
+    model = build_library(structure, statics, compiler=compiler, flags=flags).load()
+    return structure.with_changes(node_position=find_equilibrium(model).node_position)
+
+
+def _request_key(structure: Subject, request: ModelRequest, toolchain: str, measure: bool) -> str:
     package = hash_package(Path(__file__).resolve().parent, template_folder())
     return hash_text(
         hash_scene(structure, request),
@@ -153,7 +173,7 @@ def _request_key(structure: Structure, request: ModelRequest, toolchain: str, me
 
 
 def _emit(
-    structure: Structure, request: ModelRequest, compiler: Compiler, flags: FlagSet, measure: bool
+    structure: Subject, request: ModelRequest, compiler: Compiler, flags: FlagSet, measure: bool
 ) -> GeneratedSource:
     # Imported here, so that a library from the cache costs no import of CasADi.
     from tensegrity_codegen.codegen.emit import emit

@@ -43,9 +43,11 @@ def simulate(
     with output.guard(scene):
         from tensegrity_codegen.pipeline import (
             EQUILIBRIUM_QUANTITIES,
-            SIMULATION_QUANTITIES,
+            WITHOUT_STATICS,
             build_library,
             load_scene,
+            settle_structure,
+            simulation_quantities,
         )
         from tensegrity_codegen.report.tables import run_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
@@ -56,7 +58,10 @@ def simulate(
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
-        quantities = SIMULATION_QUANTITIES + (EQUILIBRIUM_QUANTITIES if settle else ())
+        if settle and request.formulation in WITHOUT_STATICS:
+            structure = settle_structure(structure, request, compiler=compiler, flags=flags)
+            settle = False
+        quantities = simulation_quantities(request.formulation) + (EQUILIBRIUM_QUANTITIES if settle else ())
         wanted = request.wanting(*quantities, integrators=("rk4",))
         built = build_library(structure, wanted, compiler=compiler, flags=flags)
         model = built.load()

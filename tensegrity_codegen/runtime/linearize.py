@@ -102,8 +102,10 @@ def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:
 
 
 def _state_names(manifest: Manifest) -> tuple[str, ...]:
-    """Names such as `b1.x` for coordinates and `b1.x'` for their rates."""
-    names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in manifest.coordinate_node_axis]
+    """Names such as `b1.x` for node coordinates and `b1.x'` for their rates; others by their own names."""
+    places = manifest.coordinate_node_axis
+    names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
+    names = names or list(manifest.coordinate_name)
     return (*names, *(f"{name}'" for name in names))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,15 +15,25 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
-from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["SIMULATION_QUANTITIES", "RawTrajectory", "Trajectory", "evaluate_trajectory", "read_trajectory"]
+__all__ = [
+    "SIMULATION_QUANTITIES",
+    "RawTrajectory",
+    "Trajectory",
+    "evaluate_trajectory",
+    "read_trajectory",
+    "simulation_quantities",
+]
 
 FloatArray = NDArray[np.float64]
 
 # What a simulation needs of a model, and the integrators it may use.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
+
+# Formulations whose coordinates are node coordinates.
+IN_NODE_COORDINATES = ("node_position",)
 
 # The numeric arrays of a result file.
 RESULT_ARRAYS = (
@@ -122,6 +133,12 @@ class Trajectory:
             np.savez_compressed(file, allow_pickle=False, **self.arrays())
 
 
+def simulation_quantities(formulation: str) -> tuple[str, ...]:
+    """Return what a simulation needs of a model in this formulation."""
+    more = () if formulation in IN_NODE_COORDINATES else NODE_QUANTITIES
+    return (*SIMULATION_QUANTITIES, *more)
+
+
 def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
     """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
     raw, columns = _evaluate_samples(model, raw, arguments)
@@ -134,8 +151,10 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
         time=raw.time,
         coordinate=q,
         velocity=v,
-        node_position=np.stack([place_nodes(model, a, anchors) for a in q]),
-        node_velocity=np.stack([_node_velocity(model, b) for b in v]),
+        node_position=np.stack([place_nodes(model, a, anchors, arguments=arguments) for a in q]),
+        node_velocity=np.stack(
+            [place_velocities(model, a, b, arguments=arguments) for a, b in zip(q, v, strict=True)]
+        ),
         member_tension=columns["member_tension"],
         kinetic_energy=columns["kinetic_energy"],
         total_energy=columns["total_energy"],
@@ -186,13 +205,12 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     members.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            data = {name: file[name] for name in file.files}
+        data = _read_arrays(Path(path))
         names = tuple(data["node_name"].tolist()), tuple(data["member_name"].tolist())
         places = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in RESULT_ARRAYS}
         status, message, method = (str(data[name]) for name in ("status", "message", "method"))
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, BadZipFile, zlib.error) as error:
         raise SceneSyntaxError(
             "not a result file",
             where=str(path),
@@ -206,6 +224,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
             given=f"{len(names[0])} nodes, {len(names[1])} members",
             allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
         )
+    _check_shapes(fields, structure, str(path))
     position, velocity = fields["node_position"], fields["node_velocity"]
     return Trajectory(
         coordinate=position[:, places[:, 0], places[:, 1]],
@@ -219,11 +238,27 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     )
 
 
-def _node_velocity(model: Model, velocity: FloatArray) -> FloatArray:
-    result = np.zeros((len(model.manifest.node_name), 3))
-    places = np.array(model.manifest.coordinate_node_axis)
-    result[places[:, 0], places[:, 1]] = velocity
-    return result
+def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    # Opened here, since NumPy leaves a file open that turns out to be no archive.
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        return {name: archive[name] for name in archive.files}
+
+
+def _check_shapes(fields: Mapping[str, NDArray[Any]], structure: Structure, where: str) -> None:
+    """Raise SceneSyntaxError unless all arrays are finite numbers of one count of samples."""
+    n_t = fields["time"].size
+    nodes, members = (n_t, structure.n_nodes, 3), (n_t, structure.n_members)
+    shapes = {"node_position": nodes, "node_velocity": nodes, "member_tension": members}
+    for name, array in fields.items():
+        shape = shapes.get(name, (n_t,))
+        if n_t == 0 or array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():
+            raise SceneSyntaxError(
+                "an array of the result file is not what it must be",
+                where=where,
+                given=f"{name}: {array.dtype} {array.shape}",
+                allowed=f"{name}: finite float64 {shape}, one row a sample",
+                hint="simulate again",
+            )
 
 
 def _judge_energy(
