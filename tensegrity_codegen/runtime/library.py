@@ -48,7 +48,7 @@ class LoadedLibrary:
         """Return the C function of that name."""
         try:
             return getattr(self._library, name)
-        except AttributeError as error:
+        except (AttributeError, KeyError) as error:
             raise LibraryError(
                 "the library lacks a function that its manifest lists",
                 where=str(self.path),
