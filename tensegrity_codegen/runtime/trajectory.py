@@ -15,15 +15,25 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
-from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["SIMULATION_QUANTITIES", "RawTrajectory", "Trajectory", "evaluate_trajectory", "read_trajectory"]
+__all__ = [
+    "SIMULATION_QUANTITIES",
+    "RawTrajectory",
+    "Trajectory",
+    "evaluate_trajectory",
+    "read_trajectory",
+    "simulation_quantities",
+]
 
 FloatArray = NDArray[np.float64]
 
 # What a simulation needs of a model, and the integrators it may use.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
+
+# Formulations whose coordinates are node coordinates.
+IN_NODE_COORDINATES = ("node_position",)
 
 # The numeric arrays of a result file.
 RESULT_ARRAYS = (
@@ -123,6 +133,12 @@ class Trajectory:
             np.savez_compressed(file, allow_pickle=False, **self.arrays())
 
 
+def simulation_quantities(formulation: str) -> tuple[str, ...]:
+    """Return what a simulation needs of a model in this formulation."""
+    more = () if formulation in IN_NODE_COORDINATES else NODE_QUANTITIES
+    return (*SIMULATION_QUANTITIES, *more)
+
+
 def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
     """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
     raw, columns = _evaluate_samples(model, raw, arguments)
@@ -135,8 +151,10 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
         time=raw.time,
         coordinate=q,
         velocity=v,
-        node_position=np.stack([place_nodes(model, a, anchors) for a in q]),
-        node_velocity=np.stack([_node_velocity(model, b) for b in v]),
+        node_position=np.stack([place_nodes(model, a, anchors, arguments=arguments) for a in q]),
+        node_velocity=np.stack(
+            [place_velocities(model, a, b, arguments=arguments) for a, b in zip(q, v, strict=True)]
+        ),
         member_tension=columns["member_tension"],
         kinetic_energy=columns["kinetic_energy"],
         total_energy=columns["total_energy"],
@@ -241,13 +259,6 @@ def _check_shapes(fields: Mapping[str, NDArray[Any]], structure: Structure, wher
                 allowed=f"{name}: finite float64 {shape}, one row a sample",
                 hint="simulate again",
             )
-
-
-def _node_velocity(model: Model, velocity: FloatArray) -> FloatArray:
-    result = np.zeros((len(model.manifest.node_name), 3))
-    places = np.array(model.manifest.coordinate_node_axis)
-    result[places[:, 0], places[:, 1]] = velocity
-    return result
 
 
 def _judge_energy(
