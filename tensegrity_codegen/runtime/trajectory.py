@@ -45,6 +45,20 @@ RESULT_ARRAYS = (
     "total_energy",
 )
 
+# What NumPy and zipfile raise for damaged files: bad headers, lengths, checksums, methods, single arrays.
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    AttributeError,
+    TypeError,
+    RuntimeError,
+    MemoryError,
+    BadZipFile,
+    zlib.error,
+)
+
 # Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
 ENERGY_TOLERANCE = 0.1
 
@@ -210,7 +224,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         places = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in RESULT_ARRAYS}
         status, message, method = (str(data[name]) for name in ("status", "message", "method"))
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, BadZipFile, zlib.error) as error:
+    except UNREADABLE as error:
         raise SceneSyntaxError(
             "not a result file",
             where=str(path),
