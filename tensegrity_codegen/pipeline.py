@@ -24,11 +24,12 @@ from tensegrity_codegen.files import write_folder
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
-from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES
+from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES, linearize_quantities
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, simulation_quantities
 from tensegrity_codegen.scene.read import read_scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
+from tensegrity_codegen.structure import Structure
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
@@ -41,6 +42,7 @@ __all__ = [
     "BuiltLibrary",
     "build_library",
     "compile_scene",
+    "linearize_quantities",
     "load_scene",
     "settle_structure",
     "simulation_quantities",
@@ -82,7 +84,7 @@ class BuiltLibrary:
 
 
 def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
-    """Read a scene file: the structure or body system, and what is wanted of it. Raises SceneError for bad input."""
+    """Read a scene: the structure or body system, and what is wanted of it. Raises SceneError for bad input."""
     return assemble_scene(read_scene(path), str(path))
 
 
@@ -147,7 +149,7 @@ def build_library(
 
 
 def settle_structure(
-    structure: Subject, request: ModelRequest, *, compiler: str | None = None, flags: str = "reference"
+    structure: Structure, request: ModelRequest, *, compiler: str | None = None, flags: str = "reference"
 ) -> Structure:
     """Return the structure with its nodes where they are in equilibrium, found in node coordinates.
 

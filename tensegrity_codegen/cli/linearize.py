@@ -11,6 +11,7 @@ import typer
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_target, replaced
+from tensegrity_codegen.structure import Structure
 
 __all__ = ["linearize"]
 
@@ -34,9 +35,11 @@ def linearize(
     with output.guard(scene):
         from tensegrity_codegen.pipeline import (
             EQUILIBRIUM_QUANTITIES,
-            LINEARIZE_QUANTITIES,
+            WITHOUT_STATICS,
             build_library,
+            linearize_quantities,
             load_scene,
+            settle_structure,
         )
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
         from tensegrity_codegen.runtime.linearize import linearize as run
@@ -44,7 +47,11 @@ def linearize(
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
-        quantities = [name for name in LINEARIZE_QUANTITIES if name != "input_jacobian" or structure.inputs]
+        if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
+            structure = settle_structure(structure, request, compiler=compiler)
+            structure = structure.with_changes(node_velocity=0 * structure.node_velocity)
+            settle = False
+        quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
         wanted = request.wanting(*quantities, *(EQUILIBRIUM_QUANTITIES if settle else ()))
         model = build_library(structure, wanted, compiler=compiler).load()
         start = find_equilibrium(model).coordinate if settle else None

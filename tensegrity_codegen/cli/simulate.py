@@ -10,6 +10,7 @@ import typer
 from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_target
+from tensegrity_codegen.structure import Structure
 
 __all__ = ["simulate"]
 
@@ -58,7 +59,7 @@ def simulate(
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
-        if settle and request.formulation in WITHOUT_STATICS:
+        if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
             structure = settle_structure(structure, request, compiler=compiler, flags=flags)
             settle = False
         quantities = simulation_quantities(request.formulation) + (EQUILIBRIUM_QUANTITIES if settle else ())

@@ -15,11 +15,15 @@ from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.spectrum import Spectrum, find_spectrum
 
-__all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize"]
+__all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 
 FloatArray = NDArray[np.float64]
 
 LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian", "input_jacobian")
+
+# What a model in redundant coordinates is asked for too: its columns span the variations that can happen.
+SPANNING_QUANTITY = "distance_inertia_inverse"
+REDUNDANT = ("node_distance",)
 
 
 @dataclass(frozen=True)
@@ -82,8 +86,27 @@ def linearize(
     if inputs:
         b = sparse.csc_array(model.compute("input_jacobian", **at))
     c = np.asarray(model.compute("state_derivative", **at)) - a @ state - b @ u
-    spectrum = find_spectrum(a, frequency_count)
+    spectrum = find_spectrum(_without_redundance(model, a, at), frequency_count)
     return LinearModel(a, b, c, state, u, _state_names(model.manifest), inputs, spectrum)
+
+
+def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, ...]:
+    """Return what a linear model needs of a model in this formulation."""
+    more = (SPANNING_QUANTITY,) if formulation in REDUNDANT else ()
+    return (*LINEARIZE_QUANTITIES[: 3 if with_inputs else 2], *more)
+
+
+def _without_redundance(model: Model, a: Any, at: Mapping[str, Any]) -> Any:
+    """Return A restricted to the variations that the constraints between coordinates allow.
+
+    The others never move, and would come out as zero eigenvalues to half the digits.
+    """
+    if not model.has(SPANNING_QUANTITY):
+        return a
+    size, direction = np.linalg.eigh(model.compute(SPANNING_QUANTITY, **at).toarray())
+    allowed = direction[:, size > 1e-10 * size.max()]
+    both = sparse.block_diag([allowed, allowed])
+    return sparse.csc_array(both.T @ a @ both)
 
 
 def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:

@@ -262,7 +262,7 @@ def test_constraints_hold_wherever_the_nodes_are(
 
 
 def test_cycles_of_a_star_have_three_entries_each() -> None:
-    """MODEL 2: for n = 6 all pairs need 30 cycles, 90 numbers; an orthonormal basis needs several times that."""
+    """MODEL 2: for n = 6 30 cycles, 90 numbers; an orthonormal basis needs several times that."""
     structure = prism().with_changes(node_anchored=np.zeros((6, 3), dtype=bool))
     cycles = Evaluated(structure, {"pairs": "full", "basis": "cycles"})("constraint_basis")
     assert cycles.shape == (48, 30)
