@@ -159,7 +159,9 @@ class BarPairs:
         """Return d distance / d coordinate by n . dP, sparse (n_bar_pairs, n_coordinates)."""
         gradient = self._results[4]
         size, width = self.n_axes, 2 * self.n_axes
-        rows, columns, values = [], [], []
+        rows: list[int] = []
+        columns: list[int] = []
+        values: list[ca.SX] = []
         for row, pair in enumerate(self.pairs):
             for place, bar in enumerate(pair):
                 rows += [row] * width
@@ -185,7 +187,8 @@ class BarPairs:
         """One pair as a function of a, b, c, d and R1 + R2."""
         points = [ca.SX.sym(name, self.n_axes) for name in "abcd"]
         radii = ca.SX.sym("radii")
-        contact = build_bar_contact(*[[p[k] for k in range(self.n_axes)] for p in points], radii)
+        a, b, c, d = ([p[k] for k in range(self.n_axes)] for p in points)
+        contact = build_bar_contact(a, b, c, d, radii)
         outputs = [
             contact.distance,
             contact.case,

@@ -1,0 +1,110 @@
+"""The result of following a load path: points, events, and how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LoadPath", "PathEvent"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PathEvent:
+    """Something that happens on the path, located by root finding.
+
+    kind: "slack", "taut", "contact", "separation" or what a Watch calls it; "limit": the load turns back;
+    "bifurcation": another branch crosses; "stability": the stiffness jumps through zero. names: all that
+    reach it at once, as by symmetry. point: index into the points of the path. tangent: (dq, dlambda) on
+    the way in. mode: what costs no force there, (n, k), of limit points and bifurcations.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    load_factor: float
+    coordinate: FloatArray  # (n,)
+    tangent: FloatArray  # (n + 1,)
+    point: int
+    mode: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the event as one JSON-ready object, without the configuration."""
+        return {"kind": self.kind, "names": self.names, "load_factor": self.load_factor, "point": self.point}
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """Equilibria along a path, in order, and what happened on the way.
+
+    status: "completed": the load asked for was reached; "stopped": an event that ends the path; "returned":
+    the load turned back and came down to where it began; "step_limit": not within the allowed steps;
+    "stalled": no equilibrium found beyond the last point; "no_start": none to begin with.
+    """
+
+    status: str
+    message: str
+    load_factor: FloatArray  # (n_points,)
+    coordinate: FloatArray  # (n_points, n)
+    residual: FloatArray  # (n_points,) largest entry of g
+    smallest_eigenvalue: FloatArray  # (n_points,) of K, neutral motions left out
+    load_rate: FloatArray  # (n_points,) dlambda/ds; negative where the load falls along the path
+    events: tuple[PathEvent, ...]
+    n_iterations: int
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether the path led to the load asked for, or to an event that ends it."""
+        return self.status in ("completed", "stopped")
+
+    def find_events(self, *kinds: str) -> tuple[PathEvent, ...]:
+        """Return the events of these kinds, in order; all of them if none is named."""
+        return tuple(event for event in self.events if not kinds or event.kind in kinds)
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return the scalar results by name, JSON-ready, for reports and errors."""
+        count = len(self.load_factor)
+        return {
+            "status": self.status,
+            "message": self.message,
+            "n_points": count,
+            "n_iterations": self.n_iterations,
+            "load_factor_end": float(self.load_factor[-1]) if count else None,
+            "load_factor_most": float(self.load_factor.max()) if count else None,
+            "residual_most": float(self.residual.max()) if count else None,
+            "smallest_eigenvalue_end": float(self.smallest_eigenvalue[-1]) if count else None,
+            "events": [event.as_dict() for event in self.events],
+        }
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """One equilibrium of a path."""
+
+    coordinate: FloatArray
+    load_factor: float
+    residual: float
+    smallest_eigenvalue: float
+    load_rate: float
+
+
+def collect_path(
+    points: Iterable[PathPoint], events: Iterable[PathEvent], status: str, message: str, n_iterations: int
+) -> LoadPath:
+    """Return the path of these points."""
+    rows = list(points)
+    return LoadPath(
+        status=status,
+        message=message,
+        load_factor=np.array([row.load_factor for row in rows]),
+        coordinate=np.array([row.coordinate for row in rows]),
+        residual=np.array([row.residual for row in rows]),
+        smallest_eigenvalue=np.array([row.smallest_eigenvalue for row in rows]),
+        load_rate=np.array([row.load_rate for row in rows]),
+        events=tuple(events),
+        n_iterations=n_iterations,
+    )

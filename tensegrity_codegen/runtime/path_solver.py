@@ -1,0 +1,218 @@
+"""Newton's method on the bordered system of a path, tangents, and the eigenvalues of the stiffness.
+
+Unknowns are scaled: z = (q / q_scale, lambda / lambda_scale). A point of the path is where
+
+    g(q, lambda) = 0,   n . z = level
+
+and its corrections solve  [K  -f; n] dz = [g; level - n . z], which is regular at limit points too. Neutral
+motions N, along which K vanishes, are held by N^T dq = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import linalg as sparse_linalg
+
+from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.runtime.curvature import DENSE_LIMIT, find_lowest_curvature
+from tensegrity_codegen.runtime.path_problem import NeutralMotions, PathProblem
+
+__all__ = ["PathSolver", "PathState"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_ITERATIONS = 15
+CONVERGED = 1e-9  # correction in units of z; the error left is of the order of its square
+ROUGH = 1e-6  # largest correction that counts as rounding where it no longer shrinks
+MOST_EIGENVALUES = 8
+
+
+@dataclass(frozen=True)
+class PathState:
+    """A point of the path: scaled unknowns, residual, Newton iterations; the rest is made when asked for."""
+
+    solver: PathSolver
+    z: FloatArray
+    residual: float
+    iterations: int
+
+    @property
+    def coordinate(self) -> FloatArray:
+        """Coordinates q, (n,)."""
+        return self.solver.split(self.z)[0]
+
+    @property
+    def load_factor(self) -> float:
+        """Load factor lambda."""
+        return self.solver.split(self.z)[1]
+
+    @cached_property
+    def stiffness(self) -> Any:
+        """Stiffness K, (n, n)."""
+        return self.solver.problem.stiffness(*self.solver.split(self.z))
+
+    @cached_property
+    def neutral(self) -> FloatArray:
+        """Neutral motions, (n, k)."""
+        return self.solver.neutral(self.coordinate, self.stiffness)
+
+    @cached_property
+    def eigen(self) -> tuple[FloatArray, FloatArray]:
+        """The smallest eigenvalues of K, ascending, and their vectors (n, m), neutral motions left out.
+
+        Above 200 coordinates only the smallest one.
+        """
+        size = self.stiffness.shape[0]
+        if size > DENSE_LIMIT:
+            value, vector = find_lowest_curvature(sparse.csc_array(self.stiffness), self.neutral)
+            return np.array([value]), vector[:, None]
+        matrix, basis = _dense(self.stiffness), np.eye(size)
+        if self.neutral.shape[1]:
+            basis = np.linalg.qr(self.neutral, mode="complete")[0][:, self.neutral.shape[1] :]
+            matrix = basis.T @ matrix @ basis
+        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+        return values[:MOST_EIGENVALUES], basis @ vectors[:, :MOST_EIGENVALUES]
+
+    @property
+    def smallest_eigenvalue(self) -> float:
+        """Smallest eigenvalue of K, infinite where nothing can move."""
+        values = self.eigen[0]
+        return float(values[0]) if len(values) else float("inf")
+
+
+class PathSolver:
+    """Solves for points and tangents of one path; counts its iterations.
+
+    scales: of q and of lambda, which make z of order one over the path.
+    """
+
+    def __init__(
+        self,
+        problem: PathProblem,
+        scales: tuple[float, float],
+        neutral: NeutralMotions | None = None,
+    ) -> None:
+        self.problem = problem
+        self.coordinate_scale, self.load_scale = scales
+        self._neutral = neutral
+        self.n_iterations = 0
+
+    def join(self, coordinate: FloatArray, load_factor: float) -> FloatArray:
+        """Return z of q and lambda."""
+        return np.append(coordinate / self.coordinate_scale, load_factor / self.load_scale)
+
+    def split(self, z: FloatArray) -> tuple[FloatArray, float]:
+        """Return q and lambda of z."""
+        return z[:-1] * self.coordinate_scale, float(z[-1]) * self.load_scale
+
+    def neutral(self, coordinate: FloatArray, stiffness: Any) -> FloatArray:
+        """Return the neutral motions, (n, k)."""
+        if self._neutral is None:
+            return np.zeros((len(coordinate), 0))
+        return self._neutral(coordinate, stiffness)
+
+    def solve(self, guess: FloatArray, normal: FloatArray, level: float) -> PathState | None:
+        """Return the point of the path on the plane normal . z = level, None if Newton finds none."""
+        z, before = np.array(guess), np.inf
+        for iteration in range(1, MOST_ITERATIONS + 1):
+            step = self._correction(z, normal, level)
+            self.n_iterations += 1
+            if step is None:
+                return None
+            size = float(np.linalg.norm(step))
+            z = z + step
+            if size <= CONVERGED or (size >= before / 4 and size <= ROUGH):
+                return self._state(z, iteration)
+            if size > 2 * before:
+                return None
+            before = size
+        return None
+
+    def tangent(self, state: PathState, along: FloatArray, stiffness: Any | None = None) -> FloatArray | None:
+        """Return the unit tangent with tangent . along > 0, None where there is none.
+
+        stiffness: to be used in place of that of the state, at a kink.
+        """
+        right = np.zeros(len(state.z))
+        right[-1] = 1.0
+        matrix = state.stiffness if stiffness is None else stiffness
+        coordinate, load_factor = self.split(state.z)
+        try:
+            load = self.problem.load_vector(coordinate, load_factor)
+        except NonFiniteError:
+            return None
+        solution = self._solve(matrix, load, self.neutral(coordinate, matrix), along, right)
+        return None if solution is None else solution / np.linalg.norm(solution)
+
+    def _state(self, z: FloatArray, iterations: int) -> PathState | None:
+        """Return the state at z; None where the forces there are not finite."""
+        coordinate, load_factor = self.split(z)
+        try:
+            residual = self.problem.residual(coordinate, load_factor)
+            state = PathState(self, z, float(np.abs(residual).max(initial=0.0)), iterations)
+            _ = state.stiffness
+        except NonFiniteError:
+            return None
+        return state
+
+    def _correction(self, z: FloatArray, normal: FloatArray, level: float) -> FloatArray | None:
+        coordinate, load_factor = self.split(z)
+        try:
+            residual = self.problem.residual(coordinate, load_factor)
+            stiffness = self.problem.stiffness(coordinate, load_factor)
+            load = self.problem.load_vector(coordinate, load_factor)
+        except NonFiniteError:
+            return None
+        right = np.append(residual, level - float(normal @ z))
+        return self._solve(stiffness, load, self.neutral(coordinate, stiffness), normal, right)
+
+    def _solve(
+        self, stiffness: Any, load: FloatArray, neutral: FloatArray, normal: FloatArray, right: FloatArray
+    ) -> FloatArray | None:
+        """Return dz of the bordered system, None where it is singular."""
+        size, held = len(load), neutral.shape[1]
+        unit = float(np.abs(load).max(initial=0.0)) * self.load_scale or 1.0
+        column = -load[:, None] * (self.load_scale / unit)
+        right = np.concatenate([right[:size] / unit, right[size:], np.zeros(held)])
+        factor = self.coordinate_scale / unit
+        if size <= DENSE_LIMIT:
+            matrix = np.zeros((size + 1 + held, size + 1 + held))
+            matrix[:size, :size] = _dense(stiffness) * factor
+            matrix[:size, size : size + 1] = column
+            matrix[size, : size + 1] = normal
+            matrix[:size, size + 1 :], matrix[size + 1 :, :size] = neutral, neutral.T
+            solution = _solve_dense(matrix, right)
+        else:
+            upper: list[Any] = [sparse.csc_array(stiffness) * factor, column, neutral]
+            middle: list[Any] = [normal[None, :-1], normal[None, -1:], None]
+            blocks: list[list[Any]] = [upper, middle, [neutral.T, None, None]]
+            rows = blocks if held else [row[:2] for row in blocks[:2]]
+            solution = _solve_sparse(sparse.csc_array(sparse.block_array(rows)), right)
+        if solution is None or not np.isfinite(solution).all():
+            return None
+        return solution[: size + 1]
+
+
+def _dense(matrix: Any) -> FloatArray:
+    plain: FloatArray = np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())
+    return plain
+
+
+def _solve_dense(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _solve_sparse(matrix: Any, right: FloatArray) -> FloatArray | None:
+    try:
+        return np.asarray(sparse_linalg.splu(matrix).solve(right))
+    except RuntimeError:  # exactly singular
+        return None
