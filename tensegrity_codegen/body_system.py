@@ -209,6 +209,12 @@ class BodySystem:
         """Indices of the bodies that have angles, which are those that can come near a pole."""
         return tuple(k for k, body in enumerate(self.bodies) if not isinstance(body, FixedBody))
 
+    @property
+    def has_unpotential_load(self) -> bool:
+        """Whether torques or turning forces act, or can act through inputs."""
+        turning = [item for item in self.inputs if item.kind == "torque" or item.frame == "body"]
+        return bool(self.loads or turning)
+
     def find_node(self, name: str) -> int:
         """Return the index of a node by its name, as `bar1_A`; ValueError if there is none."""
         return self.node_name.index(name)

@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.codegen.cache import Cache, CacheEntry
 from tensegrity_codegen.codegen.compile import compile_library, object_size
 from tensegrity_codegen.codegen.fingerprint import hash_package, hash_scene, hash_text
@@ -24,6 +25,7 @@ from tensegrity_codegen.files import write_folder
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
+from tensegrity_codegen.runtime.equilibrium import equilibrium_quantities as _quantities_of
 from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES, linearize_quantities
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, simulation_quantities
@@ -42,6 +44,7 @@ __all__ = [
     "BuiltLibrary",
     "build_library",
     "compile_scene",
+    "equilibrium_quantities",
     "linearize_quantities",
     "load_scene",
     "settle_structure",
@@ -84,7 +87,7 @@ class BuiltLibrary:
 
 
 def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
-    """Read a scene: the structure or body system, and what is wanted of it. Raises SceneError for bad input."""
+    """Read a scene file: what it describes, and what is wanted of it. Raises SceneError for bad input."""
     return assemble_scene(read_scene(path), str(path))
 
 
@@ -146,6 +149,12 @@ def build_library(
         from_cache=found,
         seconds=time.perf_counter() - started,
     )
+
+
+def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
+    """Return what an equilibrium needs of a model of `structure`."""
+    turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
+    return (*_quantities_of(request.formulation), *(("unpotential_force",) if turning else ()))
 
 
 def settle_structure(

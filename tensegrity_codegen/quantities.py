@@ -171,6 +171,14 @@ QUANTITIES = _table(
         "SCS 8",
     ),
     Quantity(
+        "unpotential_force",
+        "Q",
+        "N, N m",
+        ("n_coordinates",),
+        "Generalised force of torques and of forces that turn with their body, which have no potential.",
+        "SCS 6",
+    ),
+    Quantity(
         "coriolis_force",
         "c",
         "N, N m",

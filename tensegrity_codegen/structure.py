@@ -95,6 +95,11 @@ class Structure:
         ).reshape(-1, 2)
 
     @property
+    def n_coordinates(self) -> int:
+        """Number of free node coordinates."""
+        return len(self.coordinate_node_axis)
+
+    @property
     def is_rigid(self) -> NDArray[np.bool_]:
         """(n_members,): members without any stiffness, which keep their length exactly."""
         rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_target
 from tensegrity_codegen.runtime.equilibrium import Method
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.equilibrium import Equilibrium
     from tensegrity_codegen.runtime.model import CompiledModel
+    from tensegrity_codegen.structure import Structure
 
 __all__ = ["equilibrium", "equilibrium_data"]
 
@@ -43,10 +46,11 @@ def equilibrium(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.pipeline import EQUILIBRIUM_QUANTITIES, build_library, load_scene
+        from tensegrity_codegen.outline import outline_tendons
+        from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, load_scene
         from tensegrity_codegen.report.tables import members_table, nodes_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
-        from tensegrity_codegen.scene.write import describe_structure, write_scene
+        from tensegrity_codegen.scene.write import write_scene
 
         if out is not None:
             check_target(out, overwrite=overwrite)
@@ -57,27 +61,41 @@ def equilibrium(
             total = structure.node_load + parse_loads(load, structure)
             parameters["node_load"] = tuple(range(structure.n_nodes))
             arguments["node_load"] = total[:, list(structure.axes)]
-        wanted = request.wanting(*EQUILIBRIUM_QUANTITIES, parameters=parameters)
+        wanted = request.wanting(*equilibrium_quantities(structure, request), parameters=parameters)
         model = build_library(structure, wanted, compiler=compiler).load()
         found = find_equilibrium(
             model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False
         )
         data = equilibrium_data(model, found) | {"out": None}
         if out is not None and found.is_found:
-            settled = structure.with_changes(node_position=found.node_position)
-            write_scene(describe_structure(settled, request), out, overwrite=overwrite)
+            write_scene(_describe_settled(structure, request, found), out, overwrite=overwrite)
             data["out"] = str(out)
+        unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
+        drawn = outline_tendons(structure)
         output.result(
             data,
-            nodes_table(structure, found.node_position),
-            members_table(structure, found.member_length, found.member_tension),
+            nodes_table(drawn, found.node_position),
+            members_table(drawn, found.member_length, found.member_tension),
             f"{found.status}: {found.message}",
             f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
-            f"smallest eigenvalue {found.smallest_eigenvalue:.6g} N/m; "
+            f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}; "
             f"node {found.displaced_node} moved farthest, {found.displacement:.6g} m",
         )
         if not found.is_found:
             raise typer.Exit(3)
+
+
+def _describe_settled(
+    structure: Structure | BodySystem, request: ModelRequest, found: Equilibrium
+) -> dict[str, Any]:
+    """Return the scene document of the settled structure, at rest."""
+    from tensegrity_codegen.scene.describe import describe_structure
+    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+
+    if isinstance(structure, BodySystem):
+        settled = structure.with_changes(coordinate=found.coordinate, velocity=0 * structure.velocity)
+        return describe_bodies(settled, request)
+    return describe_structure(structure.with_changes(node_position=found.node_position), request)
 
 
 def equilibrium_data(model: CompiledModel, found: Equilibrium) -> dict[str, Any]:

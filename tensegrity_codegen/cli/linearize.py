@@ -34,9 +34,9 @@ def linearize(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import (
-            EQUILIBRIUM_QUANTITIES,
             WITHOUT_STATICS,
             build_library,
+            equilibrium_quantities,
             linearize_quantities,
             load_scene,
             settle_structure,
@@ -52,7 +52,7 @@ def linearize(
             structure = structure.with_changes(node_velocity=0 * structure.node_velocity)
             settle = False
         quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
-        wanted = request.wanting(*quantities, *(EQUILIBRIUM_QUANTITIES if settle else ()))
+        wanted = request.wanting(*quantities, *(equilibrium_quantities(structure, request) if settle else ()))
         model = build_library(structure, wanted, compiler=compiler).load()
         start = find_equilibrium(model).coordinate if settle else None
         linear = run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))

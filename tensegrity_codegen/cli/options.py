@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.structure import Structure
 
@@ -47,7 +48,7 @@ def parse_vector(text: str, where: str) -> tuple[float, float, float]:
     return (numbers[0], numbers[1], numbers[2])
 
 
-def parse_loads(texts: list[str], structure: Structure) -> NDArray[np.float64]:
+def parse_loads(texts: list[str], structure: Structure | BodySystem) -> NDArray[np.float64]:
     """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up."""
     loads = np.zeros((structure.n_nodes, 3))
     index = {name: node for node, name in enumerate(structure.node_name)}

@@ -10,10 +10,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from tensegrity_codegen.body_system import Bar, BodySystem
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument, parse_vector
 from tensegrity_codegen.cli.output import Output, print_text
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.files import replaced
+from tensegrity_codegen.structure import Structure
 
 __all__ = ["check", "examples", "import_foreign", "new", "schema"]
 
@@ -75,20 +77,23 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.pipeline import load_scene
-        from tensegrity_codegen.scene.doubts import find_warnings
+        from tensegrity_codegen.scene.doubts import find_body_warnings, find_warnings
 
         structure, request = load_scene(scene)
-        warnings = find_warnings(structure)
+        if isinstance(structure, BodySystem):
+            warnings = find_body_warnings(structure)
+        else:
+            warnings = find_warnings(structure)
         for warning in warnings:
             output.warn(warning)
-        n_bars = int(np.count_nonzero(structure.is_bar))
+        n_bars, n_cables = _count_bars(structure)
         data = {
             "status": "ok",
             "name": structure.name,
             "n_nodes": structure.n_nodes,
             "n_bars": n_bars,
-            "n_cables": structure.n_members - n_bars,
-            "n_coordinates": len(structure.coordinate_node_axis),
+            "n_cables": n_cables,
+            "n_coordinates": structure.n_coordinates,
             "axes": "".join("xyz"[axis] for axis in structure.axes),
             "formulation": request.formulation,
             "emitter": request.emitter,
@@ -99,10 +104,18 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
         }
         output.result(
             data,
-            f"{structure.name}: {structure.n_nodes} nodes, {n_bars} bars, {data['n_cables']} cables, "
+            f"{structure.name}: {structure.n_nodes} nodes, {n_bars} bars, {n_cables} cables, "
             f"{data['n_coordinates']} free coordinates",
             f"wanted: {', '.join(request.quantities)}",
         )
+
+
+def _count_bars(subject: Structure | BodySystem) -> tuple[int, int]:
+    """Return the numbers of bars and of cables."""
+    if isinstance(subject, BodySystem):
+        return sum(isinstance(body, Bar) for body in subject.bodies), subject.n_members
+    n_bars = int(np.count_nonzero(subject.is_bar))
+    return n_bars, subject.n_members - n_bars
 
 
 def schema(

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_target
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.trajectory import Trajectory
+    from tensegrity_codegen.structure import Structure
 
 __all__ = ["show"]
 
@@ -37,14 +43,18 @@ def show(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.errors import InvalidValueError
+        from tensegrity_codegen.outline import outline_bodies, outline_tendons
         from tensegrity_codegen.pipeline import load_scene
         from tensegrity_codegen.report.animate import write_animation
         from tensegrity_codegen.report.plots import plot_structure, plot_trajectory
         from tensegrity_codegen.runtime.trajectory import read_trajectory
 
         check_target(out)
-        structure, _ = load_scene(scene)
-        motion = None if trajectory is None else read_trajectory(trajectory, structure)
+        subject, _ = load_scene(scene)
+        structure = outline_bodies(subject)
+        motion = None
+        if trajectory is not None:
+            motion = _with_bodies(read_trajectory(trajectory, outline_tendons(subject)), structure)
         if out.suffix.lower() in ANIMATED:
             if motion is None:
                 raise InvalidValueError(
@@ -61,3 +71,10 @@ def show(
         else:
             plot_structure(structure, out, member_tension=structure.static_tension(), labels=labels)
         output.result({"status": "ok", "out": str(out)}, f"wrote {out}")
+
+
+def _with_bodies(motion: Trajectory, structure: Structure) -> Trajectory:
+    """Return the motion with the bars and edges of bodies, after its tendons, as members without tension."""
+    more = structure.n_members - len(motion.member_name)
+    tension = np.pad(motion.member_tension, ((0, 0), (0, more)))
+    return replace(motion, member_name=structure.member_name, member_tension=tension)

@@ -43,9 +43,9 @@ def simulate(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import (
-            EQUILIBRIUM_QUANTITIES,
             WITHOUT_STATICS,
             build_library,
+            equilibrium_quantities,
             load_scene,
             settle_structure,
             simulation_quantities,
@@ -62,7 +62,9 @@ def simulate(
         if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
             structure = settle_structure(structure, request, compiler=compiler, flags=flags)
             settle = False
-        quantities = simulation_quantities(request.formulation) + (EQUILIBRIUM_QUANTITIES if settle else ())
+        quantities = simulation_quantities(request.formulation) + (
+            equilibrium_quantities(structure, request) if settle else ()
+        )
         wanted = request.wanting(*quantities, integrators=("rk4",))
         built = build_library(structure, wanted, compiler=compiler, flags=flags)
         model = built.load()

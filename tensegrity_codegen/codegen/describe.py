@@ -43,7 +43,7 @@ def describe(
     left_out: tuple[LeftOut, ...],
 ) -> Manifest:
     """Return the manifest of the library that these functions make."""
-    specs = tuple(_function_spec(model.name, function) for function in functions)
+    specs = tuple(_function_spec(model, function) for function in functions)
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "input"}
     frame = model.frame
@@ -75,8 +75,9 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in values)
 
 
-def _function_spec(name: str, function: PrunedFunction) -> FunctionSpec:
+def _function_spec(model: SymbolicModel, function: PrunedFunction) -> FunctionSpec:
     quantity, sparsity = function.quantity, function.sparsity
+    unit, sentence = model.words.get(quantity.name, (quantity.unit, quantity.sentence))
     pattern = None
     shape: tuple[int, ...] = (
         tuple(reversed(sparsity.shape)) if len(quantity.shape) == 2 else (sparsity.numel(),)
@@ -88,11 +89,11 @@ def _function_spec(name: str, function: PrunedFunction) -> FunctionSpec:
         shape = ()
     return FunctionSpec(
         quantity=quantity.name,
-        symbol=f"{name}_compute_{quantity.name}",
+        symbol=f"{model.name}_compute_{quantity.name}",
         arguments=function.arguments,
         shape=shape,
-        unit=quantity.unit,
-        sentence=quantity.sentence,
+        unit=unit,
+        sentence=sentence,
         operations=function.operations,
         pattern=pattern,
     )
@@ -102,7 +103,7 @@ def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
     return ArgumentSpec(
         name=name,
         shape=argument.nominal.shape,
-        unit=ARGUMENTS[name].unit,
+        unit=argument.unit or ARGUMENTS[name].unit,
         sentence=argument.sentence or ARGUMENTS[name].sentence,
         nominal=tuple(float(value) for value in argument.nominal.ravel()),
         over=argument.over,

@@ -12,7 +12,7 @@ from tensegrity_codegen.codegen.unrolled import check_unrollable, emit_unrolled
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import LeftOut, Manifest
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
@@ -30,7 +30,9 @@ class GeneratedSource:
 
 
 def emit(
-    structure: Structure, request: ModelRequest, object_size: Callable[[dict[str, str]], int] | None = None
+    structure: Subject,
+    request: ModelRequest,
+    object_size: Callable[[dict[str, str]], int] | None = None,
 ) -> GeneratedSource:
     """Return the C source of what `request` wants of `structure`.
 
@@ -54,7 +56,7 @@ def emit(
     return GeneratedSource(manifest, EMITTERS[request.emitter](manifest, functions))
 
 
-def _prune(structure: Structure, request: ModelRequest) -> tuple[tuple[PrunedFunction, ...], SymbolicModel]:
+def _prune(structure: Subject, request: ModelRequest) -> tuple[tuple[PrunedFunction, ...], SymbolicModel]:
     check_unrollable(structure)
     model = build_model(structure, request)
     return prune(model, request.quantities), model

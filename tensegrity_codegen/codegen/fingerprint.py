@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 
 __all__ = ["hash_package", "hash_scene", "hash_text"]
 
 
-def hash_scene(structure: Structure, request: ModelRequest) -> str:
+def hash_scene(structure: Structure | BodySystem, request: ModelRequest) -> str:
     """Return the sha256 of a structure and what is wanted of it, 64 hexadecimal digits."""
     content = {"structure": _plain(structure), "request": _plain(request)}
     return hash_text(json.dumps(content, sort_keys=True, separators=(",", ":")))

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.manifest import LeftOut
@@ -25,7 +27,7 @@ __all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
 # Object code of unrolled functions by gcc 12 -O2 on x86-64, measured: about 22 bytes an operation.
 BYTES_AN_OPERATION = 22
 
-Variant = tuple[Structure, ModelRequest]
+Variant = tuple[Any, ModelRequest]
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class _Feature:
 
     what: str
     why: str
-    is_absent: Callable[[Structure, ModelRequest], bool]
-    add: Callable[[Structure, ModelRequest], Variant]
+    is_absent: Callable[[Any, ModelRequest], bool]
+    add: Callable[[Any, ModelRequest], Variant]
 
 
 def _with_parameter(request: ModelRequest, **parameters: tuple[int, ...]) -> ModelRequest:
@@ -61,13 +63,14 @@ def _unanchored(structure: Structure, request: ModelRequest) -> Variant:
     return free, replace(request, parameters=kept)
 
 
-def _as_arguments(structure: Structure, request: ModelRequest) -> Variant:
+def _as_arguments(structure: Structure | BodySystem, request: ModelRequest) -> Variant:
     wanted = {
         "rest_length": _all(structure.n_members),
         "spring_constant": tuple(int(e) for e in np.flatnonzero(structure.spring_constant)),
         "axial_stiffness": tuple(int(e) for e in np.flatnonzero(structure.axial_stiffness)),
-        "node_mass": tuple(int(n) for n in np.flatnonzero(structure.node_mass)),
     }
+    if isinstance(structure, Structure):
+        wanted["node_mass"] = tuple(int(n) for n in np.flatnonzero(structure.node_mass))
     return structure, _with_parameter(request, **{name: items for name, items in wanted.items() if items})
 
 
@@ -99,7 +102,7 @@ FEATURES = (
     _Feature(
         "anchored coordinates",
         "anchored nodes do not move, they are constants and not in the state",
-        lambda s, r: bool(s.node_anchored[:, list(s.axes)].any()),
+        lambda s, r: isinstance(s, Structure) and bool(s.node_anchored[:, list(s.axes)].any()),
         _unanchored,
     ),
     _Feature(
@@ -119,7 +122,7 @@ FEATURES = (
 UNWANTED = "unwanted functions"
 
 
-def with_feature(what: str, structure: Structure, request: ModelRequest) -> Variant:
+def with_feature(what: str, structure: Structure | BodySystem, request: ModelRequest) -> Variant:
     """Return structure and request with the left-out feature of that name put in.
 
     Quantities of which the feature leaves nothing are no longer wanted, such as the reaction of no anchors.

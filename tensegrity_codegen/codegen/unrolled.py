@@ -10,6 +10,7 @@ from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.codegen.printer import print_body, print_number
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.codegen.render import render
@@ -28,7 +29,7 @@ MOST_OPERATIONS = 150_000
 COMPILED_OPERATIONS_A_SECOND = 4_000.0
 
 
-def check_unrollable(structure: Structure) -> None:
+def check_unrollable(structure: Structure | BodySystem) -> None:
     """Raise FormulationError if unrolling this many members would not compile in reasonable time."""
     if structure.n_members > MOST_MEMBERS:
         raise FormulationError(

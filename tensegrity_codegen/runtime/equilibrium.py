@@ -17,12 +17,21 @@ from tensegrity_codegen.errors import (
     UnstableError,
     suggest,
 )
+from tensegrity_codegen.runtime.body_problem import BODY_EQUILIBRIUM_QUANTITIES, BodyProblem
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.newton import Outcome, Progress, find_minimum, find_stability
 from tensegrity_codegen.runtime.relaxation import find_relaxed
 from tensegrity_codegen.runtime.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
 
-__all__ = ["EQUILIBRIUM_QUANTITIES", "METHODS", "Equilibrium", "Method", "find_equilibrium"]
+__all__ = [
+    "EQUILIBRIUM_QUANTITIES",
+    "METHODS",
+    "Equilibrium",
+    "Method",
+    "build_problem",
+    "equilibrium_quantities",
+    "find_equilibrium",
+]
 
 FloatArray = NDArray[np.float64]
 Method = Literal["auto", "newton", "relaxation"]
@@ -52,7 +61,9 @@ class Equilibrium:
     residual: float  # largest node residual [N]
     largest_force: float  # largest member force [N]
     iterations: int
-    smallest_eigenvalue: float  # of the stiffness, neutral rigid motions projected off [N/m]; may be nan
+    # Of the stiffness in the model's coordinates, neutral rigid motions projected off; may be nan. [N/m], and
+    # [N m] where coordinates are angles.
+    smallest_eigenvalue: float
     neutral_motions: int  # number of those rigid motions
     energy: float  # potential energy [J]
     energy_change: float  # from the starting point [J]
@@ -72,6 +83,17 @@ class Equilibrium:
             "neutral_motions", "energy", "displacement", "displaced_node", "message",
         )  # fmt: skip
         return {name: getattr(self, name) for name in names}
+
+
+def equilibrium_quantities(formulation: str) -> tuple[str, ...]:
+    """Return what an equilibrium needs of a model in this formulation."""
+    return BODY_EQUILIBRIUM_QUANTITIES if formulation == "bodies" else EQUILIBRIUM_QUANTITIES
+
+
+def build_problem(model: Model, arguments: Mapping[str, Any] | None = None) -> StaticProblem:
+    """Return the static problem of a model at the given inputs and parameters, in its formulation's way."""
+    kind = BodyProblem if model.manifest.formulation == "bodies" else StaticProblem
+    return kind(model, arguments)
 
 
 def find_equilibrium(
@@ -96,8 +118,8 @@ def find_equilibrium(
     FormulationError where the model lacks one of EQUILIBRIUM_QUANTITIES.
     """
     _check_options(tolerance, max_iterations, method)
-    problem = StaticProblem(model, arguments)
-    start = _start(problem, coordinate)
+    problem = build_problem(model, arguments)
+    start = problem.enter(_start(problem, coordinate))
     point = problem.find_point(start)
     if point is None:
         equilibrium = _without_forces(problem, start, method)
@@ -118,6 +140,7 @@ def _search(
     progress: Progress | None,
 ) -> tuple[str, Outcome]:
     """Return the method that had the last word, and its outcome."""
+    problem.check_start(start)
     hopeless = _find_unheld(problem, start)
     if hopeless is not None:
         return method, hopeless
@@ -160,7 +183,7 @@ def _describe(problem: StaticProblem, start: Point, outcome: Outcome, method: st
     except NonFiniteError:
         stability = None
     if stability is not None:
-        eigenvalue, neutral = stability.smallest_eigenvalue, stability.neutral_motions
+        eigenvalue, neutral = stability.told_eigenvalue, stability.neutral_motions
         if status == "converged" and stability.is_unstable:
             status, message = "unstable", "the forces balance on a saddle of the energy"
         elif status == "converged" and stability.is_neutral:
@@ -173,7 +196,7 @@ def _describe(problem: StaticProblem, start: Point, outcome: Outcome, method: st
     return Equilibrium(
         status=status,
         method=method,
-        coordinate=point.coordinate,
+        coordinate=problem.leave(point.coordinate),
         node_position=position,
         member_length=np.array(problem.compute("member_length", point.coordinate)),
         member_tension=np.array(problem.compute("member_tension", point.coordinate)),
@@ -201,8 +224,8 @@ def _without_forces(problem: StaticProblem, start: FloatArray, method: str) -> E
     if short:
         message += f": member {short[0]!r} has no length"
     return Equilibrium(
-        "not_finite", method, start, position, length, unknown, nan, nan, 0, nan, 0, nan, nan, 0.0,
-        manifest.node_name[0], message,
+        "not_finite", method, problem.leave(start), position, length, unknown, nan, nan, 0, nan, 0, nan, nan,
+        0.0, manifest.node_name[0], message,
     )  # fmt: skip
 
 

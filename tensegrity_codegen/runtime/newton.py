@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.curvature import build_curvature, find_lowest_curvature
-from tensegrity_codegen.runtime.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.runtime.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.static_problem import Point, StaticProblem
 from tensegrity_codegen.runtime.step import SINGULAR, Curvature, Step
 
@@ -37,12 +37,16 @@ FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbou
 
 @dataclass(frozen=True)
 class Stability:
-    """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be."""
+    """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be.
+
+    told_eigenvalue: the same in the model's own coordinates, which may be angles.
+    """
 
     smallest_eigenvalue: float
     direction: FloatArray
     neutral_motions: int
     rounding: float
+    told_eigenvalue: float
 
     @property
     def is_unstable(self) -> bool:
@@ -71,11 +75,12 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     position = problem.node_position(point.coordinate)
     spread = float(np.linalg.norm(position - position.mean(axis=0)))
     turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
-    motions = build_rigid_motions(problem.model.manifest, position)
+    motions = problem.rigid_motions(point.coordinate)
     neutral = find_neutral_motions(stiffness, motions, turned)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
     rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0))
-    return Stability(lowest, direction, neutral.shape[1], rounding)
+    told = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
+    return Stability(lowest, direction, neutral.shape[1], rounding, told)
 
 
 def find_minimum(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.rigid_motion import build_rigid_motions
 
 __all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
 
@@ -62,15 +63,29 @@ class StaticProblem:
     the model lacks a function and InvalidValueError where `arguments` hold a coordinate or velocity.
     """
 
+    quantities: ClassVar[tuple[str, ...]] = EQUILIBRIUM_QUANTITIES
+    residual_quantity: ClassVar[str] = "node_residual"
+
     def __init__(self, model: Model, arguments: Mapping[str, Any] | None = None) -> None:
         self.model = model
         self.arguments = dict(arguments or {})
         _check_arguments(self.arguments)
-        _check_functions(model)
+        _check_functions(model, self.quantities)
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
+
+    def enter(self, coordinate: FloatArray) -> FloatArray:
+        """Return the model's coordinates as the coordinates of this problem."""
+        return coordinate
+
+    def leave(self, coordinate: FloatArray) -> FloatArray:
+        """Return the coordinates of this problem as the model's."""
+        return coordinate
+
+    def check_start(self, point: Point) -> None:
+        """Raise FormulationError where no energy has the forces of this problem for its gradient."""
 
     def compute(self, quantity: str, coordinate: FloatArray) -> Any:
         """Return one quantity at `coordinate`."""
@@ -79,7 +94,7 @@ class StaticProblem:
     def find_point(self, coordinate: FloatArray) -> Point | None:
         """Return the configuration with its energy and forces, None where any of them is not finite."""
         try:
-            residual = np.array(self.compute("node_residual", coordinate))
+            residual = self.residual(coordinate)
             energy = float(self.compute("potential_energy", coordinate))
             tension = self.compute("member_tension", coordinate)
             length = self.compute("member_length", coordinate)
@@ -93,16 +108,32 @@ class StaticProblem:
             residual,
             self.largest_node_norm(residual),
             float(np.abs(tension).max(initial=0.0)),
-            float(np.max(length, initial=0.0)),
+            self.extent(coordinate, length),
         )
 
     def find_residual(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the residual forces alone, (n_coordinates,) [N], None where they are not finite."""
         try:
-            residual = np.array(self.compute("node_residual", coordinate))
+            residual = self.residual(coordinate)
         except NonFiniteError:
             return None
         return residual if np.all(np.isfinite(residual)) else None
+
+    def residual(self, coordinate: FloatArray) -> FloatArray:
+        """Return the residual forces, (n_coordinates,) [N]; raises NonFiniteError."""
+        return np.array(self.compute(self.residual_quantity, coordinate))
+
+    def extent(self, coordinate: FloatArray, length: FloatArray) -> float:
+        """Return the length [m] that steps and rounding are held against: that of the longest member."""
+        return float(np.max(length, initial=0.0))
+
+    def rigid_motions(self, coordinate: FloatArray) -> FloatArray:
+        """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k)."""
+        return build_rigid_motions(self.model.manifest, self.node_position(coordinate))
+
+    def smallest_eigenvalue(self, coordinate: FloatArray, found: float, neutral: FloatArray) -> float:
+        """Return the smallest eigenvalue to be told; `found` is that of the stiffness of this problem."""
+        return found
 
     def stiffness(self, coordinate: FloatArray) -> Any:
         """Return the tangent stiffness, a (n_coordinates, n_coordinates) sparse array [N/m]."""
@@ -153,13 +184,13 @@ def _check_arguments(arguments: Mapping[str, Any]) -> None:
             )
 
 
-def _check_functions(model: Model) -> None:
-    missing = [name for name in EQUILIBRIUM_QUANTITIES if not model.has(name)]
+def _check_functions(model: Model, quantities: tuple[str, ...]) -> None:
+    missing = [name for name in quantities if not model.has(name)]
     if missing:
         raise FormulationError(
             "the model lacks functions that an equilibrium needs",
             where=model.manifest.name,
             given=", ".join(missing),
-            allowed=", ".join(EQUILIBRIUM_QUANTITIES),
+            allowed=", ".join(quantities),
             hint="build the model with these quantities",
         )

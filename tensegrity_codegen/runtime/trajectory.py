@@ -45,6 +45,9 @@ RESULT_ARRAYS = (
     "total_energy",
 )
 
+# Sine of the angle to the pole of its chart below which a body's angles are not to be trusted.
+NEAR_POLE = 1e-3
+
 # What NumPy and zipfile raise for damaged files: bad headers, lengths, checksums, methods, single arrays.
 UNREADABLE = (
     OSError,
@@ -85,7 +88,8 @@ class Trajectory:
     time (n_t,) [s]; coordinate, velocity (n_t, n_coordinates); node_position, node_velocity
     (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
     energy_drift: largest change of the total energy over the largest kinetic energy, None with damping, which
-    takes energy away rightly. status: "ok", "unstable", "inaccurate" or "not_converged"; message says why.
+    takes energy away rightly. status: "ok", "unstable", "inaccurate",
+    "at_pole" (a body of which the angles lost their meaning) or "not_converged"; message says why.
     """
 
     time: FloatArray
@@ -150,7 +154,8 @@ class Trajectory:
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
     """Return what a simulation needs of a model in this formulation."""
     more = () if formulation in IN_NODE_COORDINATES else NODE_QUANTITIES
-    return (*SIMULATION_QUANTITIES, *more)
+    charts = ("chart_margin",) if formulation == "bodies" else ()
+    return (*SIMULATION_QUANTITIES, *more, *charts)
 
 
 def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
@@ -159,6 +164,8 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
     n = raw.state.shape[1] // 2
     q, v = raw.state[:, :n], raw.state[:, n:]
     drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
+    if model.has("chart_margin"):
+        status, message = _judge_charts(model, raw, status, message)
     manifest = model.manifest
     anchors = arguments.get("anchor_position")
     return Trajectory(
@@ -294,6 +301,26 @@ def _judge_energy(
     if conservative and np.max(-change) > ENERGY_TOLERANCE * scale:
         return drift, "inaccurate", "an undamped structure has lost energy: take a smaller step"
     return drift, "ok", raw.message
+
+
+def _judge_charts(model: Model, raw: RawTrajectory, status: str, message: str) -> tuple[str, str]:
+    """Return status "at_pole" where a body comes near the pole of its angles or passes it between samples."""
+    n = raw.state.shape[1] // 2
+    margin = np.array([model.compute("chart_margin", coordinate=state[:n]) for state in raw.state])
+    bad = (np.abs(margin) < NEAR_POLE) | (np.sign(margin) != np.sign(margin[0]))
+    if not bad.any():
+        return status, message
+    row = int(np.argmax(bad.any(axis=1)))
+    chart = int(np.argmax(bad[row]))
+    angles = _charted_bodies(model)[chart]
+    where = f"by t = {raw.time[row]:.6g} s the body {angles!r} has come to the pole of its angles"
+    return "at_pole", f"{where} (margin {margin[row, chart]:.3g}): give it another polar_axis"
+
+
+def _charted_bodies(model: Model) -> list[str]:
+    """Return the names of the bodies that have angles, from those of their coordinates."""
+    names = (name.rpartition("_") for name in model.manifest.coordinate_name)
+    return list(dict.fromkeys(body for body, _, _ in names))
 
 
 def _acceleration_arguments(model: Model) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import ActuatedInput, Structure
 
-__all__ = ["describe_structure"]
+__all__ = ["describe_request", "describe_structure"]
 
 _LETTERS = "xyz"
 _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
@@ -25,7 +26,7 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     if np.any(structure.gravity):
         document["gravity"] = structure.gravity.tolist()
     if request is not None:
-        document |= _describe_request(structure, request)
+        document |= describe_request(request, structure.node_name, structure.member_name)
     kinds = {name: _kind(bar) for name, bar in zip(structure.member_class, structure.is_bar, strict=True)}
     document["classes"] = {name: {"kind": kind} for name, kind in kinds.items() if name}
     document["nodes"] = {name: _describe_node(structure, i) for i, name in enumerate(structure.node_name)}
@@ -87,7 +88,10 @@ def _describe_input(structure: Structure, item: ActuatedInput) -> dict[str, Any]
     return {"name": item.name, "kind": item.kind, "nodes": names, "direction": list(item.direction)}
 
 
-def _describe_request(structure: Structure, request: ModelRequest) -> dict[str, Any]:
+def describe_request(
+    request: ModelRequest, node_name: Sequence[str], member_name: Sequence[str]
+) -> dict[str, Any]:
+    """Return the sections `model` and `parameters` of a scene document."""
     model: dict[str, Any] = {
         "formulation": request.formulation,
         "emitter": request.emitter,
@@ -98,7 +102,7 @@ def _describe_request(structure: Structure, request: ModelRequest) -> dict[str, 
         model["options"] = dict(request.options)
     parameters: dict[str, Any] = {}
     for name, targets in request.parameters.items():
-        owners = structure.node_name if name in _NODE_PARAMETERS else structure.member_name
+        owners = node_name if name in _NODE_PARAMETERS else member_name
         if name == "gravity" or len(targets) == len(owners):
             parameters[name] = "all"
         elif targets:

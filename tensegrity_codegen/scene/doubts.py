@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from tensegrity_codegen.body_system import BodySystem, FixedBody
+from tensegrity_codegen.outline import outline_tendons
 from tensegrity_codegen.scene.geometry import find_fully_anchored
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["LARGE_STRAIN", "find_warnings"]
+__all__ = ["LARGE_STRAIN", "find_body_warnings", "find_warnings"]
 
 # A member that starts stretched (a bar: or squeezed) by more than this part of its rest length.
 LARGE_STRAIN = 0.5
@@ -42,6 +44,27 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         _sentence(damped, structure.member_name, "the damping of rigid bars has no effect"),
         *_input_warnings(structure, held),
         _pieces_warning(structure, held),
+    ]
+    return tuple(sentence for sentence in found if sentence)
+
+
+def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
+    """Return one short sentence for each kind of doubt about a body system, as `find_warnings` does.
+
+    Doubts: extension above 50 % at the start, loads on fixed points, tendons between fixed points, bodies
+    without any tendon.
+    """
+    structure = outline_tendons(system)
+    held, ends = structure.node_anchored[:, 0], structure.connectivity
+    pushed = held & (np.abs(system.node_load).sum(axis=1) > 0)
+    between = held[ends[:, 0]] & held[ends[:, 1]]
+    joined = {int(body) for body in system.node_body[ends.ravel()]}
+    lonely = [body not in joined and not isinstance(b, FixedBody) for body, b in enumerate(system.bodies)]
+    found = [
+        _strain_warning(structure) if structure.n_members else "",
+        _sentence(pushed, system.node_name, "a load on a fixed point moves nothing"),
+        _sentence(between, system.member_name, "tendons between two fixed points never move"),
+        _sentence(np.array(lonely), [b.name for b in system.bodies], "no tendon joins these bodies"),
     ]
     return tuple(sentence for sentence in found if sentence)
 

@@ -22,9 +22,12 @@ __all__ = ["describe_structure", "format_scene", "write_scene"]
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-_SECTIONS = ("model", "parameters", "classes", "shape", "nodes", "members", "groups", "loads", "inputs")
-_TABLES = ("classes",)  # one [section.name] table each
-_LISTS = ("loads", "inputs")  # one [[section]] table each
+_SECTIONS = (
+    *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
+    *("joint_friction", "loads", "inputs"),
+)
+_TABLES = ("classes", "bodies")  # one [section.name] table each
+_LISTS = ("joint_friction", "loads", "inputs")  # one [[section]] table each
 
 
 def format_scene(document: Mapping[str, Any]) -> str:

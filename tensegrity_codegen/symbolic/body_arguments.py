@@ -19,6 +19,11 @@ Scalar = Any
 
 _OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 
+_OF_COORDINATES = {
+    "coordinate": ("m, rad", "Positions and angles of the bodies, body by body."),
+    "velocity": ("m/s, rad/s", "Rates of the positions and angles of the bodies."),
+}
+
 # What a body system can keep changeable at run time.
 BODY_PARAMETERS = (*_OF_MEMBERS, "node_load", "gravity")
 
@@ -102,12 +107,15 @@ class BodyArguments:
 
     def _argument(self, name: str) -> ModelArgument:
         system, symbol = self.system, self.symbols[name]
-        if name in ("coordinate", "velocity", "gravity"):
-            return ModelArgument(symbol, np.array(getattr(system, name)))
+        if name == "gravity":
+            return ModelArgument(symbol, np.array(system.gravity))
+        if name in ("coordinate", "velocity"):
+            unit, sentence = _OF_COORDINATES[name]
+            return ModelArgument(symbol, np.array(getattr(system, name)), (), sentence, unit)
         if name == "input":
-            return ModelArgument(
-                symbol, np.zeros(len(system.inputs)), tuple(item.name for item in system.inputs)
-            )
+            names = tuple(item.name for item in system.inputs)
+            sentence = "Rest-length changes, forces and torques of the actuated inputs."
+            return ModelArgument(symbol, np.zeros(len(names)), names, sentence, "m, N or N m")
         chosen = list(self.parameters[name])
         names = system.node_name if name == "node_load" else system.member_name
         return ModelArgument(symbol, getattr(system, name)[chosen], tuple(names[k] for k in chosen))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -22,13 +23,14 @@ class ModelArgument:
     """One run-time argument: its symbols, its value in the scene (C order), the names it runs over.
 
     The symbols of a (k, n) argument are n x k, so that CasADi's columns are the rows of a C array.
-    sentence: what it means in this formulation, where that differs from the table of arguments.
+    sentence, unit: what it means in this formulation, where that differs from the table of arguments.
     """
 
     symbol: ca.SX
     nominal: NDArray[np.float64]
     over: tuple[str, ...] = ()
     sentence: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class SymbolicModel:
     subject: the structure that it models; arguments: name -> argument, in the order of C signatures;
     builders: quantity name -> function without arguments that returns its SX, in the quantity's shape
     transposed where it is a table of vectors, so that CasADi's columns are the rows of a C array.
+    words: quantity name -> unit and sentence, where they differ from the table of quantities.
     """
 
     def __init__(
@@ -84,12 +87,14 @@ class SymbolicModel:
         frame: Frame,
         arguments: Mapping[str, ModelArgument],
         builders: Mapping[str, Callable[[], Any]],
+        words: Mapping[str, tuple[str, str]] = MappingProxyType({}),
     ) -> None:
         self.formulation = formulation
         self.subject = subject
         self.name: str = subject.name
         self.frame = frame
         self.arguments = dict(arguments)
+        self.words = dict(words)
         self._builders = builders
         self._built: dict[str, ca.SX] = {}
 

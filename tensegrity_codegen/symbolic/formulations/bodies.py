@@ -33,10 +33,30 @@ QUANTITIES = (
     "node_position", "node_velocity", "node_jacobian", "chart_margin",
     "member_vector", "member_length", "member_extension", "member_tension", "force_density",
     "elastic_energy", "potential_energy", "kinetic_energy", "total_energy",
-    "coordinate_force", "coriolis_force", "acceleration", "state_derivative",
+    "coordinate_force", "unpotential_force", "coriolis_force", "acceleration", "state_derivative",
     "mass_matrix", "equilibrium_matrix", "damping_matrix", "load_matrix", "tangent_stiffness",
     "state_jacobian", "input_jacobian", "rest_length_jacobian", "parameter_jacobian",
 )  # fmt: skip
+
+
+# Units and sentences, where coordinates are angles and positions.
+WORDS = {
+    "acceleration": ("m/s2, rad/s2", "Accelerations q'' = M^-1 (f - c) of the coordinates."),
+    "state_derivative": ("m/s, rad/s, m/s2, rad/s2", "Derivative of the state x = (q, q')."),
+    "mass_matrix": ("kg, kg m, kg m2", "Mass matrix M(q) of the bodies."),
+    "equilibrium_matrix": ("1, m", "Tendon matrix A = dl/dq, transposed: A t balances the other forces."),
+    "damping_matrix": (
+        "N s/m, N s, N m s",
+        "Matrix C(q) of joint friction and of the damping of taut tendons: C q' in the equations of motion.",
+    ),
+    "tangent_stiffness": (
+        "N/m, N, N m",
+        "Hessian of the potential energy, less the slope of the forces that have no potential.",
+    ),
+    "kinetic_energy": ("J", "Kinetic energy q'^T M(q) q' / 2."),
+    "potential_energy": ("J", "Strain energy minus the work of gravity and of forces of constant direction."),
+    "state_jacobian": ("1/s, 1/s2, and per m", "Jacobian of the state derivative to the state."),
+}
 
 
 def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
@@ -47,7 +67,7 @@ def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
     _check_inertia(system)
     parts = _Bodies(BodyArguments(system, request.parameters))
     builders = {name: getattr(parts, name) for name in QUANTITIES}
-    return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders)
+    return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders, WORDS)
 
 
 def _check_inertia(system: BodySystem) -> None:
@@ -199,8 +219,11 @@ class _Bodies:
 
     # Generalised forces
 
-    @cached_property
     def unpotential_force(self) -> ca.SX:
+        return self.turning_force
+
+    @cached_property
+    def turning_force(self) -> ca.SX:
         """Generalised force of torques and of forces that turn with their body, (n_coordinates, 1)."""
         force = ca.SX(self.n, 1)
         for load in self.system.loads:
@@ -225,7 +248,7 @@ class _Bodies:
 
     @cached_property
     def external_force(self) -> ca.SX:
-        return self.unpotential_force - ca.gradient(self.load_potential, self.q)
+        return self.turning_force - ca.gradient(self.load_potential, self.q)
 
     @cached_property
     def static_force(self) -> ca.SX:
@@ -266,7 +289,7 @@ class _Bodies:
         return -ca.jacobian(self.external_force, self.u)
 
     def tangent_stiffness(self) -> ca.SX:
-        return ca.hessian(self.potential_energy(), self.q)[0] - ca.jacobian(self.unpotential_force, self.q)
+        return ca.hessian(self.potential_energy(), self.q)[0] - ca.jacobian(self.turning_force, self.q)
 
     # Dynamics
 
