@@ -134,10 +134,12 @@ JACOBIANS = {
 }
 
 
-def check_jacobian(jacobian: str, structure: Structure, seed: int) -> None:
+def check_jacobian(jacobian: str, structure: Structure, seed: int) -> bool:
+    """Check a Jacobian if it has an entry (inputs may act on anchors alone); return whether it has."""
     parameters = all_parameters(structure) if jacobian not in ("state_jacobian", "input_jacobian") else {}
     evaluator = Evaluator(structure, parameters)
-    assume(offered_by(evaluator.model, jacobian))  # inputs may act on anchors alone
+    if not offered_by(evaluator.model, jacobian):
+        return False
     names = [name for name in JACOBIANS[jacobian] if name in evaluator.nominal]
     direction = draw_direction(evaluator, names, seed)
     stacked = np.concatenate([direction[name].ravel() for name in names])
@@ -147,19 +149,20 @@ def check_jacobian(jacobian: str, structure: Structure, seed: int) -> None:
         terms_of_acceleration(structure),
         jacobian,
     )
+    return True
 
 
 @pytest.mark.parametrize("jacobian", JACOBIANS)
 @given(structure=structures(most_nodes=8), seed=st.integers(0, 2**32 - 1))
 @settings(SLOW, max_examples=25)
 def test_jacobians_leave_a_remainder_of_second_order(jacobian: str, structure: Structure, seed: int) -> None:
-    check_jacobian(jacobian, structure, seed)
+    assume(check_jacobian(jacobian, structure, seed))
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("jacobian", JACOBIANS)
 def test_so_they_do_where_everything_is_present(jacobian: str, seed: int) -> None:
-    check_jacobian(jacobian, everything()[0], seed)
+    assert check_jacobian(jacobian, everything()[0], seed)
 
 
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
