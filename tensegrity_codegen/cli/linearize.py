@@ -95,4 +95,4 @@ def write_linear_model(linear: Any, path: Path) -> None:
     }
     arrays |= {"natural_frequency": linear.natural_frequency, "damping_ratio": linear.damping_ratio}
     with replaced(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+        np.savez_compressed(file, **arrays)

@@ -148,7 +148,7 @@ class Trajectory:
     def write(self, path: str | Path) -> None:
         """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
         with replaced(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **self.arrays())
+            np.savez_compressed(file, **self.arrays())
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
