@@ -28,7 +28,6 @@ FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, abov
 STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
 NEAR = 0.5  # largest correction of a predicted point, as part of the step
 BEYOND = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
-UNHELD = 1e-9  # part of the load along neutral motions that counts as rounding
 FIRST = 0.1  # first step as part of the largest
 
 
@@ -114,35 +113,19 @@ class _Path:
 
     def _begin(self, start: FloatArray) -> tuple[PathState, FloatArray] | str:
         """Return the first point and its tangent, or why there are none."""
-        span = self.most - self.least
-        rough = self.solver
-        upward = np.append(np.zeros(len(start)), np.sign(span))
-        state = rough.solve(rough.join(start, self.least), upward, float(self.least / span))
-        if state is None:
-            return f"no equilibrium was found at load factor {self.least:.10g}, near the start"
-        load = self.problem.load_vector(state.coordinate, self.least)
-        if float(np.linalg.norm(state.neutral.T @ load)) > UNHELD * float(np.linalg.norm(load)):
-            return "the load pushes along a motion that nothing resists"
-        tangent = rough.tangent(state, upward)
-        if tangent is None:
-            return "the stiffness at the start is singular"
-        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) if tangent[-1] else 0.0
-        self.solver = PathSolver(self.problem, (moved or 1.0, abs(span)), self.neutral)
-        self.solver.n_iterations = rough.n_iterations
-        state = PathState(
-            self.solver, self.solver.join(*rough.split(state.z)), state.residual, state.iterations
-        )
-        found = self.solver.tangent(state, upward)
-        if found is None:
-            return "the stiffness at the start is singular"
+        upward = np.append(np.zeros(len(start)), np.sign(self.most - self.least))
+        begun = self.solver.begin(start, self.least, upward)
+        if isinstance(begun, str):
+            return begun
+        self.solver, state, tangent = begun
         try:
-            values = self.tracker.values(state, found)
+            values = self.tracker.values(state, tangent)
         except NonFiniteError as error:
             return f"a watched function is not finite at the start: {error.problem}"
         self.tracker.begin(values)
-        self._add(state, found)
-        self._note_stops(state, found, values)
-        return state, found
+        self._add(state, tangent)
+        self._note_stops(state, tangent, values)
+        return state, tangent
 
     def _note_stops(self, state: PathState, tangent: FloatArray, values: FloatArray) -> None:
         """Note what would end the path and is beyond zero already."""
@@ -171,7 +154,7 @@ class _Path:
     def _try(self, state: PathState, tangent: FloatArray, length: float) -> Step | None:
         level = float(tangent @ state.z) + length
         end = self.solver.solve(state.z + length * tangent, tangent, level)
-        if end is None or np.linalg.norm(end.z - state.z - length * tangent) > NEAR * length:
+        if end is None:
             return None
         step = Step(self.solver, state, tangent, end, length)
         try:
@@ -181,9 +164,11 @@ class _Path:
             self._search(step)
         except (LostError, NonFiniteError):
             return None
-        if not step.is_cut and float(step.tangent_at(step.end) @ tangent) < STRAIGHT:
+        aside = step.end.z - state.z - step.length * tangent
+        if float(np.linalg.norm(aside)) > NEAR * step.length:
             return None
-        return step
+        straight = step.is_cut or float(step.tangent_at(step.end) @ tangent) >= STRAIGHT
+        return step if straight else None
 
     def _search(self, step: Step) -> None:
         """Find the crossings of a step in order; cut it at the first that ends the path or is a kink."""

@@ -17,6 +17,8 @@ __all__ = ["find_load_steps"]
 FloatArray = NDArray[np.float64]
 
 MOST_HALVINGS = 8
+STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
+FAR = 0.5  # largest correction of a predicted point, as part of the step
 
 
 def find_load_steps(
@@ -40,12 +42,12 @@ def find_load_steps(
     if not (np.isfinite(first).all() and np.isfinite(loads).all()):
         raise NonFiniteError("start and load factors have to be finite", where="find_load_steps")
     scale = max(abs(load) for load in loads) or 1.0
-    solver = PathSolver(problem, (float(np.abs(first).max(initial=0.0)) or 1.0, scale), neutral)
     upward = np.append(np.zeros(first.size), 1.0)
-    state = solver.solve(solver.join(first, loads[0]), upward, loads[0] / scale)
-    if state is None:
-        message = f"no equilibrium was found at load factor {loads[0]:.10g}, near the start"
-        return collect_path([], [], "no_start", message, solver.n_iterations)
+    rough = PathSolver(problem, (1.0, scale), neutral)
+    begun = rough.begin(first, loads[0], upward)
+    if isinstance(begun, str):
+        return collect_path([], [], "no_start", begun, rough.n_iterations)
+    solver, state, _ = begun
     points = [_point(state, loads[0], upward)]
     for load in loads[1:]:
         found = _find_next(solver, state, load, upward)
@@ -71,8 +73,9 @@ def _find_next(solver: PathSolver, state: PathState, load: float, upward: FloatA
             return None
         goal = float(state.z[-1]) + part
         goal = target if abs(target - goal) < 1e-9 * abs(left) else goal
-        found = solver.solve(state.z + tangent * ((goal - state.z[-1]) / tangent[-1]), upward, goal)
-        if found is None or found.eigen[0][:1].min(initial=np.inf) * state.smallest_eigenvalue < 0:
+        step = tangent * ((goal - state.z[-1]) / tangent[-1])
+        found = solver.solve(state.z + step, upward, goal)
+        if found is None or _has_jumped(state, step, found, upward):
             part /= 2
             if abs(part) < abs(left) / 2**MOST_HALVINGS:
                 return None
@@ -81,6 +84,16 @@ def _find_next(solver: PathSolver, state: PathState, load: float, upward: FloatA
             return found
         state = found
     return None
+
+
+def _has_jumped(state: PathState, step: FloatArray, found: PathState, upward: FloatArray) -> bool:
+    """Return whether a point is far from where the tangent pointed, or the path turns on the way there."""
+    if np.linalg.norm(found.z - state.z - step) > FAR * np.linalg.norm(step):
+        return True
+    before, after = (item.solver.tangent(item, upward) for item in (state, found))
+    if before is None or after is None or float(before @ after) < STRAIGHT:
+        return True
+    return found.smallest_eigenvalue * state.smallest_eigenvalue < 0
 
 
 def _point(state: PathState, load_factor: float, upward: FloatArray) -> PathPoint:

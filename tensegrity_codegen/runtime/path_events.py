@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy import optimize
 
@@ -240,8 +241,9 @@ def _first_root(function: Callable[[float], float], least: float, most: float) -
 
 def _least_of_cubic(ends: tuple[float, float], slopes: tuple[float, float], length: float) -> float:
     """Return the least value within the step of the cubic of these end values and slopes."""
-    part = np.linspace(0, 1, 21)
-    h00, h10 = (1 + 2 * part) * (1 - part) ** 2, part * (1 - part) ** 2
-    h01, h11 = part**2 * (3 - 2 * part), part**2 * (part - 1)
-    value = h00 * ends[0] + h10 * length * slopes[0] + h01 * ends[1] + h11 * length * slopes[1]
-    return float(value.min())
+    bend = 3 * (ends[1] - ends[0]) - length * (2 * slopes[0] + slopes[1])
+    twist = 2 * (ends[0] - ends[1]) + length * (slopes[0] + slopes[1])
+    cubic = Polynomial([ends[0], length * slopes[0], bend, twist])
+    roots = np.asarray(cubic.deriv().roots(), dtype=complex)
+    turns = np.clip(roots.real[np.abs(roots.imag) < 1e-12], 0, 1)
+    return float(np.min(cubic(np.append(turns, [0.0, 1.0]))))

@@ -31,6 +31,8 @@ MOST_ITERATIONS = 15
 CONVERGED = 1e-9  # correction in units of z; the error left is of the order of its square
 ROUGH = 1e-6  # largest correction that counts as rounding where it no longer shrinks
 MOST_EIGENVALUES = 8
+SINGULAR = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
+UNHELD = 1e-9  # part of the load along neutral motions that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,33 @@ class PathSolver:
         solution = self._solve(matrix, load, self.neutral(coordinate, matrix), along, right)
         return None if solution is None else solution / np.linalg.norm(solution)
 
+    def begin(
+        self, coordinate: FloatArray, load_factor: float, upward: FloatArray
+    ) -> tuple[PathSolver, PathState, FloatArray] | str:
+        """Return solver, point and tangent at a load factor near `coordinate`, or why there are none.
+
+        The solver returned has the scale of coordinates at which they move as fast as the load. upward:
+        the direction of the load in z.
+        """
+        state = self.solve(
+            self.join(coordinate, load_factor), upward, upward[-1] * load_factor / self.load_scale
+        )
+        if state is None:
+            return f"no equilibrium was found at load factor {load_factor:.10g}, near the start"
+        load = self.problem.load_vector(state.coordinate, load_factor)
+        if float(np.linalg.norm(state.neutral.T @ load)) > UNHELD * float(np.linalg.norm(load)):
+            return "the load pushes along a motion that nothing resists"
+        tangent = self.tangent(state, upward)
+        if tangent is None or not tangent[-1]:
+            return "the stiffness at the start is singular"
+        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale
+        solver = PathSolver(self.problem, (moved or 1.0, self.load_scale), self._neutral)
+        solver.n_iterations = self.n_iterations
+        z = solver.join(state.coordinate, load_factor)
+        begun = PathState(solver, z, state.residual, state.iterations)
+        found = solver.tangent(begun, upward)
+        return "the stiffness at the start is singular" if found is None else (solver, begun, found)
+
     def _state(self, z: FloatArray, iterations: int) -> PathState | None:
         """Return the state at z; None where the forces there are not finite."""
         coordinate, load_factor = self.split(z)
@@ -205,14 +234,23 @@ def _dense(matrix: Any) -> FloatArray:
 
 
 def _solve_dense(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
+    """Return the solution, the shortest one of a singular system that has some, as at a bifurcation."""
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        return None
+        solution = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+    missing = float(np.linalg.norm(matrix @ solution - right))
+    return solution if missing <= 1e-9 * float(np.linalg.norm(right)) else None
 
 
 def _solve_sparse(matrix: Any, right: FloatArray) -> FloatArray | None:
+    """Return the solution; an exactly singular matrix is solved with its diagonal moved by rounding."""
     try:
         return np.asarray(sparse_linalg.splu(matrix).solve(right))
-    except RuntimeError:  # exactly singular
+    except RuntimeError:
+        size = float(abs(matrix).sum(axis=0).max())
+        moved = matrix + sparse.diags_array(np.full(len(right), SINGULAR * size))
+    try:
+        return np.asarray(sparse_linalg.splu(sparse.csc_array(moved)).solve(right))
+    except RuntimeError:
         return None
