@@ -147,8 +147,9 @@ class Trajectory:
 
     def write(self, path: str | Path) -> None:
         """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        arrays: dict[str, Any] = dict(self.arrays())
         with replaced(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **self.arrays())
+            np.savez_compressed(file, **arrays)
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
