@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import combinations
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
@@ -158,6 +159,7 @@ class BodySystem:
     loads: tuple[BodyLoad, ...] = ()
     friction: tuple[JointFriction, ...] = ()
     inputs: tuple[BodyInput, ...] = ()
+    interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
 
     axes = (0, 1, 2)
 
@@ -208,6 +210,27 @@ class BodySystem:
     def charted(self) -> tuple[int, ...]:
         """Indices of the bodies that have angles, which are those that can come near a pole."""
         return tuple(k for k, body in enumerate(self.bodies) if not isinstance(body, FixedBody))
+
+    def bar_ends(self, body: int) -> tuple[int, int]:
+        """Return the nodes of a bar's ends A and B."""
+        first, second = np.flatnonzero(self.node_body == body)[:2]
+        return int(first), int(second)
+
+    @property
+    def bar_pairs(self) -> NDArray[np.int64]:
+        """(n_bar_pairs, 2): bodies whose distance is watched.
+
+        Those of `interference`, or all pairs of bars that have a radius and share no joint.
+        """
+        if self.interference is not None:
+            return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
+        joints = {
+            body: {*self.bar_ends(body), *([item.anchor] if item.held else [])}
+            for body, item in enumerate(self.bodies)
+            if isinstance(item, Bar) and item.radius > 0
+        }
+        pairs = [pair for pair in combinations(joints, 2) if not joints[pair[0]] & joints[pair[1]]]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @property
     def has_unpotential_load(self) -> bool:

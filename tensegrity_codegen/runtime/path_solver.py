@@ -235,10 +235,11 @@ def _dense(matrix: Any) -> FloatArray:
 
 def _solve_dense(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
     """Return the solution, the shortest one of a singular system that has some, as at a bifurcation."""
+    solution: FloatArray
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        solution = np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0]
+        solution = np.asarray(np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0], dtype=np.float64)
     missing = float(np.linalg.norm(matrix @ solution - right))
     return solution if missing <= 1e-9 * float(np.linalg.norm(right)) else None
 

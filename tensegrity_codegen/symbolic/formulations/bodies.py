@@ -20,6 +20,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.symbolic.body_arguments import BodyArguments
 from tensegrity_codegen.symbolic.body_motion import BodyMotion
 from tensegrity_codegen.symbolic.geometry import dot, member_length, member_rate, member_vector
+from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities
 from tensegrity_codegen.symbolic.lagrange import Lagrangian
 from tensegrity_codegen.symbolic.member_law import MemberLaw
 from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
@@ -67,6 +68,7 @@ def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
     _check_inertia(system)
     parts = _Bodies(BodyArguments(system, request.parameters))
     builders = {name: getattr(parts, name) for name in QUANTITIES}
+    builders |= build_bar_quantities(parts.bar_pairs, parts.q)
     return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders, WORDS)
 
 
@@ -110,7 +112,16 @@ class _Bodies:
             coordinate_name=system.coordinate_name,
             coordinate_node_axis=(),
             input_name=tuple(item.name for item in system.inputs),
+            bar_pair=tuple((system.bodies[i].name, system.bodies[j].name) for i, j in system.bar_pairs),
         )
+
+    def bar_pairs(self) -> BarPairs:
+        system = self.system
+        bars = [k for k, body in enumerate(system.bodies) if isinstance(body, Bar)]
+        row = {body: k for k, body in enumerate(bars)}
+        ends = [[[ca.SX(x) for x in self.points[node]] for node in system.bar_ends(body)] for body in bars]
+        radius = [body.radius for body in system.bodies if isinstance(body, Bar)]
+        return BarPairs(ends, radius, [(row[int(i)], row[int(j)]) for i, j in system.bar_pairs], system.name)
 
     # Points
 
