@@ -1,0 +1,89 @@
+"""Tables of a page: paper, ours and difference side by side or one above the other, numbers aligned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from tensegrity_codegen.report.number_text import format_number
+
+__all__ = ["Cell", "Column", "Table", "compare_cell", "compare_cells", "number_cell", "text_cell"]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column: its heading, the unit below it, and whether it holds numbers (right-aligned)."""
+
+    name: str
+    unit: str = ""
+    numeric: bool = True
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One field: lines of (role, text) to show, and the value behind them for the data file.
+
+    The roles are "" (plain), "paper", "ours" and "difference".
+    """
+
+    lines: tuple[tuple[str, str], ...]
+    value: Any = None
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its caption; every row has a cell for every column; `note` says how to read it."""
+
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+    kind: str = "table"
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.caption}: a row of {len(row)} cells, {len(self.columns)} columns")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return caption, columns and the values of the rows."""
+        return {
+            "kind": self.kind,
+            "caption": self.caption,
+            "columns": [{"name": column.name, "unit": column.unit} for column in self.columns],
+            "rows": [[cell.value for cell in row] for row in self.rows],
+        }
+
+
+def text_cell(text: str) -> Cell:
+    """Return a cell of words."""
+    return Cell((("", text),), text)
+
+
+def number_cell(value: float | None, spec: str, role: str = "") -> Cell:
+    """Return a cell with a number in the format `spec`; None and NaN show as a dash."""
+    return Cell(((role, format_number(value, spec)),), value)
+
+
+def compare_cell(paper: float | None, ours: float | None, spec: str) -> Cell:
+    """Return one cell with three lines: paper, ours and ours minus paper."""
+    difference = _difference(paper, ours)
+    lines = (
+        ("paper", format_number(paper, spec)),
+        ("ours", format_number(ours, spec)),
+        ("difference", format_number(difference, f"+{spec}")),
+    )
+    return Cell(lines, {"paper": paper, "ours": ours, "difference": difference})
+
+
+def compare_cells(paper: float | None, ours: float | None, spec: str) -> tuple[Cell, Cell, Cell]:
+    """Return three cells beside each other: paper, ours and ours minus paper."""
+    return (
+        number_cell(paper, spec, "paper"),
+        number_cell(ours, spec, "ours"),
+        number_cell(_difference(paper, ours), f"+{spec}", "difference"),
+    )
+
+
+def _difference(paper: float | None, ours: float | None) -> float | None:
+    return None if paper is None or ours is None else ours - paper

@@ -1,0 +1,32 @@
+"""A page as one HTML file that needs nothing else: styles and pictures inside, no script, no address."""
+
+from __future__ import annotations
+
+import functools
+
+import jinja2
+
+from tensegrity_codegen.codegen.render import template_folder
+from tensegrity_codegen.report.page import VERDICTS, Page
+from tensegrity_codegen.report.theme import THEME
+
+__all__ = ["render_page"]
+
+
+def render_page(page: Page) -> str:
+    """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
+    return (
+        _environment().get_template("report_page.html.j2").render(page=page, theme=THEME, verdicts=VERDICTS)
+    )
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
