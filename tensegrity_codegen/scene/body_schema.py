@@ -22,6 +22,7 @@ from tensegrity_codegen.scene.schema_types import (
 )
 
 __all__ = [
+    "LOAD_TAGS",
     "BarBody",
     "BodyTable",
     "BodyTorque",
@@ -180,6 +181,10 @@ class TorqueInput(Table):
     )
     direction: Vector = Field(description="Axis of the torque; normalised.")
     frame: Frame = Field("inertial", description="Axes of the direction.")
+
+
+# Tag of a load -> model that it stands for.
+LOAD_TAGS = {"@node": "Load", "@point": "PointLoad", "@body": "BodyTorque"}
 
 
 def load_tag(value: Any) -> str:

@@ -19,6 +19,7 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     suggest,
 )
+from tensegrity_codegen.scene.body_schema import LOAD_TAGS
 from tensegrity_codegen.scene.names import NAME_RULE, key_path
 from tensegrity_codegen.scene.schema import scene_json_schema
 
@@ -171,7 +172,8 @@ def _schema_at(loc: list[str | int]) -> dict[str, Any]:
 def _step(root: dict[str, Any], node: dict[str, Any], step: str | int) -> tuple[dict[str, Any], bool]:
     """Return the schema below `node` and whether `step` was only the tag of a union."""
     if isinstance(step, str) and step.startswith("@"):
-        return node, True
+        tagged = LOAD_TAGS.get(step)
+        return (_resolve(root, {"$ref": f"#/$defs/{tagged}"}) if tagged else node), True
     mapping = node.get("discriminator", {}).get("mapping", {})
     if step in mapping:
         return _resolve(root, {"$ref": mapping[step]}), True
