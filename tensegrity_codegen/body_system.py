@@ -216,6 +216,12 @@ class BodySystem:
         first, second = np.flatnonzero(self.node_body == body)[:2]
         return int(first), int(second)
 
+    def bar_joints(self, body: int) -> set[int]:
+        """Return the nodes where a bar ends: its own, and the node of another body that holds it."""
+        item = self.bodies[body]
+        held = {item.anchor} if isinstance(item, Bar) and item.held else set()
+        return {*self.bar_ends(body), *held}
+
     @property
     def bar_pairs(self) -> NDArray[np.int64]:
         """(n_bar_pairs, 2): bodies whose distance is watched.
@@ -224,12 +230,9 @@ class BodySystem:
         """
         if self.interference is not None:
             return np.array(self.interference, dtype=np.int64).reshape(-1, 2)
-        joints = {
-            body: {*self.bar_ends(body), *([item.anchor] if item.held else [])}
-            for body, item in enumerate(self.bodies)
-            if isinstance(item, Bar) and item.radius > 0
-        }
-        pairs = [pair for pair in combinations(joints, 2) if not joints[pair[0]] & joints[pair[1]]]
+        round_bars = [k for k, item in enumerate(self.bodies) if isinstance(item, Bar) and item.radius > 0]
+        joints = {body: self.bar_joints(body) for body in round_bars}
+        pairs = [pair for pair in combinations(round_bars, 2) if not joints[pair[0]] & joints[pair[1]]]
         return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
     @property

@@ -12,6 +12,7 @@ from tensegrity_codegen.cli.build import build
 from tensegrity_codegen.cli.doctor import doctor
 from tensegrity_codegen.cli.equilibrium import equilibrium
 from tensegrity_codegen.cli.linearize import linearize
+from tensegrity_codegen.cli.load_path import load_path
 from tensegrity_codegen.cli.output import Output, explain_system_error
 from tensegrity_codegen.cli.scenes import check, examples, import_foreign, new, schema
 from tensegrity_codegen.cli.show import show
@@ -43,6 +44,7 @@ app = typer.Typer(
 for verb in (new, check, schema, build, equilibrium, simulate, linearize, show, doctor, examples):
     app.command()(verb)
 app.command("import")(import_foreign)
+app.command("load-path")(load_path)
 
 
 @app.callback(invoke_without_command=True)

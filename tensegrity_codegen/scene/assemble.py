@@ -10,6 +10,7 @@ from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.check import check_structure
 from tensegrity_codegen.scene.geometry import check_freedom, find_fully_anchored
+from tensegrity_codegen.scene.interference import find_bar_pairs
 from tensegrity_codegen.scene.members import build_member_arrays
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.nodes import build_node_arrays, spread_vectors
@@ -57,6 +58,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
         **node,
         **member,
     )
+    structure = structure.with_changes(interference=_watch_bars(scene, structure, where))
     check_structure(structure, where)
     complete_options(scene.model.formulation, scene.model.options, key_path(where, "model", "options"))
     return structure, _build_request(scene, structure, targets)
@@ -91,6 +93,14 @@ def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInpu
             hint='formulation = "node_position"',
         )
     return loads, inputs
+
+
+def _watch_bars(scene: Scene, structure: Structure, where: str) -> tuple[tuple[int, int], ...] | None:
+    """Return the members whose distance the scene wants watched, None for all of them."""
+    bars = {structure.member_name[e]: int(e) for e in np.flatnonzero(structure.is_bar)}
+    radius = {name: float(structure.radius[e]) for name, e in bars.items()}
+    joints = {name: structure.connectivity[e].tolist() for name, e in bars.items()}
+    return find_bar_pairs(scene.interference, bars, radius, joints, where)
 
 
 def _with_shape(scene: Scene, where: str) -> SceneParts:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.body_system import (
+    Bar,
     BodySystem,
     FixedBody,
 )
@@ -32,6 +33,7 @@ from tensegrity_codegen.scene.body_loads import (
 from tensegrity_codegen.scene.body_schema import (
     Tendon,
 )
+from tensegrity_codegen.scene.interference import find_bar_pairs
 from tensegrity_codegen.scene.members import build_member_arrays
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema import Member, MemberClass, Scene
@@ -94,8 +96,17 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
         loads=turning,
         friction=tuple(build_friction(item, k, find) for k, item in enumerate(scene.joint_friction)),
         inputs=build_body_inputs(scene, targets, find),
+        interference=_watch_bars(scene, system, where),
     )
     return system, _request(scene, system, targets)
+
+
+def _watch_bars(scene: Scene, system: BodySystem, where: str) -> tuple[tuple[int, int], ...] | None:
+    """Return the bodies whose distance the scene wants watched, None for all of them."""
+    bars = {body.name: k for k, body in enumerate(system.bodies) if isinstance(body, Bar)}
+    radius = {body.name: body.radius for body in system.bodies if isinstance(body, Bar)}
+    joints = {name: system.bar_joints(k) for name, k in bars.items()}
+    return find_bar_pairs(scene.interference, bars, radius, joints, where)
 
 
 def _check_kind(scene: Scene, where: str) -> None:

@@ -38,6 +38,9 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
         for name, members in structure.groups.items()
         if members
     }
+    if structure.interference is not None:
+        name = structure.member_name
+        document["interference"] = {"pairs": [[name[i], name[j]] for i, j in structure.interference]}
     loaded = np.flatnonzero(np.any(structure.node_load != 0, axis=1))
     document["loads"] = [
         {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded
@@ -98,6 +101,8 @@ def describe_request(
         "quantities": list(request.quantities),
         "integrators": list(request.integrators),
     }
+    if request.solvers:
+        model["solvers"] = list(request.solvers)
     if request.options:
         model["options"] = dict(request.options)
     parameters: dict[str, Any] = {}

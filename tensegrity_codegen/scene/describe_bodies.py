@@ -34,6 +34,9 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
         {"bodies": [system.bodies[k].name for k in joint.bodies], "coefficient": joint.coefficient}
         for joint in system.friction
     ]
+    if system.interference is not None:
+        pairs = [[system.bodies[k].name for k in pair] for pair in system.interference]
+        document["interference"] = {"pairs": pairs}
     document["loads"] = _loads(system)
     document["inputs"] = [_input(system, item) for item in system.inputs]
     return {key: value for key, value in document.items() if value}

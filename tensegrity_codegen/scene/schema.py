@@ -35,6 +35,7 @@ from tensegrity_codegen.scene.schema_types import (
     Selection,
     Table,
     Vector,
+    tag_by_type,
 )
 from tensegrity_codegen.scene.shapes import Shape
 
@@ -43,6 +44,7 @@ __all__ = [
     "FORMULATIONS",
     "INTEGRATORS",
     "ForceInput",
+    "Interference",
     "Load",
     "Member",
     "MemberClass",
@@ -166,6 +168,24 @@ class Parameters(Table):
     gravity: Literal["all"] | None = Field(None, description='Gravity vector [m/s2]: "all" only.')
 
 
+class Interference(Table):
+    """Which bars may touch."""
+
+    pairs: Annotated[
+        Annotated[Literal["all"], Tag("@all")]
+        | Annotated[
+            Annotated[
+                tuple[
+                    Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2, max_length=2)], ...
+                ],
+                Strict(False),
+            ],
+            Tag("@names"),
+        ],
+        Discriminator(tag_by_type(str, "@all", "@names")),
+    ] = Field("all", description='Pairs of bars to watch: "all", or a list of [bar, bar].')
+
+
 class SceneParts(Table):
     """Nodes, members and groups: what a shape stands for, and what a scene adds to it."""
 
@@ -198,6 +218,9 @@ class Scene(SceneParts):
     )
     joint_friction: Annotated[tuple[JointFrictionTable, ...], Strict(False)] = Field(
         (), description="Friction in the joints of bodies."
+    )
+    interference: Interference = Field(
+        default_factory=Interference, description="Which bars may touch; default all that have a radius."
     )
     loads: Annotated[
         tuple[

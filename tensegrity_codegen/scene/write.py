@@ -24,7 +24,7 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _SECTIONS = (
     *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
-    *("joint_friction", "loads", "inputs"),
+    *("joint_friction", "interference", "loads", "inputs"),
 )
 _TABLES = ("classes", "bodies")  # one [section.name] table each
 _LISTS = ("joint_friction", "loads", "inputs")  # one [[section]] table each

@@ -1,0 +1,177 @@
+"""`tensegrity-codegen load-path`: equilibria under a growing load, and what happens on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.files import check_target
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.load_path import LoadPath
+    from tensegrity_codegen.runtime.model_path import ModelPath
+    from tensegrity_codegen.runtime.path_problem import Watch
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["EVENTS", "load_path"]
+
+# Words of --events and the kinds of events that they stand for.
+EVENTS = {
+    "slack": ("slack", "taut"),
+    "contact": ("contact", "separation"),
+    "limit": ("limit", "stability"),
+    "bifurcation": ("bifurcation",),
+}
+FORMATS = (".csv", ".json")
+
+
+def load_path(
+    scene: SceneArgument,
+    load: Annotated[
+        list[str],
+        typer.Option(
+            "--load", help="NODE=fx,fy,fz [N] at load factor 1; may be repeated.", show_default=False
+        ),
+    ],
+    most: Annotated[float, typer.Option("--most", help="Load factor to reach.", show_default=False)],
+    events: Annotated[
+        str, typer.Option("--events", help=f"What to report, of {', '.join(EVENTS)}; with commas.")
+    ] = ",".join(EVENTS),
+    past_contact: Annotated[
+        bool, typer.Option("--past-contact", help="Go on though bars then pass through each other.")
+    ] = False,
+    step: Annotated[
+        float, typer.Option("--step", help="Longest step, of about 1.4 for a straight path.")
+    ] = 0.1,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Write the path as a table (.csv or .json).")
+    ] = None,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Follow the equilibrium while a load grows, through limit points, and locate events on the way.
+
+    Events: cables that go slack or taut, the first contact of bars, which ends the path, limit points where
+    the load turns back, bifurcations. Ends with 3 where neither the load nor a contact was reached.
+    Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
+    """
+    output = Output(json)
+    with output.guard(scene):
+        kinds = _parse_events(events)
+        _check_options(step, out)
+        from tensegrity_codegen.pipeline import load_scene
+        from tensegrity_codegen.report.load_paths import events_table, tabulate_path, write_path
+
+        subject, request = load_scene(scene)
+        model = _build(subject, request, load, compiler)
+        watches = _find_watches(model, subject, past_contact)
+        with output.progress("load path") as show:
+            path = _follow(model, watches, most, step, show)
+        shown = tuple(event for event in path.events if event.kind in kinds)
+        columns = tabulate_path(path, model)
+        if out is not None and len(path.load_factor):
+            write_path(columns, path, out)
+        data = path.as_evidence() | {
+            "events": [event.as_dict() for event in shown],
+            "load_factor": path.load_factor,
+            "smallest_eigenvalue": path.smallest_eigenvalue,
+            "out": str(out) if out is not None and len(path.load_factor) else None,
+        }
+        output.result(data, events_table(shown), f"{path.status}: {path.message}", _summary(path))
+        if not path.is_followed:
+            raise typer.Exit(3)
+
+
+def _parse_events(text: str) -> tuple[str, ...]:
+    """Return the kinds of events that a list of words stands for; raises UnknownNameError."""
+    words = [word.strip() for word in text.split(",")]
+    for word in words:
+        if word not in EVENTS:
+            raise UnknownNameError(
+                "unknown event",
+                where="--events",
+                given=word,
+                allowed=", ".join(EVENTS),
+                hint=suggest(word, EVENTS),
+            )
+    return tuple(kind for word in words for kind in EVENTS[word])
+
+
+def _check_options(step: float, out: Path | None) -> None:
+    if not 1e-4 <= step <= 1:
+        raise InvalidValueError(
+            "not a step", where="--step", given=step, allowed="0.0001 to 1", hint="0.1 is the default"
+        )
+    if out is not None:
+        if out.suffix not in FORMATS:
+            raise InvalidValueError(
+                "the file has no known ending", where="--out", given=out.name, allowed=" or ".join(FORMATS)
+            )
+        check_target(out)
+
+
+def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: str | None) -> ModelPath:
+    """Return the problem of a scene under these loads, its library built with all that a path needs."""
+    from dataclasses import replace
+
+    from tensegrity_codegen.pipeline import WITHOUT_STATICS, build_library, equilibrium_quantities
+    from tensegrity_codegen.runtime.model_path import ModelPath
+
+    pattern = parse_loads(load, subject)
+    if not pattern.any():
+        raise InvalidValueError(
+            "the load is zero", where="--load", given=", ".join(load), allowed="a force that is not zero"
+        )
+    if request.formulation in WITHOUT_STATICS:
+        request = replace(request, formulation="node_position", integrators=(), options={})
+    extra = ["member_extension"] if subject.n_members else []
+    extra += ["bar_distance"] if len(subject.bar_pairs) else []
+    quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))
+    wanted = request.wanting(*quantities, parameters={"node_load": tuple(range(subject.n_nodes))})
+    model = build_library(subject, wanted, compiler=compiler).load()
+    return ModelPath(model, pattern[:, list(subject.axes)])
+
+
+def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list[Watch]:
+    """Return the watches of cables, since the stiffness jumps there, and of pairs of bars."""
+    from tensegrity_codegen.runtime.model_path import watch_contact, watch_slack
+
+    cables = [name for name, bar in zip(subject.member_name, subject.is_bar, strict=True) if not bar]
+    watches = [watch_slack(path, cables)] if cables else []
+    if len(subject.bar_pairs):
+        watches.append(watch_contact(path, stops=not past_contact))
+    return watches
+
+
+def _follow(path: ModelPath, watches: list[Watch], most: float, step: float, show: Any) -> LoadPath:
+    """Return the path from the equilibrium without the load; raises ConvergenceError if there is none."""
+    from tensegrity_codegen.runtime.continuation import StepControl, follow_path
+    from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+
+    start = find_equilibrium(path.model, arguments={"node_load": path.base}).coordinate
+    control = StepControl(largest=step, most_steps=max(1000, round(100 / step)))
+    return follow_path(
+        path,
+        start,
+        most=most,
+        watches=watches,
+        neutral=path.neutral_motions(),
+        control=control,
+        progress=lambda points, factor: show(min(max(factor / most, 0.0), 1.0)),
+    )
+
+
+def _summary(path: LoadPath) -> str:
+    if not len(path.load_factor):
+        return "no point of the path was found"
+    return (
+        f"{len(path.load_factor)} points; largest load factor {path.load_factor.max():.10g}, at the end "
+        f"{path.load_factor[-1]:.10g}; smallest eigenvalue at the end {path.smallest_eigenvalue[-1]:.6g}; "
+        f"largest residual {path.residual.max():.3g} N"
+    )
