@@ -349,6 +349,22 @@ QUANTITIES = _table(
         "S&K 4",
     ),
     Quantity(
+        "consistent_coordinate",
+        "P delta",
+        "m",
+        ("n_coordinates",),
+        "Coordinates with every closing pair of a cycle set to the sum along the spanning forest.",
+        "S&K 4",
+    ),
+    Quantity(
+        "consistent_velocity",
+        "P delta'",
+        "m/s",
+        ("n_coordinates",),
+        "Velocities with every closing pair of a cycle set to the sum along the spanning forest.",
+        "S&K 4",
+    ),
+    Quantity(
         "multiplier",
         "lambda",
         "N",

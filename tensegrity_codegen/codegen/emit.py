@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from tensegrity_codegen.codegen.describe import describe
-from tensegrity_codegen.codegen.left_out import account_left_out, with_feature
+from tensegrity_codegen.codegen.left_out import account_left_out, is_offered, with_feature
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.codegen.unrolled import check_unrollable, emit_unrolled
+from tensegrity_codegen.codegen.unrolled import PROJECTION, check_unrollable, emit_unrolled
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import LeftOut, Manifest
 from tensegrity_codegen.request import ModelRequest
@@ -47,6 +47,7 @@ def emit(
             given=request.emitter,
             hint=suggest(request.emitter, EMITTERS),
         )
+    request = _with_projection(structure, request)
     functions, model = _prune(structure, request)
     left_out = account_left_out(model, request, functions)
     if object_size is not None:
@@ -60,6 +61,16 @@ def _prune(structure: Subject, request: ModelRequest) -> tuple[tuple[PrunedFunct
     check_unrollable(structure)
     model = build_model(structure, request)
     return prune(model, request.quantities), model
+
+
+def _with_projection(structure: Subject, request: ModelRequest) -> ModelRequest:
+    """Return the request with the functions by which integrators keep redundant coordinates consistent."""
+    if not request.integrators:
+        return request
+    check_unrollable(structure)
+    model = build_model(structure, request)
+    wanted = [name for name in PROJECTION if name not in request.quantities and is_offered(model, name)]
+    return replace(request, quantities=(*request.quantities, *wanted))
 
 
 def _sources(

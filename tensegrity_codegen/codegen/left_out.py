@@ -22,7 +22,7 @@ from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
-__all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
+__all__ = ["BYTES_AN_OPERATION", "account_left_out", "is_offered", "with_feature"]
 
 # Object code of unrolled functions by gcc 12 -O2 on x86-64, measured: about 22 bytes an operation.
 BYTES_AN_OPERATION = 22
@@ -133,7 +133,7 @@ def with_feature(what: str, structure: Structure | BodySystem, request: ModelReq
     feature = next(item for item in FEATURES if item.what == what)
     variant, wider = feature.add(structure, request)
     model = build_model(variant, wider)
-    return variant, replace(wider, quantities=tuple(q for q in wider.quantities if _is_offered(model, q)))
+    return variant, replace(wider, quantities=tuple(q for q in wider.quantities if is_offered(model, q)))
 
 
 def account_left_out(
@@ -171,10 +171,11 @@ def _row(
 
 def _unwanted(model: SymbolicModel, request: ModelRequest) -> tuple[str, ...]:
     rest = [name for name in model.quantities if name not in request.quantities]
-    return tuple(name for name in rest if _is_offered(model, name))
+    return tuple(name for name in rest if is_offered(model, name))
 
 
-def _is_offered(model: SymbolicModel, quantity: str) -> bool:
+def is_offered(model: SymbolicModel, quantity: str) -> bool:
+    """Return whether the model has this quantity, and something enters it."""
     try:
         return bool(model.expression(quantity).nnz())
     except FormulationError:

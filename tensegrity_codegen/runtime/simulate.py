@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.consistency import check_consistent
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.step_halving import MOST_STEPS, estimate_frequency, halve_until_converged
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory, evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
 __all__ = ["METHODS", "check_options", "simulate"]
 
@@ -53,12 +54,14 @@ def simulate(
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
 
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
-    name; step [s]: for the method "rk4" only; progress: called with the fraction done. A run that becomes
+    name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
+    methods; step [s]: for the method "rk4" only; progress: called with the fraction done. A run that becomes
     unstable or misses its tolerance comes back with that status and the samples it reached. Raises
     InvalidValueError for values outside their range, UnknownNameError for an unknown method or argument,
     FormulationError where the model lacks the integrator, NonFiniteError for values that are not finite.
@@ -66,16 +69,19 @@ def simulate(
     check_options(t_end, samples, method, step, rtol, atol)
     arguments = dict(arguments or {})
     _check_arguments(model, arguments)
+    if schedule is not None:
+        _check_schedule(model, schedule, method)
     q0 = _initial(model, "coordinate", coordinate)
     v0 = _initial(model, "velocity", velocity)
+    check_consistent(model, q0, v0)
     state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
     if method == "rk4":
         raw = integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
     elif method == "auto":
         raw = _auto(model, state, sample_time, rtol, atol, arguments, progress)
     else:
-        raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments)
-    return evaluate_trajectory(model, raw, arguments)
+        raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
+    return evaluate_trajectory(model, raw, arguments, schedule)
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
@@ -102,6 +108,18 @@ def _check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None
                 hint="keep it changeable under [parameters] of the scene; pass the initial state as "
                 "coordinate= and velocity=",
             )
+
+
+def _check_schedule(model: CompiledModel, schedule: Schedule, method: str) -> None:
+    """Raise for a method that holds arguments constant, and for words that the model does not know."""
+    if method not in SCIPY_NAME:
+        raise InvalidValueError(
+            "this method holds parameters and inputs constant",
+            where="schedule",
+            given=method,
+            allowed=", ".join(SCIPY_NAME),
+        )
+    _check_arguments(model, schedule(0.0))
 
 
 def _auto(
@@ -140,11 +158,13 @@ def _scipy(
     rtol: float,
     atol: float,
     arguments: Mapping[str, Any],
+    schedule: Schedule | None,
 ) -> RawTrajectory:
     n = len(state) // 2
 
-    def derivative(_: float, x: FloatArray) -> FloatArray:
-        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **arguments)
+    def derivative(t: float, x: FloatArray) -> FloatArray:
+        given = arguments if schedule is None else {**arguments, **schedule(t)}
+        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **given)
         return np.concatenate([x[n:], a])
 
     def stopped(why: str) -> RawTrajectory:

@@ -31,13 +31,11 @@ def _fundamental_cycles(graph: AxisGraph) -> FloatArray:
     for step in graph.steps:
         path[step.node] = path[step.parent]
         path[step.node, row[step.pair]] += step.sign
-    in_forest = {step.pair for step in graph.steps}
-    outside = [int(pair) for pair in graph.moving if int(pair) not in in_forest]
-    basis = np.zeros((len(row), len(outside)))
-    for column, pair in enumerate(outside):
+    basis = np.zeros((len(row), len(graph.closing)))
+    for column, pair in enumerate(graph.closing):
         i, j = graph.ends[pair]
         basis[:, column] = path[j] - path[i]
-        basis[row[pair], column] += 1.0
+        basis[row[int(pair)], column] += 1.0
     return basis
 
 

@@ -109,6 +109,24 @@ class PairCoordinates:
         """Return the mass of a floating part [kg]."""
         return sum((self.weight[node] for node in centre.nodes), ca.SX(0.0))
 
+    def close_cycles(self, vector: ca.SX, fixed: list[Vector]) -> list[Scalar]:
+        """Return the coordinates with pairs outside the spanning forest as sums along it; `fixed`: anchors.
+
+        Wherever the constraints hold this changes nothing but rounding.
+        """
+        ends, result = self.pairs.ends, [vector[k] for k in range(self.n_coordinates)]
+        for column, graph in enumerate(self.graphs):
+            node = [
+                row[column] if held else ca.SX(0.0) for row, held in zip(fixed, graph.anchored, strict=True)
+            ]
+            for step in graph.steps:
+                difference = vector[self.index[step.pair, column]]
+                node[step.node] = node[step.parent] + (difference if step.sign > 0 else -difference)
+            for pair in graph.closing:
+                i, j = ends[pair]
+                result[self.index[int(pair), column]] = node[i] - node[j]
+        return result
+
     def differences(self, vectors: list[Vector]) -> list[Scalar]:
         """Return D r, the components of all pairs, of one vector a node."""
         ends = self.pairs.ends

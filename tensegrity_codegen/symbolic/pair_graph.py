@@ -80,6 +80,12 @@ class AxisGraph:
         return self._forest[0]
 
     @cached_property
+    def closing(self) -> NDArray[np.int64]:
+        """Moving pairs outside the forest: each closes one cycle."""
+        in_forest = [step.pair for step in self.steps]
+        return np.setdiff1d(self.moving, np.array(in_forest, dtype=np.int64))
+
+    @cached_property
     def root(self) -> NDArray[np.int64]:
         """(n_nodes,): the root from which each node is reached, itself for a root."""
         return self._forest[1]

@@ -19,7 +19,8 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.cycle_basis import build_constraint_basis
+from tensegrity_codegen.symbolic.distance_blocks import DistanceBlocks
+from tensegrity_codegen.symbolic.distance_constraints import DistanceConstraints
 from tensegrity_codegen.symbolic.distance_inertia import (
     build_distance_inertia,
     build_inverse_inertia,
@@ -28,7 +29,6 @@ from tensegrity_codegen.symbolic.distance_inertia import (
 from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import build_bar_quantities, pair_members
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
@@ -81,8 +81,9 @@ class _NodeDistance:
         self.layout = PairCoordinates(structure, which, order, self.inertia.weight_mass())
         self.coordinate = ca.SX.sym("coordinate", self.layout.n_coordinates)
         self.velocity = ca.SX.sym("velocity", self.layout.n_coordinates)
-        zero = [[ca.SX(0.0) for _ in structure.axes] for _ in range(structure.n_nodes)]
-        held = [[ca.SX(float(x)) for x in row[list(structure.axes)]] for row in structure.node_position]
+        zero = self.zero = [[ca.SX(0.0) for _ in structure.axes] for _ in range(structure.n_nodes)]
+        places = structure.node_position[:, list(structure.axes)]
+        held = self.held = [[ca.SX(float(x)) for x in row] for row in places]
         pairs = [int(pair) for pair in self.layout.pairs.pair_of_member]
         self.members = MemberSet(
             structure,
@@ -90,6 +91,8 @@ class _NodeDistance:
             [self.layout.pair_vector(pair, self.coordinate, held) for pair in pairs],
             [self.layout.pair_vector(pair, self.velocity, zero) for pair in pairs],
         )
+        self.constraints = DistanceConstraints(self.layout, options["basis"])
+        self.blocks = DistanceBlocks(self.layout, self.members)
         self.positions = self.layout.node_vectors(self.coordinate, held)
         self.velocities = self.layout.node_vectors(self.velocity, zero)
 
@@ -138,12 +141,14 @@ class _NodeDistance:
             "distance_force": self.distance_force,
             "distance_inertia": self.distance_inertia,
             "distance_inertia_inverse": lambda: self.inverse_inertia,
-            "constraint_basis": lambda: ca.SX(self.basis),
-            "constraint_residual": self.constraint_residual,
+            "constraint_basis": lambda: ca.SX(self.constraints.basis),
+            "constraint_residual": lambda: self.constraints.residual(self.coordinate),
+            "consistent_coordinate": lambda: self._close_cycles(self.coordinate, self.held),
+            "consistent_velocity": lambda: self._close_cycles(self.velocity, self.zero),
             "multiplier": self.multiplier,
-            "saddle_matrix": self.saddle_matrix,
-            "force_jacobian": self.force_jacobian,
-            "control_jacobian": self.control_jacobian,
+            "saddle_matrix": lambda: self.constraints.saddle_matrix(self.distance_inertia()),
+            "force_jacobian": self.blocks.by_position,
+            "control_jacobian": self.blocks.by_input,
             "state_jacobian": self.state_jacobian,
             "input_jacobian": self.input_jacobian,
             "rest_length_jacobian": self.rest_length_jacobian,
@@ -205,7 +210,7 @@ class _NodeDistance:
     def distance_force(self) -> ca.SX:
         values = spread_force(self.layout, self.external_force)
         for e, vector in enumerate(self.members.vectors):
-            for place, row in self._member_places(e):
+            for place, row in self.blocks.places(e):
                 values[place] = values[place] - self.members.densities[e] * vector[row]
         return ca.vertcat(*values, *self._centre_forces())
 
@@ -220,47 +225,18 @@ class _NodeDistance:
 
     # Constraints
 
-    @cached_property
-    def axis_bases(self) -> list[np.ndarray]:
-        return [build_constraint_basis(graph, self.options["basis"]) for graph in self.layout.graphs]
-
-    @cached_property
-    def basis(self) -> ca.DM:
-        """L, sparse (n_coordinates, n_constraints), the constraints axis by axis."""
-        rows, columns, values, start = [], [], [], 0
-        for column, (graph, basis) in enumerate(zip(self.layout.graphs, self.axis_bases, strict=True)):
-            for r, c in zip(*np.nonzero(basis), strict=True):
-                rows.append(self.layout.index[int(graph.moving[r]), column])
-                columns.append(start + int(c))
-                values.append(float(basis[r, c]))
-            start += basis.shape[1]
-        return ca.DM.triplet(rows, columns, ca.DM(values), self.layout.n_coordinates, start)
-
-    def constraint_residual(self) -> ca.SX:
-        constants = []
-        for axis, graph, basis in zip(self.layout.axes, self.layout.graphs, self.axis_bases, strict=True):
-            held = np.where(graph.anchored, self.structure.node_position[:, axis], 0.0)
-            constants.append(basis.T @ (graph.incidence @ held))
-        return ca.mtimes(self.basis.T, self.coordinate) - ca.DM(np.concatenate(constants))
+    def _close_cycles(self, vector: ca.SX, fixed: list[Vector]) -> ca.SX:
+        if not any(graph.closing.size for graph in self.layout.graphs):
+            raise FormulationError(
+                "the pairs form no cycle, so that every state is consistent",
+                where=f"{self.structure.name}: model.quantities",
+                hint="take it off the list of wanted quantities",
+            )
+        return ca.vertcat(*self.layout.close_cycles(vector, fixed))
 
     def multiplier(self) -> ca.SX:
-        rest = self.distance_force() - ca.mtimes(self.distance_inertia(), self.acceleration())
-        if self.options["basis"] == "orthonormal":
-            return ca.mtimes(self.basis.T, rest)
-        # The pair that closes a cycle is in no other one, with the coefficient +1.
-        crowd = np.array(self.basis.sparsity().row())
-        alone = np.bincount(crowd, minlength=self.layout.n_coordinates) == 1
-        starts, result = self.basis.sparsity().colind(), []
-        for column in range(self.basis.shape[1]):
-            entries = range(starts[column], starts[column + 1])
-            closing = next(int(crowd[k]) for k in entries if alone[crowd[k]] and self.basis.nz[k] == 1)
-            result.append(rest[closing])
-        return ca.vertcat(*result)
-
-    def saddle_matrix(self) -> ca.SX:
-        count = self.basis.shape[1]
-        upper = ca.horzcat(self.distance_inertia(), ca.SX(self.basis))
-        return ca.vertcat(upper, ca.horzcat(ca.SX(self.basis.T), ca.SX(count, count)))
+        inertia_force = ca.mtimes(self.distance_inertia(), self.acceleration())
+        return self.constraints.multiplier(self.distance_force() - inertia_force)
 
     def _check_full(self, what: str) -> None:
         if self.options["pairs"] != "full":
@@ -272,27 +248,16 @@ class _NodeDistance:
                 hint='options = { pairs = "full" }',
             )
 
-    # Linear model, block by block (S&K 5, 6)
-
-    def force_jacobian(self) -> ca.SX:
-        return self._member_blocks({e: self.members.position_block(e) for e in self._all()})
-
-    def control_jacobian(self) -> ca.SX:
-        columns: list[ca.SX] = []
-        slope = self._rest_length_blocks()
-        for item in self.structure.inputs:
-            targets = list(item.targets) if item.kind == "rest_length" else []
-            columns.append(sum((slope[:, e] for e in targets), ca.SX(self.layout.n_coordinates, 1)))
-        return ca.horzcat(*columns) if columns else ca.SX(self.layout.n_coordinates, 0)
+    # Linear model (S&K 5, 6)
 
     def state_jacobian(self) -> ca.SX:
         n = self.layout.n_coordinates
-        damping = self._member_blocks({e: self.members.rate_block(e) for e in self.members.damped})
-        lower = [ca.mtimes(self.inverse_inertia, block) for block in (self.force_jacobian(), damping)]
+        blocks = (self.blocks.by_position(), self.blocks.by_velocity())
+        lower = [ca.mtimes(self.inverse_inertia, block) for block in blocks]
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
     def rest_length_jacobian(self) -> ca.SX:
-        return self._below_zeros(ca.mtimes(self.inverse_inertia, self._rest_length_blocks()))
+        return self._below_zeros(ca.mtimes(self.inverse_inertia, self.blocks.by_rest_length()))
 
     def input_jacobian(self) -> ca.SX:
         return self._below_zeros(ca.jacobian(self.acceleration(), self.arguments.symbols["input"]))
@@ -307,43 +272,9 @@ class _NodeDistance:
             )
         return self._below_zeros(ca.jacobian(self.acceleration(), stacked))
 
-    def _member_blocks(self, blocks: dict[int, MemberBlocks]) -> ca.SX:
-        """Return the block-diagonal matrix of -blocks at their members, sparse (n_coordinates,) * 2."""
-        entries = [
-            (row, column, -block.entries[r][c])
-            for e, block in blocks.items()
-            for row, r in self._member_places(e)
-            for column, c in self._member_places(e)
-        ]
-        return _sparse(entries, self.layout.n_coordinates, self.layout.n_coordinates)
-
-    def _rest_length_blocks(self) -> ca.SX:
-        """Return df/drho: -(dt/drho) d / l at each member, sparse (n_coordinates, n_members)."""
-        entries = [
-            (row, e, -self.members.laws[e].tension_by_rest_length() * self.members.vectors[e][r] / length)
-            for e, length in enumerate(self.members.lengths)
-            for row, r in self._member_places(e)
-        ]
-        return _sparse(entries, self.layout.n_coordinates, self.structure.n_members)
-
-    def _member_places(self, e: int) -> list[tuple[int, int]]:
-        """Return (coordinate, column of its axis) of the components of member e that are coordinates."""
-        pair = int(self.layout.pairs.pair_of_member[e])
-        columns = range(len(self.layout.axes))
-        return [(self.layout.index[pair, c], c) for c in columns if (pair, c) in self.layout.index]
-
     def _below_zeros(self, matrix: ca.SX) -> ca.SX:
         return ca.vertcat(ca.SX(self.layout.n_coordinates, matrix.shape[1]), matrix)
-
-    def _all(self) -> range:
-        return range(self.structure.n_members)
 
 
 def _columns(vectors: list[Vector]) -> ca.SX:
     return ca.horzcat(*[ca.vertcat(*vector) for vector in vectors])
-
-
-def _sparse(entries: list[tuple[int, int, Scalar]], rows: int, columns: int) -> ca.SX:
-    kept = [entry for entry in entries if not entry[2].is_zero()]
-    stacked = ca.vertcat(*[value for _, _, value in kept]) if kept else ca.SX(0, 1)
-    return ca.SX.triplet([r for r, _, _ in kept], [c for _, c, _ in kept], stacked, rows, columns)
