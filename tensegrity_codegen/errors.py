@@ -17,6 +17,7 @@ __all__ = [
     "ConvergenceError",
     "DuplicateNameError",
     "FormulationError",
+    "InfeasibleError",
     "InvalidNameError",
     "InvalidValueError",
     "LibraryError",
@@ -169,6 +170,10 @@ class ConvergenceError(TensegrityError):
 
 class UnstableError(ConvergenceError):
     """A time integration or an equilibrium that is unstable."""
+
+
+class InfeasibleError(ConvergenceError):
+    """An equilibrium or a motion that no taut tendons can hold; `evidence` says where, when and which."""
 
 
 def suggest(given: str, known: Iterable[str], *, most: int = 12) -> str:

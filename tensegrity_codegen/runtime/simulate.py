@@ -111,7 +111,7 @@ def _check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None
 
 
 def _check_schedule(model: CompiledModel, schedule: Schedule, method: str) -> None:
-    """Raise for a method that holds arguments constant, and for words that the model does not know."""
+    """Raise for a method that holds arguments constant, and for words that no schedule can change."""
     if method not in SCIPY_NAME:
         raise InvalidValueError(
             "this method holds parameters and inputs constant",
@@ -119,7 +119,10 @@ def _check_schedule(model: CompiledModel, schedule: Schedule, method: str) -> No
             given=method,
             allowed=", ".join(SCIPY_NAME),
         )
-    _check_arguments(model, schedule(0.0))
+    first = schedule(0.0)
+    _check_arguments(model, first)
+    if "anchor_position" in first:
+        raise InvalidValueError("anchors stay where they are", where="schedule", given="anchor_position")
 
 
 def _auto(

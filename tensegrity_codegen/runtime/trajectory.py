@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from tensegrity_codegen.structure import Structure
 __all__ = [
     "SIMULATION_QUANTITIES",
     "RawTrajectory",
+    "Schedule",
     "Trajectory",
     "evaluate_trajectory",
     "read_trajectory",
@@ -28,6 +29,8 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+# Time [s] -> run-time parameters and inputs by name.
+Schedule = Callable[[float], Mapping[str, Any]]
 
 # What a simulation needs of a model, and the integrators it may use.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
@@ -87,8 +90,8 @@ class Trajectory:
 
     time (n_t,) [s]; coordinate, velocity (n_t, n_coordinates); node_position, node_velocity
     (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
-    energy_drift: largest change of the total energy over the largest kinetic energy, None with damping, which
-    takes energy away rightly. status: "ok", "unstable", "inaccurate",
+    energy_drift: largest change of the total energy over the largest kinetic energy, None with damping or a
+    schedule, which change energy rightly. status: "ok", "unstable", "inaccurate",
     "at_pole" (a body of which the angles lost their meaning) or "not_converged"; message says why.
     """
 
@@ -159,12 +162,19 @@ def simulation_quantities(formulation: str) -> tuple[str, ...]:
     return (*SIMULATION_QUANTITIES, *more, *charts)
 
 
-def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> Trajectory:
-    """Return the trajectory with tensions and energies, its status corrected by the energy balance."""
-    raw, columns = _evaluate_samples(model, raw, arguments)
+def evaluate_trajectory(
+    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None
+) -> Trajectory:
+    """Return the trajectory with tensions and energies, its status corrected by the energy balance.
+
+    schedule: arguments that change with time; these do work, so the energy balance says nothing then.
+    """
+    raw, columns = _evaluate_samples(model, raw, arguments, schedule)
     n = raw.state.shape[1] // 2
     q, v = raw.state[:, :n], raw.state[:, n:]
-    drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
+    drift, status, message = None, raw.status, raw.message
+    if schedule is None:
+        drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
     if model.has("chart_margin"):
         status, message = _judge_charts(model, raw, status, message)
     manifest = model.manifest
@@ -194,7 +204,7 @@ def evaluate_trajectory(model: Model, raw: RawTrajectory, arguments: Mapping[str
 
 
 def _evaluate_samples(
-    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]
+    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None
 ) -> tuple[RawTrajectory, dict[str, FloatArray]]:
     """Return the samples with finite tensions and energies, and these; raises NonFiniteError if none has.
 
@@ -203,8 +213,9 @@ def _evaluate_samples(
     names = ("member_tension", "kinetic_energy", "total_energy")
     n = raw.state.shape[1] // 2
     rows: list[list[Any]] = []
-    for state in raw.state:
+    for time, state in zip(raw.time, raw.state, strict=True):
         given = {"coordinate": state[:n], "velocity": state[n:], **arguments}
+        given |= schedule(float(time)) if schedule else {}
         try:
             row = [model.compute(name, **given) for name in names]
         except NonFiniteError:
