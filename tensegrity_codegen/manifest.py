@@ -13,6 +13,7 @@ from tensegrity_codegen.errors import AbiMismatchError, LibraryError
 
 __all__ = [
     "ABI_VERSION",
+    "SOLVER_STATUS",
     "STATUS",
     "ArgumentSpec",
     "FunctionSpec",
@@ -20,6 +21,7 @@ __all__ = [
     "LeftOut",
     "Manifest",
     "Pattern",
+    "SolverSpec",
     "name_bar_pairs",
 ]
 
@@ -27,6 +29,9 @@ ABI_VERSION = 1
 
 # Status codes of every generated function, by number.
 STATUS = ("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer")
+
+# What a solver returns besides, from the number after those on.
+SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,21 @@ class IntegratorSpec:
 
 
 @dataclass(frozen=True)
+class SolverSpec:
+    """One solver: C symbol `<scene>_find_<name>`, the arguments it passes on, its work array.
+
+    varied: the argument that `<symbol>_path` takes one value after the other of, "" where there is no such
+    function.
+    """
+
+    name: str
+    symbol: str
+    arguments: tuple[str, ...]
+    varied: str
+    work_size: int
+
+
+@dataclass(frozen=True)
 class LeftOut:
     """One thing that the scene does not need: why, and what leaving it out saved.
 
@@ -116,6 +136,7 @@ class Manifest:
     bar_pair: tuple[
         tuple[str, str], ...
     ] = ()  # names of the two bars, where a wanted quantity runs over pairs
+    solvers: tuple[SolverSpec, ...] = ()
 
     @property
     def bar_pair_name(self) -> tuple[str, ...]:
@@ -187,6 +208,7 @@ def _decode(data: dict[str, Any]) -> Manifest:
         for item in data["functions"]
     )
     data["integrators"] = tuple(IntegratorSpec(**item) for item in data["integrators"])
+    data["solvers"] = tuple(SolverSpec(**item) for item in data["solvers"])
     data["left_out"] = tuple(LeftOut(**item) for item in data["left_out"])
     return Manifest(**data)
 

@@ -96,6 +96,7 @@ def compile_scene(
     *,
     quantities: tuple[str, ...] = (),
     integrators: tuple[str, ...] = (),
+    solvers: tuple[str, ...] = (),
     parameters: Mapping[str, tuple[int, ...]] | None = None,
 ) -> CompiledModel:
     """Read, emit, compile and load a scene: its wanted quantities and the ones named here.
@@ -107,6 +108,7 @@ def compile_scene(
         *request.quantities,
         *quantities,
         integrators=tuple(dict.fromkeys((*request.integrators, *integrators))),
+        solvers=tuple(dict.fromkeys((*request.solvers, *solvers))),
         parameters=parameters,
     )
     return build_library(structure, wider).load()

@@ -54,8 +54,8 @@ class ModelRequest:
     """The wanted functions and the choices that shape them, apart from the structure itself.
 
     parameters: argument name -> indices of the nodes or members that stay changeable at run time (gravity:
-    an empty tuple); all else is baked in. integrators: names of integrators to emit. options: the
-    formulation's own choices, see FORMULATION_OPTIONS.
+    an empty tuple); all else is baked in. integrators, solvers: names of those to emit.
+    options: the formulation's own choices, see FORMULATION_OPTIONS.
     """
 
     quantities: tuple[str, ...]
@@ -64,6 +64,7 @@ class ModelRequest:
     formulation: str = "node_position"
     emitter: str = "unrolled"
     options: Mapping[str, str] = field(default_factory=dict)
+    solvers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
@@ -74,6 +75,7 @@ class ModelRequest:
         self,
         *quantities: str,
         integrators: tuple[str, ...] = (),
+        solvers: tuple[str, ...] = (),
         parameters: Mapping[str, tuple[int, ...]] | None = None,
     ) -> ModelRequest:
         """Return the request for just these functions, with some parameters added to the present ones."""
@@ -81,5 +83,6 @@ class ModelRequest:
             self,
             quantities=quantities,
             integrators=integrators,
+            solvers=solvers,
             parameters={**self.parameters, **(parameters or {})},
         )

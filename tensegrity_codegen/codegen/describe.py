@@ -7,6 +7,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.fingerprint import hash_scene
 from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.codegen.solvers import solver_spec
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import (
     ABI_VERSION,
@@ -24,8 +25,9 @@ from tensegrity_codegen.version import VERSION
 
 __all__ = ["INTEGRATOR_WORK", "describe", "made_by"]
 
-# Doubles of work memory, in multiples of n_coordinates: acceleration, old (q, v, a), trial (q, v), stages.
-INTEGRATOR_WORK = {"rk4": 1 + 3 + 2 + 7}
+# Doubles of work memory, in multiples of n_coordinates. rk4: acceleration, old (q, v, a), trial (q, v), stages;
+# rk54: seven rates (v, a), trial (q, v), old (q, v, a).
+INTEGRATOR_WORK = {"rk4": 1 + 3 + 2 + 7, "rk54": 14 + 2 + 3}
 
 
 def made_by() -> dict[str, str]:
@@ -68,6 +70,7 @@ def describe(
         integrators=tuple(_integrator_spec(model, name, specs) for name in request.integrators),
         left_out=left_out,
         bar_pair=frame.bar_pair if any(f.quantity.over_bar_pairs for f in functions) else (),
+        solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
     )
 
 

@@ -51,6 +51,8 @@ def functions_table(manifest: Manifest) -> Table:
     for integrator in manifest.integrators:
         arguments = ", ".join(integrator.arguments) or "none"
         _add(table, f"integrate_{integrator.name}", arguments, "", "", "")
+    for solver in manifest.solvers:
+        _add(table, f"find_{solver.name}", ", ".join(solver.arguments) or "none", "", "", "")
     return table
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import cffi
 
 from tensegrity_codegen.errors import AbiMismatchError, LibraryError
-from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec, IntegratorSpec, Manifest, SolverSpec
 
 __all__ = ["LoadedLibrary"]
 
@@ -21,6 +21,17 @@ typedef struct {
   char emitter[32];
   char made_by[160];
 } description;
+"""
+
+REPORT = """
+typedef struct {
+  int status;
+  int iterations;
+  int shifted;
+  double residual;
+  double smallest_pivot;
+  double potential_energy;
+} equilibrium_report;
 """
 
 
@@ -81,6 +92,8 @@ def _declarations(manifest: Manifest) -> str:
     lines = [DESCRIPTION, f"extern description {manifest.name}_descriptor;"]
     lines += [_function_declaration(spec) for spec in manifest.functions]
     lines += [_integrator_declaration(spec) for spec in manifest.integrators]
+    lines += [REPORT for _ in manifest.solvers[:1]]
+    lines += [_solver_declaration(spec) for spec in manifest.solvers]
     return "\n".join(lines)
 
 
@@ -94,3 +107,13 @@ def _integrator_declaration(spec: IntegratorSpec) -> str:
         f"int {spec.symbol}(double, double, long long, long long, double *, {passed}"
         "long long, const double *, double *, long long *, long long *, double *);"
     )
+
+
+def _solver_declaration(spec: SolverSpec) -> str:
+    passed = "const double *, " * len(spec.arguments)
+    one = f"int {spec.symbol}(double *, {passed}double, int, equilibrium_report *, double *);"
+    path = (
+        f"int {spec.symbol}_path(const double *, long long, {passed}"
+        "double, int, double *, equilibrium_report *, long long *, double *);"
+    )
+    return f"{one} {path}" if spec.varied else one

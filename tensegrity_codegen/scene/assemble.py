@@ -144,6 +144,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         quantities=scene.model.quantities or default,
         parameters=parameters,
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
+        solvers=tuple(dict.fromkeys(scene.model.solvers)),
         formulation=scene.model.formulation,
         emitter=scene.model.emitter,
         options=scene.model.options,

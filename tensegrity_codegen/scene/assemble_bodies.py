@@ -213,6 +213,7 @@ def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest
         quantities=scene.model.quantities or DEFAULT_QUANTITIES,
         parameters=parameters,
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
+        solvers=tuple(dict.fromkeys(scene.model.solvers)),
         formulation="bodies",
         emitter=scene.model.emitter,
     )

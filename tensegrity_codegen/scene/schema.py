@@ -43,6 +43,7 @@ __all__ = [
     "EMITTERS",
     "FORMULATIONS",
     "INTEGRATORS",
+    "SOLVERS",
     "ForceInput",
     "Interference",
     "Load",
@@ -57,10 +58,11 @@ __all__ = [
     "scene_json_schema",
 ]
 
-# What a scene may ask for. A new formulation, emitter or integrator adds its name here.
+# What a scene may ask for. A new formulation, emitter, integrator or solver adds its name here.
 FORMULATIONS = ("node_position", "node_distance", "bodies")
 EMITTERS = ("unrolled",)
-INTEGRATORS = ("rk4",)
+INTEGRATORS = ("rk4", "rk54")
+SOLVERS = ("equilibrium",)
 
 
 def _one_of(what: str, known: tuple[str, ...]) -> tuple[AfterValidator, WithJsonSchema]:
@@ -76,6 +78,7 @@ _QUANTITY = _one_of("quantity", tuple(QUANTITIES))
 _FORMULATION = _one_of("formulation", FORMULATIONS)
 _EMITTER = _one_of("emitter", EMITTERS)
 _INTEGRATOR = _one_of("integrator", INTEGRATORS)
+_SOLVER = _one_of("solver", SOLVERS)
 
 
 class MemberClass(MemberValues):
@@ -146,6 +149,9 @@ class ModelOptions(Table):
     )
     integrators: Annotated[tuple[Annotated[str, *_INTEGRATOR], ...], Strict(False)] = Field(
         (), description="Time integrators to put into the library."
+    )
+    solvers: Annotated[tuple[Annotated[str, *_SOLVER], ...], Strict(False)] = Field(
+        (), description="Solvers to put into the library."
     )
 
 
