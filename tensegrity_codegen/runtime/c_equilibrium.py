@@ -133,8 +133,8 @@ class EquilibriumSolver:
     ) -> SolvedPath:
         """Return the equilibria under loads (n_path, k, n_axes), each found from the one before.
 
-        values: of the run-time argument `node_load`, one after the other; all in one C call. Raises FormulationError where
-        loads are no run-time argument, else what `find` raises.
+        values: of the run-time argument `node_load`, one after the other; all in one C call. Raises
+        FormulationError where loads are no run-time argument, else what `find` raises.
         """
         if self._path is None:
             raise FormulationError(
