@@ -13,7 +13,7 @@ from scipy import optimize
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.load_path import PathEvent
 from tensegrity_codegen.runtime.path_problem import Watch
-from tensegrity_codegen.runtime.path_solver import PathSolver, PathState
+from tensegrity_codegen.runtime.path_solver import MOST_EIGENVALUES, PathSolver, PathState
 
 __all__ = ["Crossing", "EventTracker", "LostError", "Step"]
 
@@ -92,9 +92,10 @@ class EventTracker:
         above = (state.load_factor - self.floor) / span if np.isfinite(self.floor) else 1.0
         left = [(self.end - state.load_factor) / span, above]
         size = float(np.abs(state.stiffness.diagonal()).max(initial=0.0)) or 1.0
-        return np.concatenate(
-            [self.watched(state.z, state.solver), tangent[-1:], left, state.eigen[0] / size]
-        )
+        # Neutral motions come and go; what is no eigenvalue counts as positive.
+        eigenvalues = np.ones(MOST_EIGENVALUES)
+        eigenvalues[: len(state.eigen[0])] = state.eigen[0] / size
+        return np.concatenate([self.watched(state.z, state.solver), tangent[-1:], left, eigenvalues])
 
     def begin(self, values: FloatArray) -> None:
         """Take the sides of zero from values at the start; the start itself is not below its own load."""

@@ -23,7 +23,7 @@ from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.curvature import DENSE_LIMIT, find_lowest_curvature
 from tensegrity_codegen.runtime.path_problem import NeutralMotions, PathProblem
 
-__all__ = ["PathSolver", "PathState"]
+__all__ = ["MOST_EIGENVALUES", "PathSolver", "PathState"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,6 +32,9 @@ CONVERGED = 1e-9  # correction in units of z; the error left is of the order of 
 ROUGH = 1e-6  # largest correction that counts as rounding where it no longer shrinks
 MOST_EIGENVALUES = 8
 SINGULAR = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
+BESIDE = 1e-7  # part of the largest coordinate by which the load is taken to push at the start
+BALANCED = 1e-6  # residual, as part of the largest load, above which a point is none
+EPSILON = float(np.finfo(float).eps)
 UNHELD = 1e-9  # part of the load along neutral motions that counts as rounding
 
 
@@ -169,26 +172,48 @@ class PathSolver:
         if float(np.linalg.norm(state.neutral.T @ load)) > UNHELD * float(np.linalg.norm(load)):
             return "the load pushes along a motion that nothing resists"
         tangent = self.tangent(state, upward)
-        if tangent is None or not tangent[-1]:
+        if tangent is None or abs(tangent[-1]) < SINGULAR:
+            tangent = self._tangent_under_load(state, load, upward)
+        if tangent is None or abs(tangent[-1]) < SINGULAR:
             return "the stiffness at the start is singular"
-        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale
-        solver = PathSolver(self.problem, (moved or 1.0, self.load_scale), self._neutral)
+        moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale or 1.0
+        solver = PathSolver(self.problem, (moved, self.load_scale), self._neutral)
         solver.n_iterations = self.n_iterations
         z = solver.join(state.coordinate, load_factor)
+        # The tangent in the new scale of coordinates.
+        tangent = np.append(tangent[:-1] * (self.coordinate_scale / moved), tangent[-1])
         begun = PathState(solver, z, state.residual, state.iterations)
-        found = solver.tangent(begun, upward)
-        return "the stiffness at the start is singular" if found is None else (solver, begun, found)
+        return solver, begun, tangent / np.linalg.norm(tangent)
+
+    def _tangent_under_load(
+        self, state: PathState, load: FloatArray, upward: FloatArray
+    ) -> FloatArray | None:
+        """Return the tangent with the stiffness just where the load pushes to: the start may be at a kink.
+
+        A cable at its rest length has no stiffness, and some as soon as it is pulled.
+        """
+        size = float(np.abs(state.coordinate).max(initial=0.0)) or 1.0
+        push = float(np.abs(load).max(initial=0.0)) or 1.0
+        beside = state.coordinate + upward[-1] * BESIDE * size / push * load
+        try:
+            stiffness = self.problem.stiffness(beside, state.load_factor)
+        except NonFiniteError:
+            return None
+        return self.tangent(state, upward, stiffness)
 
     def _state(self, z: FloatArray, iterations: int) -> PathState | None:
-        """Return the state at z; None where the forces there are not finite."""
+        """Return the state at z; None where the forces there are not finite or, after all, do not balance."""
         coordinate, load_factor = self.split(z)
         try:
             residual = self.problem.residual(coordinate, load_factor)
+            load = self.problem.load_vector(coordinate, load_factor)
             state = PathState(self, z, float(np.abs(residual).max(initial=0.0)), iterations)
-            _ = state.stiffness
+            stiffness = float(np.abs(state.stiffness.diagonal()).max(initial=0.0))
         except NonFiniteError:
             return None
-        return state
+        rounding = 1e3 * EPSILON * stiffness * float(np.abs(coordinate).max(initial=0.0))
+        unit = float(np.abs(load).max(initial=0.0)) * self.load_scale
+        return state if state.residual <= BALANCED * unit + rounding else None
 
     def _correction(self, z: FloatArray, normal: FloatArray, level: float) -> FloatArray | None:
         coordinate, load_factor = self.split(z)

@@ -1,0 +1,100 @@
+"""The verb load-path: events, files, exit codes, wrong usage."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Run, write_example
+from tests.cli.scenes import GOOD, write
+
+DOWN = ("--load", "t1=0,0,-1")
+
+
+def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
+    ended = run("load-path", prism, *DOWN, "--most", 20, "--json")
+    assert ended.code == 0
+    data = ended.data
+    assert data["status"] == "stopped"
+    (event,) = data["events"]
+    assert (event["kind"], event["names"]) == ("contact", ["bar1_bar2"])
+    assert data["load_factor"][-1] == event["load_factor"] == pytest.approx(7.560387, abs=1e-6)
+    assert len(data["load_factor"]) == len(data["smallest_eigenvalue"]) == data["n_points"]
+    said = run("load-path", prism, *DOWN, "--most", 20)
+    assert said.code == 0
+    assert "contact" in said.out
+    assert "7.5603868" in said.out
+
+
+def test_the_path_goes_on_where_it_is_told_to(run: Run, prism: Path) -> None:
+    data = run("load-path", prism, *DOWN, "--most", 9, "--past-contact", "--json").data
+    assert data["status"] == "completed"
+    assert data["load_factor"][-1] == 9
+    assert "contact" in [event["kind"] for event in data["events"]]
+    chosen = run("load-path", prism, *DOWN, "--most", 9, "--past-contact", "--events", "slack", "--json")
+    assert {event["kind"] for event in chosen.data["events"]} <= {"slack", "taut"}
+
+
+def test_tables_of_points(run: Run, prism: Path, folder: Path) -> None:
+    ended = run("load-path", prism, *DOWN, "--most", 5, "--out", "path.csv", "--json")
+    assert ended.data["out"] == "path.csv"
+    with (folder / "path.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == ended.data["n_points"]
+    assert float(rows[-1]["load_factor"]) == 5
+    assert {"t1_z", "tension_top1", "length_bar1", "distance_bar1_bar2"} <= set(rows[0])
+    assert float(rows[-1]["t1_z"]) < float(rows[0]["t1_z"])
+    run("load-path", prism, *DOWN, "--most", 5, "--out", "path.json")
+    data = json.loads((folder / "path.json").read_text(encoding="utf-8"))
+    assert data["points"]["t1_z"] == [float(row["t1_z"]) for row in rows]
+
+
+def test_a_load_beyond_the_limit_point_ends_with_evidence(run: Run, folder: Path) -> None:
+    scene = write_example(folder, "lin_prism")
+    words = ("load-path", scene, "--load", "bar3_B=0,0,-1", "--most", 40, "--past-contact", "--json")
+    ended = run(*words)
+    assert ended.code == 3
+    assert ended.data["status"] == "returned"
+    limit = [event for event in ended.data["events"] if event["kind"] == "limit"]
+    assert limit[0]["load_factor"] == pytest.approx(ended.data["load_factor_most"])
+    assert "turned back at load factor 35.09" in ended.data["message"]
+
+
+def test_a_load_that_nothing_holds_ends_with_evidence(run: Run, prism: Path) -> None:
+    ended = run("load-path", prism, "--load", "t1=1,0,0", "--most", 5, "--out", "path.csv", "--json")
+    assert ended.code == 3
+    assert ended.data["status"] == "no_start"
+    assert "nothing resists" in ended.data["message"]
+    assert ended.data["out"] is None
+    assert not Path("path.csv").exists()
+
+
+def test_a_scene_of_one_cable(run: Run, folder: Path) -> None:
+    scene = write(folder / "one.toml", GOOD)
+    data = run("load-path", scene, "--load", "b=0,0,-1", "--most", 10, "--json").data
+    assert (data["status"], data["events"]) == ("completed", [])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--load", "t9=0,0,1", "--most", "5"), "unknown node"),
+        (("--load", "t1=0,0,0", "--most", "5"), "the load is zero"),
+        (("--load", "t1=0,0,1", "--most", "0"), "a path of no length"),
+        (("--load", "t1=0,0,1", "--most", "nan"), "finite"),
+        (("--load", "t1=0,0,1", "--most", "5", "--events", "slack,touch"), "unknown event"),
+        (("--load", "t1=0,0,1", "--most", "5", "--step", "0"), "not a step"),
+        (("--load", "t1=0,0,1", "--most", "5", "--out", "path.txt"), "no known ending"),
+        (("--load", "t1=0,0,1", "--most", "5", "--out", "none/path.csv"), "no folder"),
+        (("--most", "5"), "--load"),
+        (("--load", "t1=0,0,1"), "--most"),
+    ],
+)
+def test_wrong_usage_is_refused(run: Run, prism: Path, words: tuple[str, ...], said: str) -> None:
+    ended = run("load-path", prism, *words, "--json")
+    assert ended.code == 2
+    assert said in ended.err
+    assert ended.data["status"] == "error"
