@@ -27,6 +27,7 @@ Vector = list[Scalar]
 def build_distance_inertia(layout: PairCoordinates, inertia: Inertia) -> ca.SX:
     """Return diag(H_delta, M) over the coordinates of all pairs, sparse (n_coordinates, n_coordinates)."""
     weight, values, seen = inertia.weight_mass(), [], set()
+    total = sum(weight, ca.SX(0.0))
     for pair, column in layout.places:
         i, j = (int(node) for node in layout.pairs.ends[pair])
         graph, key = layout.graphs[column], (min(i, j), max(i, j))
@@ -36,7 +37,7 @@ def build_distance_inertia(layout: PairCoordinates, inertia: Inertia) -> ca.SX:
         seen.add((key, column))
         held = int(graph.anchored.sum())
         if not held:
-            share = weight[i] * weight[j] / sum(weight, ca.SX(0.0))
+            share = weight[i] * weight[j] / total
         elif graph.anchored[i] or graph.anchored[j]:
             share = weight[j if graph.anchored[i] else i] / held
         else:

@@ -19,7 +19,7 @@ from scipy import sparse
 __all__ = ["METHODS", "compare_inverse_times"]
 
 METHODS = ("pseudo_inverse", "dense", "sparse", "factored")
-LEAST_SECONDS, LEAST_TIMES = 0.05, 5  # of repetitions of one measurement
+LEAST_SECONDS, LEAST_TIMES = 0.05, 9  # of repetitions of one measurement
 ASYMPTOTIC = 12  # growth exponents are fitted from this number of nodes on, if three sizes are left
 
 

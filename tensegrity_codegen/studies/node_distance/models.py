@@ -14,7 +14,7 @@ def compile_in(structure: Structure, formulation: str, *quantities: str, **optio
     """Return the compiled model in a formulation, fit for simulation, with some more quantities."""
     request = ModelRequest(
         (*simulation_quantities(formulation), *quantities),
-        integrators=("rk4",),
+        integrators=("rk4", "rk54"),
         formulation=formulation,
         options=options,
     )

@@ -32,11 +32,17 @@ PRISM: dict[str, Any] = {
 }
 
 
-def sample_prism(speed: float = 0.1, seed: int = 0) -> Structure:
-    """Return a free three-bar prism whose nodes start with random velocities of about `speed` [m/s]."""
+def sample_prism(speed: float = 0.1, spread: float = 0.0, seed: int = 0) -> Structure:
+    """Return a free three-bar prism near its equilibrium.
+
+    Its nodes start with random velocities of about `speed` [m/s], and about `spread` [m] off equilibrium.
+    """
     structure, _ = assemble(parse_scene(PRISM, "the prism of the study"), "the prism of the study")
-    velocity = np.random.default_rng(seed).normal(scale=speed, size=(structure.n_nodes, 3))
-    return structure.with_changes(node_velocity=velocity - velocity.mean(axis=0))
+    rng, shape = np.random.default_rng(seed), (structure.n_nodes, 3)
+    velocity, shift = rng.normal(scale=speed, size=shape), rng.normal(scale=spread, size=shape)
+    return structure.with_changes(
+        node_velocity=velocity - velocity.mean(axis=0), node_position=structure.node_position + shift
+    )
 
 
 def sample_structure(n_nodes: int, kind: str = "sparse", seed: int = 0) -> Structure:
