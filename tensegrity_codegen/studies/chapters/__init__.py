@@ -1,0 +1,1 @@
+"""The papers as chapters of a page: what a paper states, what comes out here, and why the two differ."""
