@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.errors import FormulationError, NonFiniteError
+from tensegrity_codegen.runtime.charts import NEAR_POLE, NEAREST_POLE, name_charts
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.static_problem import Point, StaticProblem
 
@@ -32,8 +33,6 @@ BODY_EQUILIBRIUM_QUANTITIES = (
     "chart_margin",
 )
 
-# Sine of the angle to the pole of its chart below which a configuration is not looked at.
-NEAREST_POLE = 1e-6
 RANK_TOLERANCE = 1e-9
 
 
@@ -98,6 +97,14 @@ class BodyProblem(StaticProblem):
             return 0, 0.0
         chart = int(margin.argmin())
         return chart, float(margin[chart])
+
+    def find_doubt(self, coordinate: FloatArray) -> str:
+        """Return which body is near the pole of its angles, or an empty text."""
+        chart, margin = self.find_pole(coordinate)
+        if margin >= NEAR_POLE:
+            return ""
+        body = name_charts(self.model.manifest)[chart]
+        return f"the body {body!r} has come to the pole of its angles (margin {margin:.3g})"
 
     def residual(self, coordinate: FloatArray) -> FloatArray:
         """Return the generalised forces over s, (n_coordinates,) [N]."""

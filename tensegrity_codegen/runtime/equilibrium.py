@@ -49,7 +49,7 @@ class Equilibrium:
     (with unstressed members: at most 64 eps max(mu l)); "rounding_limited": a minimum whose residual
     rounding keeps above that, as with extremely stiff members, yet below 64 eps max(mu l); "unstable": the
     forces balance on a saddle; "no_equilibrium": loads that nothing holds; "stalled" or "iteration_limit":
-    not found; "not_finite": the start has no finite forces.
+    not found; "at_pole": a body came to the pole of its angles; "not_finite": the start has no finite forces.
     """
 
     status: str
@@ -188,6 +188,9 @@ def _describe(problem: StaticProblem, start: Point, outcome: Outcome, method: st
             status, message = "unstable", "the forces balance on a saddle of the energy"
         elif status == "converged" and stability.is_neutral:
             message = "neutral: some motion costs no energy to second order"
+    doubt = problem.find_doubt(point.coordinate)
+    if doubt:
+        status, message = "at_pole", doubt
     if status == "unbounded":
         status = "no_equilibrium"
     position = problem.node_position(point.coordinate)
@@ -234,6 +237,7 @@ def _failure(model: Model, equilibrium: Equilibrium) -> ConvergenceError:
     hints = {
         "no_equilibrium": "anchor some nodes, or balance the loads",
         "unstable": "start from another coordinate",
+        "at_pole": "give the body another polar_axis",
         "not_finite": "move coincident nodes apart",
     }
     return kind(

@@ -87,6 +87,10 @@ class StaticProblem:
     def check_start(self, point: Point) -> None:
         """Raise FormulationError where no energy has the forces of this problem for its gradient."""
 
+    def find_doubt(self, coordinate: FloatArray) -> str:
+        """Return why these coordinates are not to be trusted, or an empty text."""
+        return ""
+
     def compute(self, quantity: str, coordinate: FloatArray) -> Any:
         """Return one quantity at `coordinate`."""
         return self.model.compute(quantity, coordinate=coordinate, **self._given)

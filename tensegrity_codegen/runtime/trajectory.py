@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
 from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
 
@@ -47,9 +48,6 @@ RESULT_ARRAYS = (
     "kinetic_energy",
     "total_energy",
 )
-
-# Sine of the angle to the pole of its chart below which a body's angles are not to be trusted.
-NEAR_POLE = 1e-3
 
 # What NumPy and zipfile raise for damaged files: bad headers, lengths, checksums, methods, single arrays.
 UNREADABLE = (
@@ -324,15 +322,9 @@ def _judge_charts(model: Model, raw: RawTrajectory, status: str, message: str) -
         return status, message
     row = int(np.argmax(bad.any(axis=1)))
     chart = int(np.argmax(bad[row]))
-    angles = _charted_bodies(model)[chart]
+    angles = name_charts(model.manifest)[chart]
     where = f"by t = {raw.time[row]:.6g} s the body {angles!r} has come to the pole of its angles"
     return "at_pole", f"{where} (margin {margin[row, chart]:.3g}): give it another polar_axis"
-
-
-def _charted_bodies(model: Model) -> list[str]:
-    """Return the names of the bodies that have angles, from those of their coordinates."""
-    names = (name.rpartition("_") for name in model.manifest.coordinate_name)
-    return list(dict.fromkeys(body for body, _, _ in names))
 
 
 def _acceleration_arguments(model: Model) -> tuple[str, ...]:

@@ -62,6 +62,13 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
             allowed="at least one body of kind bar or rigid",
             hint="add one",
         )
+    if not scene.tendons:
+        raise StructureError(
+            "there is no tendon",
+            where=key_path(where, "tendons"),
+            allowed="at least one tendon between two points of bodies",
+            hint="a slack one will do: a rest_length longer than it ever gets",
+        )
     system = BodySystem(
         name=scene.name,
         bodies=built.bodies,
