@@ -52,9 +52,9 @@ class Balance:
 
     def residual(self, tension: ArrayLike, inputs: ArrayLike) -> FloatArray:
         """Return what the equations leave over, (n_coordinates,), zero in a motion."""
-        return (
-            self.own_force + self.tendon_matrix @ np.asarray(tension) + self.input_matrix @ np.asarray(inputs)
-        )
+        pulled = self.tendon_matrix @ np.asarray(tension, dtype=np.float64)
+        driven = self.input_matrix @ np.asarray(inputs, dtype=np.float64)
+        return np.asarray(self.own_force + pulled + driven, dtype=np.float64)
 
 
 @dataclass(frozen=True)
