@@ -92,12 +92,13 @@ class _Problem:
 
 def _seconds(call: Callable[[], Any]) -> float:
     """Return the least time of one call, repeated for LEAST_SECONDS and LEAST_TIMES at least."""
-    times: list[float] = []
-    while len(times) < LEAST_TIMES or sum(times) < LEAST_SECONDS:
+    least, total, count = float("inf"), 0.0, 0
+    while count < LEAST_TIMES or total < LEAST_SECONDS:
         started = time.perf_counter()
         call()
-        times.append(time.perf_counter() - started)
-    return min(times)
+        seconds = time.perf_counter() - started
+        least, total, count = min(least, seconds), total + seconds, count + 1
+    return least
 
 
 def _exponent(size: np.ndarray, seconds: list[float]) -> float:
