@@ -179,6 +179,14 @@ QUANTITIES = _table(
         "SCS 6",
     ),
     Quantity(
+        "energy_rate",
+        "T' + U'",
+        "W",
+        (),
+        "Rate of the total energy: power of friction, damping and loads that have no potential.",
+        "SCS 6, 12",
+    ),
+    Quantity(
         "coriolis_force",
         "c",
         "N, N m",

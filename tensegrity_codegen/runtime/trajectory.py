@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
-from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
+from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
 
@@ -156,8 +156,8 @@ class Trajectory:
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
     """Return what a simulation needs of a model in this formulation."""
     more = () if formulation in IN_NODE_COORDINATES else NODE_QUANTITIES
-    charts = ("chart_margin",) if formulation == "bodies" else ()
-    return (*SIMULATION_QUANTITIES, *more, *charts)
+    of_bodies = ("chart_margin", "energy_rate") if formulation == "bodies" else ()
+    return (*SIMULATION_QUANTITIES, *more, *of_bodies)
 
 
 def evaluate_trajectory(
@@ -172,7 +172,9 @@ def evaluate_trajectory(
     q, v = raw.state[:, :n], raw.state[:, n:]
     drift, status, message = None, raw.status, raw.message
     if schedule is None:
-        drift, status, message = _judge_energy(model, raw, columns["kinetic_energy"], columns["total_energy"])
+        drift, status, message = _judge_energy(
+            model, raw, columns["kinetic_energy"], columns["total_energy"], arguments
+        )
     if model.has("chart_margin"):
         status, message = _judge_charts(model, raw, status, message)
     manifest = model.manifest
@@ -293,19 +295,26 @@ def _check_shapes(fields: Mapping[str, NDArray[Any]], structure: Structure, wher
 
 
 def _judge_energy(
-    model: Model, raw: RawTrajectory, kinetic: FloatArray, total: FloatArray
+    model: Model,
+    raw: RawTrajectory,
+    kinetic: FloatArray,
+    total: FloatArray,
+    arguments: Mapping[str, Any],
 ) -> tuple[float | None, str, str]:
-    """Return the drift and the status: energy must not grow, and without damping must not shrink."""
+    """Return the drift and the status: energy must not grow, and without damping must not shrink.
+
+    Torques and turning forces may bring energy in; then neither is asked.
+    """
     change = total - total[0]
     # Below this the change is rounding of the potential energy, not motion.
     floor = 1e-9 * float(np.max(np.abs(total - kinetic)))
     scale = max(float(np.max(kinetic)), floor) or 1.0
-    conservative = "velocity" not in _acceleration_arguments(model)
+    conservative, is_driven = _find_energy_flow(model, raw, arguments)
     drift = float(np.max(np.abs(change))) / scale if conservative else None
     if raw.status != "ok":
         return drift, raw.status, raw.message
     grown = change > ENERGY_TOLERANCE * scale
-    if grown.any():
+    if grown.any() and not is_driven:
         place = raw.time[int(np.argmax(grown))]
         return drift, "unstable", f"the total energy has grown by t = {place:.6g} s: take a smaller step"
     if conservative and np.max(-change) > ENERGY_TOLERANCE * scale:
@@ -327,5 +336,19 @@ def _judge_charts(model: Model, raw: RawTrajectory, status: str, message: str) -
     return "at_pole", f"{where} (margin {margin[row, chart]:.3g}): give it another polar_axis"
 
 
-def _acceleration_arguments(model: Model) -> tuple[str, ...]:
-    return next(spec.arguments for spec in model.manifest.functions if spec.quantity == "acceleration")
+def _find_energy_flow(model: Model, raw: RawTrajectory, arguments: Mapping[str, Any]) -> tuple[bool, bool]:
+    """Return whether the motion keeps its energy, and whether something drives it.
+
+    A model without `energy_rate` keeps its energy if its accelerations depend on no velocity.
+    """
+    needed = {spec.quantity: spec.arguments for spec in model.manifest.functions}
+    if "energy_rate" not in needed:
+        return "velocity" not in needed["acceleration"], False
+    if not needed["energy_rate"]:
+        return True, False
+    n = raw.state.shape[1] // 2
+    power = [
+        model.compute("energy_rate", coordinate=state[:n], velocity=state[n:], **arguments)
+        for state in raw.state
+    ]
+    return not any(power), max(power) > 0.0

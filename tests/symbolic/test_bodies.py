@@ -162,6 +162,7 @@ def test_power_lost_is_that_of_friction_and_damping() -> None:
     ahead, behind = (EVALUATE("total_energy", **{**state, **item})[0] for item in moved)
     power = v @ (EVALUATE("unpotential_force", **state) - EVALUATE("damping_matrix", **state) @ v)
     assert (ahead - behind) / (2 * step) == pytest.approx(power, rel=1e-6)
+    assert EVALUATE("energy_rate", **state)[0] == pytest.approx(power, rel=1e-12)
     assert np.linalg.eigvalsh(EVALUATE("damping_matrix", **state))[0] > -1e-12
 
 

@@ -33,7 +33,7 @@ Vector = list[Scalar]
 QUANTITIES = (
     "node_position", "node_velocity", "node_jacobian", "chart_margin",
     "member_vector", "member_length", "member_extension", "member_tension", "force_density",
-    "elastic_energy", "potential_energy", "kinetic_energy", "total_energy",
+    "elastic_energy", "potential_energy", "kinetic_energy", "total_energy", "energy_rate",
     "coordinate_force", "unpotential_force", "coriolis_force", "acceleration", "state_derivative",
     "mass_matrix", "equilibrium_matrix", "damping_matrix", "load_matrix", "tangent_stiffness",
     "state_jacobian", "input_jacobian", "rest_length_jacobian", "parameter_jacobian",
@@ -286,6 +286,18 @@ class _Bodies:
         tension = self.member_tension()
         friction = ca.gradient(self.dissipation, self.v)
         return self.external_force - ca.mtimes(self.tendon_matrix, tension) - friction
+
+    def energy_rate(self) -> Scalar:
+        """Power of joints, damping and loads without potential [W]; a plain zero where there is none."""
+        power = ca.SX(0.0)
+        if self.system.friction:
+            power = power - 2.0 * self.dissipation
+        if self.system.has_unpotential_load:
+            power = power + ca.dot(self.turning_force, self.v)
+        for e, law in enumerate(self.laws):
+            if not self.arguments.damping[e].is_zero():
+                power = power + (law.static_tension() - law.tension()) * law.rate
+        return power
 
     def damping_matrix(self) -> ca.SX:
         matrix = ca.hessian(self.dissipation, self.v)[0]
