@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.equilibrium import equilibrium
 from tensegrity_codegen.cli.linearize import linearize
 from tensegrity_codegen.cli.load_path import load_path
 from tensegrity_codegen.cli.output import Output, explain_system_error
+from tensegrity_codegen.cli.reproduce import reproduce
 from tensegrity_codegen.cli.scenes import check, examples, import_foreign, new, schema
 from tensegrity_codegen.cli.show import show
 from tensegrity_codegen.cli.simulate import simulate
@@ -41,7 +42,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for verb in (new, check, schema, build, equilibrium, simulate, linearize, show, doctor, examples):
+for verb in (new, check, schema, build, equilibrium, simulate, linearize, show, reproduce, doctor, examples):
     app.command()(verb)
 app.command("import")(import_foreign)
 app.command("load-path")(load_path)

@@ -72,7 +72,12 @@ class Diagram:
 
 def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIGHT) -> Figure:
     """Return the diagram as a figure of width x height [in]."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     figure = new_figure(width, height)
+    engine = figure.get_layout_engine()
+    if isinstance(engine, ConstrainedLayoutEngine):
+        engine.set(h_pad=0.02)
     axes = figure.add_subplot()
     for series in diagram.series:
         points = series.style == "points"
@@ -97,7 +102,7 @@ def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIG
 
 def dress_axes(axes: Axes, x_label: str, y_label: str, *, log: tuple[bool, bool] = (False, False)) -> None:
     """Give axes their names, grid and quiet frame; powers of ten are written without mathematical fonts."""
-    from matplotlib.ticker import FuncFormatter, NullFormatter
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     axes.set_xlabel(x_label, fontsize=TEXT_SIZE, color=INK)
     axes.set_ylabel(y_label, fontsize=TEXT_SIZE, color=INK)
@@ -108,6 +113,8 @@ def dress_axes(axes: Axes, x_label: str, y_label: str, *, log: tuple[bool, bool]
         if is_log:
             axis.set_major_formatter(FuncFormatter(_format_power))
             axis.set_minor_formatter(NullFormatter())
+        else:
+            axis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(GRID)

@@ -21,8 +21,9 @@ from tensegrity_codegen.errors import TensegrityError
 
 __all__ = ["StudyError", "measure_inverse_times"]
 
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+THREAD_VARIABLES = (
+    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"),
+    *("MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
 )
 TIME_LIMIT = 600.0  # [s]
 
@@ -35,7 +36,10 @@ def measure_inverse_times(nodes: Iterable[int]) -> dict[str, Any]:
     """Return what `compare_inverse_times` returns, lists for arrays; raises StudyError with the log."""
     command = [sys.executable, "-m", __name__, *(str(int(n)) for n in nodes)]
     done = run_limited(
-        command, folder=Path.cwd(), environment=os.environ | dict.fromkeys(THREAD_VARIABLES, "1"), timeout=TIME_LIMIT
+        command,
+        folder=Path.cwd(),
+        environment=os.environ | dict.fromkeys(THREAD_VARIABLES, "1"),
+        timeout=TIME_LIMIT,
     )
     if not done.ok:
         raise StudyError(

@@ -140,11 +140,12 @@ def _part(progress: ProgressFunction | None, start: float, share: float) -> Prog
 
 def _lead(chapters: Sequence[Chapter]) -> str:
     verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
-    counts = [f"{verdicts.count(kind)} {words}" for kind, words in VERDICTS.items() if kind in verdicts]
+    words = {"agrees": "agree with print", "differs": "differ", "new": "are not in print"}
+    counts = [f"{verdicts.count(kind)} {words[kind]}" for kind in VERDICTS if kind in verdicts]
     return (
         "Every table and figure that the text of the papers defines, computed by the same general models "
-        f"that serve any other scene, beside what was printed. Of {len(verdicts)} results: "
-        f"{', '.join(counts)}. Where something differs, the page says where and why."
+        f"that serve any other scene, beside what was printed. Of {len(verdicts)} results "
+        f"{', '.join(counts)}; where one differs, the page says where and why."
     )
 
 

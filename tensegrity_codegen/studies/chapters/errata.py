@@ -17,7 +17,7 @@ ERRATA = {
             "sk-pseudo-inverse",
             "S&K 1: the pseudo-inverse of the inertia matrix is not what the accelerations need",
             "Fig. 2, Theorem 3",
-            "H_δ is diagonal and regular, so that its pseudo-inverse is its inverse; the accelerations "
+            "Hδ is diagonal and regular, so that its pseudo-inverse is its inverse; the accelerations "
             "need D H⁻¹ Dᵀ, the upper left block of the inverse of the saddle matrix. The curve “pinv” "
             "times another matrix than the two “conjugation” curves.",
         ),

@@ -12,7 +12,7 @@ from tensegrity_codegen.report.canvas import new_figure
 from tensegrity_codegen.report.diagram import Diagram, Series, dress_axes
 from tensegrity_codegen.report.page import Figure, Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.page_table import Column, Table, number_cell
-from tensegrity_codegen.report.palette import SEQUENCE
+from tensegrity_codegen.report.palette import INK, SEQUENCE
 from tensegrity_codegen.report.picture import draw_picture
 from tensegrity_codegen.studies.node_distance import compare_stored_numbers, find_difference_pattern
 
@@ -102,7 +102,7 @@ def _pattern_figure(order: str, pattern: NDArray[np.int8]) -> Figure:
     axes.set(xlim=(0.3, pattern.shape[1] + 0.7), ylim=(pattern.shape[0] + 0.7, 0.3))
     axes.set_xticks([1, 6, 12, 18])
     axes.set_yticks([1, 15, 30, 45])
-    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9.0)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False, fontsize=9.0, labelcolor=INK)
     what = "pair by pair" if order == "uvec321" else "all x, all y, all z"
     return Figure(
         draw_picture(figure, f"sk-fig-3-{order}"),

@@ -1,0 +1,40 @@
+"""`tensegrity-codegen reproduce`: the papers beside what comes out here, as one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import JsonOption
+from tensegrity_codegen.cli.output import Output
+
+__all__ = ["reproduce"]
+
+
+def reproduce(
+    paper: Annotated[
+        list[str] | None, typer.Argument(metavar="[sk|lin|scs|all]...", help="Papers; all if none is named.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for reproduce.html and reproduce.json.")
+    ] = Path("reproduction"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Smaller sizes and shorter times, for a first look.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Compute every table and figure of the papers and write one page with paper and ours side by side.
+
+    Example: tensegrity-codegen reproduce all --out reproduction
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.report.page_outcome import outcome_table
+        from tensegrity_codegen.studies.reproduce import reproduce as run
+
+        with output.progress("computing") as progress:
+            made = run(paper or [], out, quick=quick, progress=progress)
+        wrote = f"wrote {made.html}\nwrote {made.data}"
+        output.result({"status": "ok", **made.summary()}, outcome_table(made.page), wrote)
