@@ -28,6 +28,7 @@ FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, abov
 STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
 NEAR = 0.5  # largest correction of a predicted point, as part of the step
 BEYOND = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
+SHORT = 1e-3  # step that tells how a floating structure turns, as part of the largest
 FIRST = 0.1  # first step as part of the largest
 
 
@@ -118,6 +119,7 @@ class _Path:
         if isinstance(begun, str):
             return begun
         self.solver, state, tangent = begun
+        tangent = self._turn_with_load(state, tangent)
         try:
             values = self.tracker.values(state, tangent)
         except NonFiniteError as error:
@@ -126,6 +128,20 @@ class _Path:
         self._add(state, tangent)
         self._note_stops(state, tangent, values)
         return state, tangent
+
+    def _turn_with_load(self, state: PathState, tangent: FloatArray) -> FloatArray:
+        """Return the tangent along which a floating structure turns as well, if there are neutral motions.
+
+        Without load the rate at which it turns to stay in balance is not known; a short step tells it.
+        """
+        if not state.neutral.shape[1]:
+            return tangent
+        short = self.control.largest * SHORT
+        end = self.solver.solve(state.z + short * tangent, tangent, float(tangent @ state.z) + short)
+        if end is None:
+            return tangent
+        secant = end.z - state.z
+        return np.asarray(secant / np.linalg.norm(secant))
 
     def _note_stops(self, state: PathState, tangent: FloatArray, values: FloatArray) -> None:
         """Note what would end the path and is beyond zero already."""

@@ -209,3 +209,49 @@ def test_what_a_model_lacks_is_said(prism: tuple[Structure, Any]) -> None:
 def test_a_pattern_that_is_no_load_is_refused(prism: tuple[Structure, Any], pattern: np.ndarray) -> None:
     with pytest.raises(InvalidValueError):
         ModelPath(prism[1], pattern)
+
+
+def test_a_load_may_turn_back_where_a_cable_goes_slack(prism: tuple[Structure, Any]) -> None:
+    """The stiffness jumps from positive to negative, without any zero between."""
+    structure, model = prism
+    structure = structure.with_changes(node_load=load_scene(EXAMPLES / "prism.toml")[0].node_load)
+    base = {"node_load": structure.node_load}
+    path = ModelPath(model, pattern_of(structure, t1=(0, 0, -1)), base)
+    found = follow(path, structure, 9.0, stops=False)
+    assert [(event.kind, event.names) for event in found.events] == [
+        ("contact", ("bar1_bar2",)),
+        ("slack", ("bottom1",)),
+        ("limit", ("load",)),
+    ]
+    slack, limit = found.events[1:]
+    assert slack.load_factor == limit.load_factor == found.load_factor.max()
+    assert found.smallest_eigenvalue[limit.point - 1] > 1
+    assert found.smallest_eigenvalue[limit.point + 1] < -1
+    # Just below it there is an equilibrium next to the path, just above it none for far around.
+    moved = []
+    for load in (limit.load_factor - 1e-4, limit.load_factor + 1e-4):
+        arguments = {"node_load": path.base + load * path.pattern}
+        at = find_equilibrium(model, coordinate=limit.coordinate, arguments=arguments, raise_on_failure=False)
+        moved.append(np.abs(at.member_length - path.compute("member_length", limit.coordinate, load)).max())
+    assert moved[0] < 1e-4
+    assert moved[1] > 1e-2
+
+
+def test_a_floating_structure_turns_to_stay_in_balance() -> None:
+    structure, request = load_scene(EXAMPLES / "icosahedron.toml")
+    assert isinstance(structure, Structure)
+    structure = structure.with_changes(node_load=np.zeros((12, 3)), gravity=np.zeros(3))
+    model = load_model(structure, request, "member_extension", "bar_distance")
+    rest = find_equilibrium(model, tolerance=1e-12)
+    ends = [structure.node_name.index(name) for name in ("n10", "n8")]
+    line = rest.node_position[ends[0]] - rest.node_position[ends[1]]
+    pull = tuple(line / np.linalg.norm(line))
+    pattern = pattern_of(structure, n10=pull, n8=tuple(-x for x in pull))
+    found = follow(ModelPath(model, pattern), structure, 50.0, stops=False)
+    assert found.status == "completed"
+    assert found.find_events("bifurcation", "limit") == ()
+    # Pushed together instead, every other direction is better: both rotations become unstable at once.
+    pushed = follow(ModelPath(model, -pattern), structure, 5.0, stops=False)
+    first = pushed.events[0]
+    assert (first.kind, first.names) == ("bifurcation", ("mode1", "mode2"))
+    assert first.load_factor < 1e-4
