@@ -1,7 +1,7 @@
 """Each formula of SCS that is wrong in print, measured against the full model of 18 coordinates.
 
-The difference of the printed and of the corrected formula from the equations obtained from the full model, largest
-over random symmetrical motions: the first is of the size of the terms, the second is rounding.
+The difference of the printed and of the corrected formula from the equations obtained from the full model,
+largest over random symmetrical motions: the first is of the size of the terms, the second is rounding.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.studies.tower.figures import compare_equilibria
 from tensegrity_codegen.studies.tower.paper_values import PAPER_POSES
 from tensegrity_codegen.studies.tower.printed import PrintedTower
 from tensegrity_codegen.studies.tower.symmetry import SymmetricTower
@@ -49,7 +50,7 @@ def _centrifugal(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change:
     reduced = tower.restricted.balance(s, rate, change).reduced()
     printed = PrintedTower.of(tower)
     entries = [printed.own_force(s, rate, change, 0.0, as_printed=flag)[0] for flag in (True, False)]
-    return np.array(entries) - reduced.own_force[1] / 6.0
+    return np.asarray(np.array(entries) - reduced.own_force[1] / 6.0)
 
 
 def _matrix(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: FloatArray) -> FloatArray:
@@ -62,7 +63,7 @@ def _matrix(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: Floa
 def _height(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: FloatArray) -> FloatArray:
     """Return d/dt(Z' sin(delta)) and Z'' sin(delta), times m l / 2, less what the full model leaves over.
 
-    What is left over is half the difference of the equations of delta between the upper and the lower stage.
+    What is left over is the difference of the equations of delta between the upper and the lower stage.
     """
     own = tower.restricted.balance(s, rate, change).own_force
     names = tower.system.coordinate_name
@@ -70,13 +71,11 @@ def _height(tower: SymmetricTower, s: FloatArray, rate: FloatArray, change: Floa
     arm, sine = 0.5 * tower.bar.mass * tower.bar.length, math.sin(s[1])
     corrected = arm * sine * change[2]
     printed = corrected + arm * math.cos(s[1]) * rate[1] * rate[2]
-    return np.array([printed, corrected]) - (upper - lower)
+    return np.asarray(np.array([printed, corrected]) - (upper - lower))
 
 
 def _rounded_data(tower: SymmetricTower) -> dict[str, Any]:
-    """Return the largest relative error of the printed tensions (44), (45), (52) with rounded and exact data."""
-    from tensegrity_codegen.studies.tower.figures import compare_equilibria
-
+    """Return the largest error of the tensions in (44), (45), (52) with printed and with exact data."""
     rows = [row for row in compare_equilibria(tower) if row["unit"] == "N"]
     rows = [row for row in rows if row["equation"] != PAPER_POSES["53"].equation]
     rounded = max(abs(row["with_printed_data"] - row["paper"]) for row in rows)

@@ -45,7 +45,7 @@ class RegionMap:
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """(n_d, n_a): where the tower can stand with all tendons taut."""
-        return self.code == 0
+        return np.asarray(self.code == 0)
 
     def summary(self) -> dict[str, Any]:
         """Return how much of the grid each code covers, as one JSON-ready object."""
@@ -93,9 +93,10 @@ def map_regions(
 
 
 def find_prestressable(tower: SymmetricTower, delta: float, height: float) -> tuple[PrestressablePose, ...]:
-    """Return the poses of one declination [rad] and height [m] that stand without load (SCS 29, 30; F_3 = 0).
+    """Return the poses of a declination [rad] and height [m] that stand without load (SCS 30, F_3 = 0).
 
-    The azimuths are the roots of det(A_r) in steps of 1 degree; those are kept whose null vector has one sign.
+    The azimuths are roots of det(A_r), looked for in steps of 1 degree; those are kept whose null vector has
+    one sign.
     Raises InvalidValueError for a declination or height outside the bounds of SCS 4.
     """
     tower.check_pose(SymmetricPose(0.0, delta, height), "prestressable configuration")
