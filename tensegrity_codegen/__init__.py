@@ -1,7 +1,7 @@
 """From a scene file to a compiled C library that computes a tensegrity structure.
 
     from tensegrity_codegen import compile_scene, simulate, SIMULATION_QUANTITIES
-    model = compile_scene("prism.toml", quantities=SIMULATION_QUANTITIES, integrators=("rk4",))
+    model = compile_scene("prism.toml", quantities=SIMULATION_QUANTITIES, integrators=("rk54",))
     trajectory = simulate(model, t_end=2.0)
 
 Names are loaded when first used, so that importing the package costs nothing.

@@ -28,7 +28,7 @@ __all__ = [
 ABI_VERSION = 1
 
 # Status codes of every generated function, by number.
-STATUS = ("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer")
+STATUS = ("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer", "step_too_small")
 
 # What a solver returns besides, from the number after those on.
 SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")

@@ -27,7 +27,9 @@ def simulate(
     ] = 1e-9,
     method: Annotated[
         str,
-        typer.Option("--method", help="auto, rk4, or a check through SciPy: scipy_dop853, scipy_radau, ..."),
+        typer.Option(
+            "--method", help="auto, rk54, rk4, or a check through SciPy: scipy_dop853, scipy_radau, ..."
+        ),
     ] = "auto",
     step: Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")] = None,
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
@@ -52,7 +54,7 @@ def simulate(
         )
         from tensegrity_codegen.report.tables import run_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
-        from tensegrity_codegen.runtime.simulate import check_options
+        from tensegrity_codegen.runtime.simulate import check_options, integrators_for
         from tensegrity_codegen.runtime.simulate import simulate as run
 
         check_options(t_end, samples, method, step, rtol, atol)
@@ -65,7 +67,7 @@ def simulate(
         quantities = simulation_quantities(request.formulation) + (
             equilibrium_quantities(structure, request) if settle else ()
         )
-        wanted = request.wanting(*quantities, integrators=("rk4",))
+        wanted = request.wanting(*quantities, integrators=integrators_for(method))
         built = build_library(structure, wanted, compiler=compiler, flags=flags)
         model = built.load()
         start = find_equilibrium(model).coordinate if settle else None

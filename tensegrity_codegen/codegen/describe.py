@@ -25,9 +25,9 @@ from tensegrity_codegen.version import VERSION
 
 __all__ = ["INTEGRATOR_WORK", "describe", "made_by"]
 
-# Doubles of work memory, in multiples of n_coordinates. rk4: acceleration, old (q, v, a), trial (q, v), stages;
-# rk54: seven rates (v, a), trial (q, v), old (q, v, a).
-INTEGRATOR_WORK = {"rk4": 1 + 3 + 2 + 7, "rk54": 14 + 2 + 3}
+# Doubles of work memory, in multiples of n_coordinates. rk4: acceleration, old (q, v, a), trial (q, v),
+# stages; rk54: seven rates (v, a), trial (q, v), old (q, v, a), what rounding took, change of the state.
+INTEGRATOR_WORK = {"rk4": 1 + 3 + 2 + 7, "rk54": 14 + 2 + 3 + 2 + 2}
 
 
 def made_by() -> dict[str, str]:

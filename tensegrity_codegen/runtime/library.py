@@ -103,10 +103,12 @@ def _function_declaration(spec: FunctionSpec) -> str:
 
 def _integrator_declaration(spec: IntegratorSpec) -> str:
     passed = "const double *, " * len(spec.arguments)
-    return (
-        f"int {spec.symbol}(double, double, long long, long long, double *, {passed}"
-        "long long, const double *, double *, long long *, long long *, double *);"
-    )
+    sampled = "long long, const double *, double *, long long *"
+    if spec.name == "rk4":
+        run = "double, double, long long, long long, double *"
+        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, double *);"
+    run = "double, double, double, long long, double *, double *, double *"
+    return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, long long *, double *);"
 
 
 def _solver_declaration(spec: SolverSpec) -> str:

@@ -12,19 +12,21 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.consistency import check_consistent
+from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
-from tensegrity_codegen.runtime.step_halving import MOST_STEPS, estimate_frequency, halve_until_converged
+from tensegrity_codegen.runtime.rk54 import integrate_rk54
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
-__all__ = ["METHODS", "check_options", "simulate"]
+__all__ = ["METHODS", "check_options", "integrators_for", "simulate"]
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 # Every method by name, and what it is.
 METHODS = {
-    "auto": "Runge-Kutta 4 in C, the step halved until the error estimate meets rtol and atol",
+    "auto": "rk54 with ever tighter steps until the estimated error at the samples meets rtol and atol",
+    "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, each step's error within rtol and atol",
     "rk4": "Runge-Kutta 4 in C with the fixed step `step`",
     "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
     "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
@@ -77,11 +79,24 @@ def simulate(
     state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
     if method == "rk4":
         raw = integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
+    elif method == "rk54":
+        raw = integrate_rk54(model, state, sample_time, rtol, atol, arguments, progress)
     elif method == "auto":
-        raw = _auto(model, state, sample_time, rtol, atol, arguments, progress)
+
+        def run(step_rtol: float, step_atol: float) -> RawTrajectory:
+            return integrate_rk54(model, state, sample_time, step_rtol, step_atol, arguments, progress)
+
+        raw = tighten_until_converged(run, rtol, atol)
     else:
         raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
     return evaluate_trajectory(model, raw, arguments, schedule)
+
+
+def integrators_for(method: str) -> tuple[str, ...]:
+    """Return the integrators that a library must hold for `method`, none for SciPy's methods."""
+    if method in SCIPY_NAME:
+        return ()
+    return ("rk4",) if method == "rk4" else ("rk54",)
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
@@ -123,34 +138,6 @@ def _check_schedule(model: CompiledModel, schedule: Schedule, method: str) -> No
     _check_arguments(model, first)
     if "anchor_position" in first:
         raise InvalidValueError("anchors stay where they are", where="schedule", given="anchor_position")
-
-
-def _auto(
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any],
-    progress: Progress | None,
-) -> RawTrajectory:
-    span = float(sample_time[-1])
-    frequency = estimate_frequency(model, state[: len(state) // 2], arguments)
-    first = min(span / 16.0, 1.0 / frequency if frequency > 0 else span)
-
-    if first <= 0.0 or span / first > MOST_STEPS:
-        message = (
-            f"more than {MOST_STEPS} steps would be needed for motions of {frequency:.3g} rad/s: "
-            "simulate a shorter time, or soften the stiffest members"
-        )
-        return RawTrajectory(
-            sample_time[:1], state[None, :], "not_converged", message, "auto (rk4, step halving)", 0, 0
-        )
-
-    def run(step: float) -> RawTrajectory:
-        return integrate_rk4(model, state, sample_time, step, arguments, progress)
-
-    return halve_until_converged(run, first, span, rtol, atol)
 
 
 def _scipy(

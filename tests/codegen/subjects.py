@@ -68,8 +68,8 @@ def everything() -> tuple[Structure, ModelRequest]:
     )
     velocity = np.where(structure.node_anchored, 0.0, np.linspace(-0.5, 0.7, 12).reshape(4, 3))
     structure = structure.with_changes(name="braced", node_velocity=velocity)
-    request = ModelRequest((), parameters=all_parameters(structure), integrators=("rk4",))
-    return structure, request.wanting(*offered(structure, request), integrators=("rk4",))
+    request = ModelRequest((), parameters=all_parameters(structure), integrators=("rk4", "rk54"))
+    return structure, request.wanting(*offered(structure, request), integrators=("rk4", "rk54"))
 
 
 def bare() -> tuple[Structure, ModelRequest]:

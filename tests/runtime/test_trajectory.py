@@ -31,7 +31,7 @@ def swinging() -> Structure:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))
+    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4", "rk54"))
     run = simulate(build_library(swinging(), request).load(), 1.0, samples=31)
     path = tmp_path_factory.mktemp("results") / "run.npz"
     run.write(path)

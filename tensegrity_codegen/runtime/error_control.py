@@ -1,0 +1,75 @@
+"""Control of the error at the end, not of each step: tighten the steps until two runs agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tensegrity_codegen.runtime.trajectory import RawTrajectory
+
+__all__ = ["tighten_until_converged"]
+
+MOST_ROUNDS = 7
+TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
+METHOD = "auto (rk54, tolerance tightened)"
+
+
+def tighten_until_converged(
+    run: Callable[[float, float], RawTrajectory], rtol: float, atol: float
+) -> RawTrajectory:
+    """Return a run whose estimated error is within atol + rtol |x| at every sample, component by component.
+
+    run: (rtol, atol) of one step -> trajectory. Each round tightens the steps' tolerance by a factor s of at
+    most 1/10, and takes min(1/3, 3 s) of the difference of the two runs for the error of the tighter one,
+    which is returned: errors shrink with the tolerance, here trusted to a third of that. Where rounding ends
+    the tightening, ten times the tolerance is still good. Status "not_converged" with the last estimate if
+    the rounds do not come together.
+    """
+    if rtol < 10.0 * TIGHTEST_RTOL:
+        coarsest = TIGHTEST_RTOL / rtol
+        return _give_up(run(rtol * coarsest, atol * coarsest), np.inf, "the tolerance is below rounding")
+    factor, previous, error = 1.0, run(rtol, atol), np.inf
+    n_evaluations = previous.n_evaluations
+    for _ in range(MOST_ROUNDS):
+        if previous.status == "unstable":
+            return replace(previous, method=METHOD)
+        shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
+        shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
+        factor *= shrink
+        finer = run(rtol * factor, atol * factor)
+        n_evaluations += finer.n_evaluations
+        if finer.status != "ok":
+            return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
+        error = _difference(previous, finer, rtol, atol) * min(1.0 / 3.0, 3.0 * shrink)
+        at_floor = factor * rtol <= TIGHTEST_RTOL
+        if error <= (10.0 if at_floor else 1.0):
+            message = f"{finer.message}; estimated error {error:.2g} of the tolerance"
+            return replace(
+                finer, method=METHOD, message=message, error_estimate=error, n_evaluations=n_evaluations
+            )
+        if at_floor:
+            return _give_up(finer, error, "rounding keeps the runs apart")
+        previous = finer
+    return _give_up(previous, error, f"{MOST_ROUNDS} rounds did not come together")
+
+
+def _difference(loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: float) -> float:
+    """Return the largest difference over atol + rtol |x|; infinite if a run did not reach the end."""
+    if loose.status != "ok":
+        return float(np.inf)
+    return float(np.max(np.abs(tight.state - loose.state) / (atol + rtol * np.abs(tight.state))))
+
+
+def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:
+    estimate = error if np.isfinite(error) else None
+    told = "unknown" if estimate is None else f"{estimate:.3g} times the tolerance"
+    return replace(
+        last,
+        status="not_converged",
+        message=f"{why}; estimated error {told}: loosen --rtol and --atol, simulate a shorter time, "
+        "or name a method, which then controls each step's error only",
+        method=METHOD,
+        error_estimate=estimate,
+    )
