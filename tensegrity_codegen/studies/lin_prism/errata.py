@@ -58,8 +58,8 @@ def check_column_order() -> dict[str, Any]:
 def check_generalised_forces() -> dict[str, Any]:
     """Return how far (8)-(13) are from J^T F, for unit forces on B_i along x, y and z, at 5 N on B_3 [m].
 
-    printed (3,): largest difference of any of the six, with alpha_i as in (A.1)-(A.6), from the outward radius
-    of A_i; with_radius_angle (3,): the same with alpha_i + gamma_i in its place.
+    printed (3,): largest difference of any of the six, with alpha_i as in (A.1)-(A.6), from the outward
+    radius of A_i; with_radius_angle (3,): the same with alpha_i + gamma_i in its place.
     """
     model = compile_prism()
     place = settle(model, np.array([place_load(3, (0.0, 0.0, -5.0))])).coordinate[0]

@@ -64,8 +64,8 @@ def compare_sensitivity() -> list[dict[str, Any]]:
 def find_nearest_symmetrical(model: CompiledModel | None = None) -> dict[str, float]:
     """Return the symmetrical configuration whose springs are nearest to the first row of Table 2.
 
-    azimuth, elevation [deg]; side, top: extensions there [mm]; distance: the root of the sum of the squares of
-    both differences [mm].
+    azimuth, elevation [deg]; side, top: extensions there [mm]; distance: the root of the sum of the squares
+    of both differences [mm].
     """
     model = model or compile_prism()
     first = read_tables()["computed"][0]

@@ -1,10 +1,10 @@
 """The external force against the spring constants.
 
-The abstract of LIN says that "the evolution of the external force has been researched along with the evolution
-of the stiffnesses of the springs"; no formula, table or figure of the text shows it. Computed here: the force
-that brings B_3 down by a given amount, and the largest force before bars touch, over the spring constants of
-all springs, of the side springs and of the top springs. Rest lengths stay as printed, so that stiffer springs
-are tighter, too: without weight the force is proportional to the constant of all springs.
+The abstract of LIN says that "the evolution of the external force has been researched along with the
+evolution of the stiffnesses of the springs"; no formula, table or figure of the text shows it. Computed
+here: the force that brings B_3 down by a given amount, and the largest force before bars touch, over the
+spring constants of all springs, of the side springs and of the top springs. Rest lengths stay as printed, so
+that stiffer springs are tighter, too: without weight the force is proportional to the constant of all springs.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def compare_stiffness(
 
 
 def find_force(model: CompiledModel, descent: float, spring_constant: FloatArray) -> float:
-    """Return the downward force [N] on B_3 that brings it down by `descent` [m] from where it is without load.
+    """Return the downward force [N] on B_3 that brings it `descent` [m] below where it is without load.
 
     spring_constant (6,) [N/m]. Newton's method with dz/dF = -e J K^-1 J^T e, e the direction of the force.
     Raises ConvergenceError where there is no such force before the configuration turns unstable.

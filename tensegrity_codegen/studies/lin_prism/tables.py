@@ -86,7 +86,7 @@ def relative_error(computed: FloatArray, measured: FloatArray) -> FloatArray:
 
 
 def compare_unloaded(model: CompiledModel | None = None) -> list[dict[str, Any]]:
-    """Return what holds without a load, row by row: name, unit, paper (None if not printed), ours, difference.
+    """Return what holds without a load, row by row: name, unit, paper (None: not printed), ours, difference.
 
     The paper's extensions are the means of the first row of Table 2, whose springs of a kind differ by up to
     7 micrometres though the configuration is symmetrical.
@@ -97,18 +97,14 @@ def compare_unloaded(model: CompiledModel | None = None) -> list[dict[str, Any]]
     extension = MM * model.compute("member_extension", coordinate=q)
     member, coordinate = model.manifest.member_name, model.manifest.coordinate_name
     stiffness = model.compute("tangent_stiffness", coordinate=q).toarray()
+    gap = MM * model.compute("bar_distance", coordinate=q).min()
     rows = [
         ("extension of side springs", "mm", first[3:].mean(), extension[member.index("side1")]),
         ("extension of top springs", "mm", first[:3].mean(), extension[member.index("top1")]),
         ("azimuth alpha", "deg", None, np.degrees(q[coordinate.index("bar1_azimuth")])),
         ("elevation beta", "deg", None, np.degrees(q[coordinate.index("bar1_elevation")])),
         ("smallest eigenvalue of the Hessian", "N m", None, np.linalg.eigvalsh(stiffness)[0]),
-        (
-            "distance of the bars' surfaces",
-            "mm",
-            None,
-            MM * model.compute("bar_distance", coordinate=q).min(),
-        ),
+        ("distance of the bars' surfaces", "mm", None, gap),
     ]
     return [
         {
