@@ -4,7 +4,7 @@ The abstract of LIN says that "the evolution of the external force has been rese
 evolution of the stiffnesses of the springs"; no formula, table or figure of the text shows it. Computed
 here: the force that brings B_3 down by a given amount, and the largest force before bars touch, over the
 spring constants of all springs, of the side springs and of the top springs. Rest lengths stay as printed, so
-that stiffer springs are tighter, too: without weight the force is proportional to the constant of all springs.
+that stiffer springs are tighter, too: without weight the force is proportional to the constant of all.
 """
 
 from __future__ import annotations
