@@ -16,7 +16,8 @@ PRINTED_SIDE = 0.67  # [m], b of (43); 2/3 m gives the printed tensions
 class PaperPose:
     """A printed equilibrium: equation, angles [deg], Z as printed and as it must have been [m], F_3, T_r [N].
 
-    height: with b = 2/3 m, the Z at which the largest error of the tensions is smallest. The declination of (53) was printed as 22.03 deg; it is computed from (48).
+    height: with b = 2/3 m, the Z at which the largest error of the tensions is smallest. The
+    declination of (53) was printed as 22.03 deg; it is computed from (48).
     """
 
     equation: str
