@@ -28,7 +28,7 @@ FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, abov
 STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
 NEAR = 0.5  # largest correction of a predicted point, as part of the step
 BEYOND = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
-SHORT = 1e-3  # step that tells how a floating structure turns, as part of the largest
+SHORT = 1e-2  # step that tells how a floating structure turns, as part of the largest
 FIRST = 0.1  # first step as part of the largest
 
 
@@ -91,8 +91,9 @@ class _Path:
         if isinstance(begun, str):
             return "no_start", begun
         state, tangent = begun
-        if self.events:
-            return "stopped", f"{self.events[-1].kind} of {', '.join(self.events[-1].names)} at the start"
+        for event in self.events:
+            if event.kind not in ("limit", "stability"):
+                return "stopped", f"{event.kind} of {', '.join(event.names)} at the start"
         length = self.control.largest * FIRST
         for _ in range(self.control.most_steps):
             step, length = self._find_step(state, tangent, length)
@@ -119,7 +120,6 @@ class _Path:
         if isinstance(begun, str):
             return begun
         self.solver, state, tangent = begun
-        tangent = self._turn_with_load(state, tangent)
         try:
             values = self.tracker.values(state, tangent)
         except NonFiniteError as error:
@@ -127,21 +127,24 @@ class _Path:
         self.tracker.begin(values)
         self._add(state, tangent)
         self._note_stops(state, tangent, values)
+        if state.neutral.shape[1]:
+            tangent = self._turn_with_load(state, tangent)
         return state, tangent
 
     def _turn_with_load(self, state: PathState, tangent: FloatArray) -> FloatArray:
-        """Return the tangent along which a floating structure turns as well, if there are neutral motions.
+        """Return the tangent along which a floating structure turns as well; note whether it is unstable so.
 
         Without load the rate at which it turns to stay in balance is not known; a short step tells it.
         """
-        if not state.neutral.shape[1]:
-            return tangent
         short = self.control.largest * SHORT
         end = self.solver.solve(state.z + short * tangent, tangent, float(tangent @ state.z) + short)
         if end is None:
             return tangent
-        secant = end.z - state.z
-        return np.asarray(secant / np.linalg.norm(secant))
+        secant = np.asarray((end.z - state.z) / np.linalg.norm(end.z - state.z))
+        before = self.tracker.side.copy()
+        self.tracker.renew(self.tracker.values(end, secant))
+        self._note_jump(state, secant, before)
+        return secant
 
     def _note_stops(self, state: PathState, tangent: FloatArray, values: FloatArray) -> None:
         """Note what would end the path and is beyond zero already."""

@@ -19,9 +19,9 @@ class PathEvent:
     """Something that happens on the path, located by root finding.
 
     kind: "slack", "taut", "contact", "separation" or what a Watch calls it; "limit": the load turns back;
-    "bifurcation": another branch crosses; "stability": the stiffness jumps through zero. names: all that
-    reach it at once, as by symmetry. point: index into the points of the path. tangent: (dq, dlambda) on
-    the way in. mode: what costs no force there, (n, k), of limit points and bifurcations.
+    "bifurcation": another branch crosses; "stability": an eigenvalue of the stiffness jumps through zero.
+    names: all that reach it at once, as by symmetry. point: index into the points of the path. tangent:
+    (dq, dlambda) on the way in. mode: what costs no force there, (n, k), of limit points and bifurcations.
     """
 
     kind: str

@@ -225,7 +225,7 @@ def test_a_load_may_turn_back_where_a_cable_goes_slack(prism: tuple[Structure, A
     ]
     slack, limit = found.events[1:]
     assert slack.load_factor == limit.load_factor == found.load_factor.max()
-    assert found.smallest_eigenvalue[limit.point - 1] > 1
+    assert found.smallest_eigenvalue[limit.point - 1] > 0.1
     assert found.smallest_eigenvalue[limit.point + 1] < -1
     # Just below it there is an equilibrium next to the path, just above it none for far around.
     moved = []
@@ -250,8 +250,8 @@ def test_a_floating_structure_turns_to_stay_in_balance() -> None:
     found = follow(ModelPath(model, pattern), structure, 50.0, stops=False)
     assert found.status == "completed"
     assert found.find_events("bifurcation", "limit") == ()
-    # Pushed together instead, every other direction is better: both rotations become unstable at once.
+    # Pushed together instead, it would rather turn round: unstable from the start, and followed all the same.
     pushed = follow(ModelPath(model, -pattern), structure, 5.0, stops=False)
-    first = pushed.events[0]
-    assert (first.kind, first.names) == ("bifurcation", ("mode1", "mode2"))
-    assert first.load_factor < 1e-4
+    assert pushed.status == "completed"
+    assert [(event.kind, event.load_factor) for event in pushed.events] == [("stability", 0.0)]
+    assert pushed.smallest_eigenvalue[-1] < 0
