@@ -49,6 +49,7 @@ __all__ = [
     "load_scene",
     "settle_structure",
     "simulation_quantities",
+    "with_statics",
 ]
 
 # Formulations of a structure that leave its equilibrium to node coordinates.
@@ -159,6 +160,13 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     return (*_quantities_of(request.formulation), *(("unpotential_force",) if turning else ()))
 
 
+def with_statics(request: ModelRequest) -> ModelRequest:
+    """Return the request in a formulation that finds equilibria: its own, or node positions."""
+    if request.formulation not in WITHOUT_STATICS:
+        return request
+    return replace(request, formulation="node_position", integrators=(), options={})
+
+
 def settle_structure(
     structure: Structure, request: ModelRequest, *, compiler: str | None = None, flags: str = "reference"
 ) -> Structure:
@@ -167,9 +175,7 @@ def settle_structure(
     For formulations that have no statics of their own, see WITHOUT_STATICS. Raises what build_library
     raises, and ConvergenceError or UnstableError where there is no stable equilibrium.
     """
-    statics = replace(
-        request.wanting(*EQUILIBRIUM_QUANTITIES), formulation="node_position", integrators=(), options={}
-    )
+    statics = with_statics(request).wanting(*EQUILIBRIUM_QUANTITIES)
     model = build_library(structure, statics, compiler=compiler, flags=flags).load()
     return structure.with_changes(node_position=find_equilibrium(model).node_position)
 

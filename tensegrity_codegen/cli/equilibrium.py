@@ -47,7 +47,12 @@ def equilibrium(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.outline import outline_tendons
-        from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, load_scene
+        from tensegrity_codegen.pipeline import (
+            build_library,
+            equilibrium_quantities,
+            load_scene,
+            with_statics,
+        )
         from tensegrity_codegen.report.tables import members_table, nodes_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
         from tensegrity_codegen.scene.write import write_scene
@@ -61,7 +66,8 @@ def equilibrium(
             total = structure.node_load + parse_loads(load, structure)
             parameters["node_load"] = tuple(range(structure.n_nodes))
             arguments["node_load"] = total[:, list(structure.axes)]
-        wanted = request.wanting(*equilibrium_quantities(structure, request), parameters=parameters)
+        statics = with_statics(request)
+        wanted = statics.wanting(*equilibrium_quantities(structure, statics), parameters=parameters)
         model = build_library(structure, wanted, compiler=compiler).load()
         found = find_equilibrium(
             model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False

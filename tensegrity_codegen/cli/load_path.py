@@ -118,9 +118,7 @@ def _check_options(step: float, out: Path | None) -> None:
 
 def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: str | None) -> ModelPath:
     """Return the problem of a scene under these loads, its library built with all that a path needs."""
-    from dataclasses import replace
-
-    from tensegrity_codegen.pipeline import WITHOUT_STATICS, build_library, equilibrium_quantities
+    from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, with_statics
     from tensegrity_codegen.runtime.model_path import ModelPath
 
     pattern = parse_loads(load, subject)
@@ -128,8 +126,7 @@ def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: s
         raise InvalidValueError(
             "the load is zero", where="--load", given=", ".join(load), allowed="a force that is not zero"
         )
-    if request.formulation in WITHOUT_STATICS:
-        request = replace(request, formulation="node_position", integrators=(), options={})
+    request = with_statics(request)
     extra = ["member_extension"] if subject.n_members else []
     extra += ["bar_distance"] if len(subject.bar_pairs) else []
     quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))

@@ -1,0 +1,57 @@
+"""The options of a formulation, in a scene file."""
+
+from __future__ import annotations
+
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError, SceneError, UnknownKeyError, UnknownNameError
+from tensegrity_codegen.request import FORMULATION_OPTIONS, complete_options
+from tensegrity_codegen.scene.assemble import assemble
+from tensegrity_codegen.scene.describe import describe_structure
+from tensegrity_codegen.scene.read import parse_scene
+
+from .samples import ARCH, WHERE, build, changed
+
+ASKED = {"pairs": "full", "order": "uvec123", "basis": "orthonormal"}
+
+
+def asking(options: object, formulation: str = "node_distance") -> dict:
+    return changed("model", to={"formulation": formulation, "options": options})
+
+
+def test_options_reach_the_request_and_come_back_in_the_document() -> None:
+    structure, request = build(asking(ASKED))
+    assert dict(request.options) == ASKED
+    again = assemble(parse_scene(describe_structure(structure, request), WHERE))[1]
+    assert again == request
+    assert dict(build(ARCH)[1].options) == {}
+
+
+def test_omitted_options_are_the_first_words() -> None:
+    assert complete_options("node_distance", {"order": "uvec123"}) == {
+        "pairs": "connected",
+        "order": "uvec123",
+        "basis": "cycles",
+    }
+    assert complete_options("node_position", {}) == {}
+    for options in FORMULATION_OPTIONS.values():
+        assert all(len(set(words)) == len(words) >= 2 for words in options.values())
+
+
+@pytest.mark.parametrize(
+    ("options", "formulation", "error", "where", "words"),
+    [
+        ({"pair": "full"}, "node_distance", UnknownKeyError, "model.options", "did you mean 'pairs'?"),
+        ({"pairs": "all"}, "node_distance", UnknownNameError, "model.options.pairs", "connected, full"),
+        ({"pairs": "full"}, "node_position", UnknownKeyError, "model.options", "no options"),
+        ({"pairs": 3}, "node_distance", InvalidValueError, "model.options.pairs", "text in quotes"),
+        ("full", "node_distance", InvalidValueError, "model.options", "table"),
+    ],
+)
+def test_wrong_options_are_refused(
+    options: object, formulation: str, error: type[SceneError], where: str, words: str
+) -> None:
+    with pytest.raises(error) as caught:
+        build(asking(options, formulation))
+    assert caught.value.where == f"{WHERE}: {where}"
+    assert words in str(caught.value)
