@@ -16,6 +16,7 @@ from tensegrity_codegen.files import replaced, write_folder
 from tensegrity_codegen.report.page import VERDICTS, Chapter, Page
 from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.studies.chapters.errata import ERRATA, ERRATA_TITLE
+from tensegrity_codegen.studies.chapters.lin import build_lin_chapter
 from tensegrity_codegen.studies.chapters.progress import ProgressFunction
 from tensegrity_codegen.studies.chapters.sk import build_sk_chapter
 from tensegrity_codegen.version import VERSION
@@ -45,6 +46,7 @@ class Paper:
 
 PAPERS: dict[str, Paper] = {
     "sk": Paper(build_sk_chapter, 1.0),
+    "lin": Paper(build_lin_chapter, 1.0),
 }
 
 
