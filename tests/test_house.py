@@ -195,7 +195,7 @@ def test_every_relative_link_of_a_document_leads_somewhere() -> None:
 
 def test_the_readme_lists_the_verbs_of_the_command_line() -> None:
     section = document("README.md").partition("## Command line")[2].partition("\n## ")[0]
-    verbs = re.findall(r"^\| `([a-z]+)` \|", section, re.MULTILINE)
+    verbs = re.findall(r"^\| `([a-z-]+)` \|", section, re.MULTILINE)
     assert sorted(verbs) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
@@ -237,6 +237,7 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [parameters]": (schema.Parameters,),
     "## [classes.*]": (schema.MemberClass,),
     "## [nodes]": (schema.Node,),
+    "## [interference]": (schema.Interference,),
     "## [[loads]]": (schema.Load,),
     "## [[inputs]]": (schema.RestLengthInput, schema.ForceInput),
     '`kind = "prism"`': (PrismShape,),
