@@ -1,4 +1,4 @@
-"""The tables of LIN, checked from the definitions with NumPy alone: python docs/derivations/prism_under_load.py
+"""The tables of LIN, checked with NumPy alone: python docs/derivations/prism_under_load.py
 
 Every line states a claim of docs/errata.md and the numbers that decide it. Needs the tables of the paper,
 tensegrity_codegen/studies/data/lin_tables.csv.
