@@ -28,8 +28,7 @@ def tighten_until_converged(
     the rounds do not come together.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
-        coarsest = TIGHTEST_RTOL / rtol
-        return _give_up(run(rtol * coarsest, atol * coarsest), np.inf, "the tolerance is below rounding")
+        return _beyond_rounding(run, rtol, atol)
     factor, previous, error = 1.0, run(rtol, atol), np.inf
     n_evaluations = previous.n_evaluations
     for _ in range(MOST_ROUNDS):
@@ -53,6 +52,17 @@ def tighten_until_converged(
             return _give_up(finer, error, "rounding keeps the runs apart")
         previous = finer
     return _give_up(previous, error, f"{MOST_ROUNDS} rounds did not come together")
+
+
+def _beyond_rounding(run: Callable[[float, float], RawTrajectory], rtol: float, atol: float) -> RawTrajectory:
+    """Return the best run there is for a tolerance below rounding, and how far it is from that tolerance."""
+    scale = TIGHTEST_RTOL / rtol
+    loose, tight = run(10.0 * scale * rtol, 10.0 * scale * atol), run(scale * rtol, scale * atol)
+    if tight.status == "unstable":
+        return replace(tight, method=METHOD)
+    error = _difference(loose, tight, rtol, atol) if tight.status == "ok" else np.inf
+    stopped = "" if tight.status == "ok" else f" ({tight.message})"
+    return _give_up(tight, error, f"the tolerance is below rounding{stopped}")
 
 
 def _difference(loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: float) -> float:

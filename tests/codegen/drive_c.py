@@ -7,6 +7,16 @@ from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
 __all__ = ["format_driver"]
 
 VALUES = ("NAN", "INFINITY", "-INFINITY", "0.0", "1e308", "-1e308", "5e-324")
+# End, rtol, atol, most steps and number of samples of runs with error control, good and bad.
+TOLERANCES = (
+    ("2e-3", "1e-6", "1e-9", "1000", "3"),
+    ("2e-3", "1e-6", "1e-9", "3", "3"),
+    ("2e-3", "1e-300", "1e-300", "1000", "0"),
+    ("0.0", "1e-6", "1e-9", "1000", "3"),
+    ("NAN", "1e-6", "1e-9", "1000", "3"),
+    ("2e-3", "-1.0", "1e-9", "1000", "3"),
+    ("2e-3", "1e-6", "INFINITY", "-1", "3"),
+)
 STEPS = (
     # time_start, step, first_step, n_steps, n_samples
     ("0.0", "1e-4", "0", "50", "3"),
@@ -27,6 +37,7 @@ def format_driver(manifest: Manifest) -> str:
     """Return the program's text; it ends with 0 unless a status is outside the table."""
     largest = max(len(item.nominal) for item in manifest.arguments)
     body = [_function_calls(manifest, spec) for spec in manifest.functions]
+    body += [_reset(manifest)] if manifest.integrators else []
     body += [_integrator_calls(manifest, spec) for spec in manifest.integrators]
     body += [_casadi_calls(manifest, spec) for spec in manifest.functions]
     return "\n".join(
@@ -75,31 +86,41 @@ def _with_bad_values(name: str, declarations: str, calls: list[str], whole: list
     return "\n".join([*lines, "    (void)value;", *(f"    {call}" for call in whole), "  }\n}"])
 
 
+def _reset(manifest: Manifest) -> str:
+    n = len(manifest.coordinate_name)
+    return (
+        "static void reset(double *state, long long *sampled)\n{\n  int i;\n  *sampled = 0;\n"
+        f"  for (i = 0; i < {n}; ++i) {{\n    state[i] = {manifest.name}_nominal_coordinate[i];\n"
+        f"    state[{n} + i] = {manifest.name}_nominal_velocity[i];\n  }}\n}}\n"
+    )
+
+
 def _integrator_calls(manifest: Manifest, spec: IntegratorSpec) -> str:
     n_states = 2 * len(manifest.coordinate_name)
     nominal = [f"{manifest.name}_nominal_{name}" for name in spec.arguments]
 
     def call(values: tuple[str, ...], passed: list[str], state: str = "state", work: str = "work") -> str:
-        start, step, first, count, samples = values
-        arguments = [start, step, first, count, state, *passed, samples, "times", "samples"]
-        given = ", ".join([*arguments, "&sampled", "&done", work])
-        return f"reset(state, &sampled); note({spec.symbol}({given}));"
+        *head, samples = values
+        if spec.name == "rk4":
+            before, after, ready = [*head, state], ["&done"], ""
+        else:
+            before, after = [*head, "&time", "&step", state], ["&done", "&rejected"]
+            ready = "time = 0.0; step = 0.0; "
+        given = ", ".join([*before, *passed, samples, "times", "samples", "&sampled", *after, work])
+        return f"reset(state, &sampled); {ready}note({spec.symbol}({given}));"
 
-    calls = [call(values, nominal) for values in STEPS]
-    calls += [call(STEPS[0], nominal, state="NULL"), call(STEPS[0], nominal, work="NULL")]
+    runs = STEPS if spec.name == "rk4" else TOLERANCES
+    calls = [call(values, nominal) for values in runs]
+    calls += [call(runs[0], nominal, state="NULL"), call(runs[0], nominal, work="NULL")]
     for place in range(len(nominal)):
-        calls.append(call(STEPS[0], [*nominal[:place], "NULL", *nominal[place + 1 :]]))
-    reset = (
-        "static void reset(double *state, long long *sampled)\n{\n  int i;\n  *sampled = 0;\n"
-        f"  for (i = 0; i < {n_states // 2}; ++i) {{\n    state[i] = {manifest.name}_nominal_coordinate[i];\n"
-        f"    state[{n_states // 2} + i] = {manifest.name}_nominal_velocity[i];\n  }}\n}}\n"
-    )
+        calls.append(call(runs[0], [*nominal[:place], "NULL", *nominal[place + 1 :]]))
     declarations = (
-        f"static const double times[3] = {{0.0, 1e-4, 2e-3}};\n  double state[{n_states}], "
-        f"samples[{3 * n_states}], work[{spec.work_size}];\n  long long sampled, done;"
+        f"static const double times[3] = {{0.0, 1e-4, 2e-3}};\n  double state[{n_states}], time = 0.0, "
+        f"step = 0.0, samples[{3 * n_states}], work[{spec.work_size}];\n"
+        "  long long sampled, done, rejected = 0;\n  (void)time; (void)step; (void)rejected;"
     )
-    whole = [call(STEPS[0], ["value"] * len(nominal))]
-    return reset + _with_bad_values(f"integrate_{spec.name}", declarations, calls, whole)
+    whole = [call(runs[0], ["value"] * len(nominal))]
+    return _with_bad_values(f"integrate_{spec.name}", declarations, calls, whole)
 
 
 def _casadi_calls(manifest: Manifest, spec: FunctionSpec) -> str:
