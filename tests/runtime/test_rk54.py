@@ -66,7 +66,7 @@ def test_samples_between_steps_are_as_good_as_those_at_steps() -> None:
 
 
 def test_a_cable_that_goes_slack_with_a_jump_of_its_damping_force_is_met() -> None:
-    """A damped cable lets go with a finite force: the step shrinks at the jump instead of stepping over it."""
+    """A damped cable lets go with a finite force: the step shrinks at the jump, it does not pass it."""
     model = oscillator(slack=True, damping=0.4)
     found = simulate(model, 1.0, samples=21, rtol=1e-8, atol=1e-10)
     check = simulate(model, 1.0, samples=21, rtol=1e-11, atol=1e-13, method="scipy_dop853")
