@@ -279,6 +279,28 @@ def test_a_violated_constraint_shows_in_the_residual() -> None:
     assert np.abs(found("constraint_residual")).max() > 1e-4
 
 
+@given(structures(most_nodes=12), CHOICES, st.integers(0, 2**32 - 1))
+@FEW
+def test_closing_the_cycles_keeps_what_is_consistent_and_mends_the_rest(
+    structure: Structure, options: dict[str, str], seed: int
+) -> None:
+    position, velocity, _ = moved(structure, seed)
+    found = Evaluated(with_masses(structure), options).at(position, velocity)
+    if found.model.expression("constraint_basis").nnz() == 0:
+        with pytest.raises(FormulationError, match="no cycle"):
+            found("consistent_coordinate")
+        return
+    for name in ("coordinate", "velocity"):
+        good = found.arguments[name]
+        close(found(f"consistent_{name}"), good, 1e-14, np.abs(position).max())
+    noise = 1e-3 * np.random.default_rng(seed).normal(size=found.layout.n_coordinates)
+    found.arguments["coordinate"] = found.arguments["coordinate"] + noise
+    positions = found("node_position")
+    found.arguments["coordinate"] = found("consistent_coordinate").ravel()
+    assert np.abs(found("constraint_residual")).max() < 1e-13
+    close(found("node_position"), positions)
+
+
 # --- coordinates ------------------------------------------------------------------------------------
 
 
