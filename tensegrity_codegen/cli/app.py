@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.equilibrium import equilibrium
 from tensegrity_codegen.cli.linearize import linearize
 from tensegrity_codegen.cli.load_path import load_path
 from tensegrity_codegen.cli.output import Output, explain_system_error
+from tensegrity_codegen.cli.reconfigure import reconfigure
 from tensegrity_codegen.cli.reproduce import reproduce
 from tensegrity_codegen.cli.scenes import check, examples, import_foreign, new, schema
 from tensegrity_codegen.cli.show import show
@@ -46,6 +47,7 @@ for verb in (new, check, schema, build, equilibrium, simulate, linearize, show, 
     app.command()(verb)
 app.command("import")(import_foreign)
 app.command("load-path")(load_path)
+app.command()(reconfigure)
 
 
 @app.callback(invoke_without_command=True)

@@ -14,7 +14,7 @@ from tensegrity_codegen.version import VERSION
 from tests.cli.conftest import Run
 
 VERBS = ["build", "check", "doctor", "equilibrium", "examples", "import"]
-VERBS += ["linearize", "new", "schema", "show", "simulate"]
+VERBS += ["linearize", "new", "reconfigure", "schema", "show", "simulate"]
 # A good call of each verb.
 GOOD_CALLS = {
     "build": ["build", "two_nodes.toml"],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import InfeasibleError
 from tensegrity_codegen.studies.tower.symmetry import SymmetricPose, SymmetricTower
 
-__all__ = ["Motion", "Path", "QuinticPath", "TorqueFreePath", "blend"]
+__all__ = ["Motion", "MotionPath", "QuinticPath", "TorqueFreePath", "blend"]
 
 FloatArray = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Motion:
     change: FloatArray
 
 
-class Path(Protocol):
+class MotionPath(Protocol):
     """A motion for all times: at rest before 0 and after the duration."""
 
     def at(self, time: float) -> Motion:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tensegrity_codegen.errors import InfeasibleError, InvalidValueError
-from tensegrity_codegen.studies.tower.paths import Path, QuinticPath, TorqueFreePath
+from tensegrity_codegen.files import replaced
+from tensegrity_codegen.studies.tower.paths import MotionPath, QuinticPath, TorqueFreePath
 from tensegrity_codegen.studies.tower.symmetry import CROSSING, GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
 
@@ -58,13 +60,18 @@ class ReconfigurationRecord:
         """Return the arrays by name."""
         return dict(vars(self))
 
+    def write(self, path: str | Path) -> None:
+        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        with replaced(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, tendon_class=np.array(GROUPS), **vars(self))
+
 
 @dataclass(frozen=True)
 class Reconfiguration:
     """A checked motion of a tower: start and end, force F_3 [N], duration [s], with torque or without."""
 
     tower: SymmetricTower
-    path: Path
+    path: MotionPath
     start: SymmetricPose
     end: SymmetricPose
     duration: float

@@ -73,7 +73,13 @@ class SymmetricTower:
     for a scene of another kind, and for one in which symmetrical motions do not stay symmetrical.
     """
 
-    def __init__(self, system: BodySystem) -> None:
+    def __init__(self, system: BodySystem | Structure) -> None:
+        if not isinstance(system, BodySystem):
+            raise StructureError(
+                "not a scene of bodies",
+                where=system.name,
+                allowed='formulation = "bodies", as in the example svd_tower',
+            )
         self._top = _find_top(system)
         _check_kind(system)
         self.scene_force = float(system.node_load[:, 2].sum())
@@ -253,13 +259,7 @@ def _is_crossing(alpha_deg: Any) -> Any:
     return abs((alpha_deg - CROSSING + 180.0) % 360.0 - 180.0) <= NEAR
 
 
-def _find_top(system: BodySystem | Structure) -> RigidBody:
-    if not isinstance(system, BodySystem):
-        raise StructureError(
-            "not a scene of bodies",
-            where=system.name,
-            allowed='formulation = "bodies", as in the example svd_tower',
-        )
+def _find_top(system: BodySystem) -> RigidBody:
     rigid = [body for body in system.bodies if isinstance(body, RigidBody)]
     if len(rigid) != 1:
         raise StructureError(

@@ -1,0 +1,122 @@
+"""`tensegrity-codegen reconfigure`: a two-stage tower from one symmetrical configuration to another."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.options import JsonOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.files import check_target
+
+__all__ = ["reconfigure"]
+
+MOST_SAMPLES = 100_000
+
+
+def reconfigure(
+    scene: SceneArgument,
+    start: Annotated[
+        str,
+        typer.Option("--from", help="Azimuth, declination [deg], height [m]: al,de,Z.", show_default=False),
+    ],
+    end: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            help="Azimuth and declination [deg]: al,de; al alone with --zero-torque.",
+            show_default=False,
+        ),
+    ],
+    tau: Annotated[float, typer.Option("--tau", help="Duration [s].", show_default=False)],
+    zero_torque: Annotated[
+        bool, typer.Option("--zero-torque", help="Let the declination follow, so that no torque is needed.")
+    ] = False,
+    force: Annotated[
+        float | None, typer.Option("--force", help="Force F_3 on the top [N]; the scene's if not given.")
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")] = 201,
+    track: Annotated[
+        bool, typer.Option("--track", help="Drive the full model in C by the result, and report its error.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Find rest lengths and torque that change a two-stage tower's symmetrical configuration.
+
+    For towers as the example svd_tower; another scene is refused. Tendons stay taut and the height stays.
+
+    Example: tensegrity-codegen reconfigure svd_tower.toml --from 55,40,1.11066 --to 65,35 --tau 5
+    """
+    output = Output(json)
+    with output.guard(scene):
+        from tensegrity_codegen.pipeline import load_scene
+        from tensegrity_codegen.studies.tower.reconfiguration import plan_reconfiguration
+        from tensegrity_codegen.studies.tower.symmetry import SymmetricPose, SymmetricTower
+        from tensegrity_codegen.studies.tower.tracking import track as follow
+
+        first = read_numbers(start, "--from", "al,de,Z")
+        last = read_numbers(end, "--to", "al" if zero_torque else "al,de")
+        if not 2 <= samples <= MOST_SAMPLES:
+            raise InvalidValueError(
+                "out of range", where="--samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
+            )
+        if out is not None:
+            check_target(out)
+        tower = SymmetricTower(load_scene(scene)[0])
+        target = (
+            math.radians(last[0]) if zero_torque else SymmetricPose.from_degrees(last[0], last[1], first[2])
+        )
+        plan = plan_reconfiguration(
+            tower,
+            SymmetricPose.from_degrees(*first),
+            target,
+            duration=tau,
+            force=force,
+            zero_torque=zero_torque,
+        )
+        data: dict[str, Any] = {"status": "ok"} | plan.summary()
+        if track:
+            data["tracking"] = follow(plan).summary()
+        if out is not None:
+            plan.sample(samples).write(out)
+        data["out"] = None if out is None else str(out)
+        output.result(data, *describe(data))
+
+
+def read_numbers(text: str, where: str, form: str) -> list[float]:
+    """Return the finite numbers of a text such as "55,40,1.1"; form: what stands in it."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != form.count(",") + 1 or not all(math.isfinite(number) for number in numbers):
+        raise InvalidValueError(
+            "not a configuration", where=where, given=text, allowed=f"finite numbers {form}"
+        )
+    return numbers
+
+
+def describe(data: dict[str, Any]) -> list[str]:
+    """Return the summary as readable lines."""
+    alpha, delta, height = data["end_deg"]
+    lines = [
+        f"alpha {data['start_deg'][0]:g} to {alpha:g} deg, delta {data['start_deg'][1]:g} to {delta:.6g} deg",
+        f"  at Z = {height:g} m in {data['duration']:g} s, under F_3 = {data['force']:g} N",
+    ]
+    for name, least in data["least_tension"].items():
+        ends = f"{data['tension_start'][name]:.6g} to {data['tension_end'][name]:.6g} N"
+        lines.append(f"  {name:10s} {ends}, least {least['value']:.6g} N at {least['time']:.4g} s")
+    lines.append(f"  largest torque {data['largest_torque']:.3g} N m")
+    lines.append(f"  left of the full equations: {data['largest_residual']:.2g} N, N m")
+    if "tracking" in data:
+        error = data["tracking"]
+        lines.append(
+            f"  the full model follows within {error['angle_error_deg']:.2g} deg, the top within "
+            f"{error['other_error']:.2g} m, rad"
+        )
+    return lines
