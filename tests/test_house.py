@@ -15,7 +15,7 @@ import typer
 from pydantic import BaseModel
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.manifest import STATUS
+from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS
 from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
 from tensegrity_codegen.scene import schema
 from tensegrity_codegen.scene.assemble import assemble
@@ -273,5 +273,5 @@ def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
 def test_the_embedding_page_states_the_status_codes() -> None:
     rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d) \|", document("docs/embedding.md"), re.MULTILINE)
     assert [(name.lower(), int(value)) for name, value in rows] == [
-        (name, value) for value, name in enumerate(STATUS)
+        (name, value) for value, name in enumerate((*STATUS, *SOLVER_STATUS))
     ]

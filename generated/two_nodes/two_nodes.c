@@ -11,7 +11,7 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    1, "two_nodes", "264ed26390cdff32261747734dfd47b39c2a4c88ce4308e1dba61c3ebbde7307", "node_position", "unrolled", "tensegrity_codegen 0.1.0, casadi 3.8.2"};
+    1, "two_nodes", "d67dd6fb75ce588c1e78d8f42e8e9e814cd9f05696a5f6c1e5df4e68fe17da23", "node_position", "unrolled", "tensegrity_codegen 0.1.0, casadi 3.8.2"};
 
 const int two_nodes_coordinate_node[3] = {1, 1, 1};
 const int two_nodes_coordinate_axis[3] = {0, 1, 2};
@@ -181,46 +181,16 @@ int two_nodes_compute_total_energy(
   return TWO_NODES_OK;
 }
 
-/* State derivative's second half at (coordinate, velocity). */
-static void rk4_slope(
+/* Accelerations at (coordinate, velocity). */
+static void motion_slope(
     const double *coordinate, const double *velocity, double *result)
 {
   (void)velocity;
   acceleration_kernel(coordinate, result);
 }
 
-/* One step from (q, v) with acceleration a; leaves the new state in q, v and its acceleration in a. */
-static void rk4_step(
-    double h, double *q, double *v, double *a, double *stage)
-{
-  double *qs = stage, *v2 = stage + 3, *v3 = stage + 6, *v4 = stage + 9;
-  double *a2 = stage + 12, *a3 = stage + 15, *a4 = stage + 18;
-  const double half = 0.5 * h, sixth = h / 6.0;
-  int k;
-  for (k = 0; k < 3; ++k) {
-    qs[k] = q[k] + half * v[k];
-    v2[k] = v[k] + half * a[k];
-  }
-  rk4_slope(qs, v2, a2);
-  for (k = 0; k < 3; ++k) {
-    qs[k] = q[k] + half * v2[k];
-    v3[k] = v[k] + half * a2[k];
-  }
-  rk4_slope(qs, v3, a3);
-  for (k = 0; k < 3; ++k) {
-    qs[k] = q[k] + h * v3[k];
-    v4[k] = v[k] + h * a3[k];
-  }
-  rk4_slope(qs, v4, a4);
-  for (k = 0; k < 3; ++k) {
-    q[k] += sixth * (v[k] + 2.0 * (v2[k] + v3[k]) + v4[k]);
-    v[k] += sixth * (a[k] + 2.0 * (a2[k] + a3[k]) + a4[k]);
-  }
-  rk4_slope(q, v, a);
-}
-
 /* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. */
-static void rk4_interpolate(
+static void motion_interpolate(
     double s, double h, const double *old, const double *q1, const double *v1, const double *a1, double *out)
 {
   const double *q0 = old, *v0 = old + 3, *a0 = old + 6;
@@ -239,6 +209,34 @@ static void rk4_interpolate(
       out[3 + k] = (dv0 + s * (2.0 * da0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h;
     }
   }
+}/* One step from (q, v) with acceleration a; leaves the new state in q, v and its acceleration in a. */
+static void rk4_step(
+    double h, double *q, double *v, double *a, double *stage)
+{
+  double *qs = stage, *v2 = stage + 3, *v3 = stage + 6, *v4 = stage + 9;
+  double *a2 = stage + 12, *a3 = stage + 15, *a4 = stage + 18;
+  const double half = 0.5 * h, sixth = h / 6.0;
+  int k;
+  for (k = 0; k < 3; ++k) {
+    qs[k] = q[k] + half * v[k];
+    v2[k] = v[k] + half * a[k];
+  }
+  motion_slope(qs, v2, a2);
+  for (k = 0; k < 3; ++k) {
+    qs[k] = q[k] + half * v2[k];
+    v3[k] = v[k] + half * a2[k];
+  }
+  motion_slope(qs, v3, a3);
+  for (k = 0; k < 3; ++k) {
+    qs[k] = q[k] + h * v3[k];
+    v4[k] = v[k] + h * a3[k];
+  }
+  motion_slope(qs, v4, a4);
+  for (k = 0; k < 3; ++k) {
+    q[k] += sixth * (v[k] + 2.0 * (v2[k] + v3[k]) + v4[k]);
+    v[k] += sixth * (a[k] + 2.0 * (a2[k] + a3[k]) + a4[k]);
+  }
+  motion_slope(q, v, a);
 }
 
 int two_nodes_integrate_rk4(
@@ -267,7 +265,7 @@ int two_nodes_integrate_rk4(
   old = work + 3;
   trial = work + 12;
   stage = work + 18;
-  rk4_slope(state, state + 3, a);
+  motion_slope(state, state + 3, a);
   if (!all_finite(a, 3)) {
     return TWO_NODES_NON_FINITE_RESULT;
   }
@@ -290,7 +288,7 @@ int two_nodes_integrate_rk4(
     }
     while (*n_sampled < n_samples && sample_time[*n_sampled] <= t1) {
       const double s = (sample_time[*n_sampled] - t0) / step;
-      rk4_interpolate(s, step, old, state, state + 3, a, sample_state + *n_sampled * 6);
+      motion_interpolate(s, step, old, state, state + 3, a, sample_state + *n_sampled * 6);
       ++*n_sampled;
     }
     *n_done = i + 1;
