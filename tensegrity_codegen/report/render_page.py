@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 
 import jinja2
 
@@ -11,6 +12,9 @@ from tensegrity_codegen.report.page import VERDICTS, Page
 from tensegrity_codegen.report.theme import THEME
 
 __all__ = ["render_page"]
+
+# A digit and a space that stand before a unit.
+UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs)(?:\W|$))")
 
 
 def render_page(page: Page) -> str:
@@ -22,7 +26,7 @@ def render_page(page: Page) -> str:
 
 @functools.cache
 def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         undefined=jinja2.StrictUndefined,
         autoescape=True,
@@ -30,3 +34,10 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["tied"] = _tie
+    return environment
+
+
+def _tie(text: str) -> str:
+    """Return text in which no line breaks between a number and its unit."""
+    return UNIT.sub("\\1\N{NO-BREAK SPACE}", text)

@@ -18,6 +18,7 @@ from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.studies.chapters.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.studies.chapters.lin import build_lin_chapter
 from tensegrity_codegen.studies.chapters.progress import ProgressFunction
+from tensegrity_codegen.studies.chapters.scs import build_scs_chapter
 from tensegrity_codegen.studies.chapters.sk import build_sk_chapter
 from tensegrity_codegen.version import VERSION
 
@@ -47,6 +48,7 @@ class Paper:
 PAPERS: dict[str, Paper] = {
     "sk": Paper(build_sk_chapter, 1.0),
     "lin": Paper(build_lin_chapter, 1.0),
+    "scs": Paper(build_scs_chapter, 4.0),
 }
 
 

@@ -131,6 +131,13 @@ SCS = (
         "b = 2/3 m (printed 0.67), Z = 1.11066 m (printed 1.11) and Z = 1.60504 m (printed 1.6). With "
         "the printed digits the tensions are off by up to 9 %, with these each is met.",
     ),
+    Entry(
+        "scs-height",
+        "SCS 4: (21) holds for the acceleration of the top, not for the derivative of a product",
+        "Eqs. (21), (28)",
+        "What the full model leaves over is Z″ sin δ = 0; the print has d/dt(Z′ sin δ) = 0. Both give a "
+        "constant height from rest.",
+    ),
 )
 
 ERRATA = {"sk": SK, "lin": LIN, "scs": SCS}

@@ -14,7 +14,7 @@ from tensegrity_codegen.studies.chapters.lin_tables import (
     measured_section,
     unloaded_section,
 )
-from tensegrity_codegen.studies.chapters.progress import ProgressFunction, build_sections
+from tensegrity_codegen.studies.chapters.progress import ProgressFunction, build_sections, run_study
 from tensegrity_codegen.studies.lin_prism.stiffness import FACTORS
 from tensegrity_codegen.studies.lin_prism.tables import compare_tables
 
@@ -25,7 +25,7 @@ QUICK_FACTORS = (0.5, 1.0, 2.0)
 
 def build_lin_chapter(quick: bool = False, progress: ProgressFunction | None = None) -> Chapter:
     """Return the chapter; quick: fewer spring constants and directions of load. Raises what studies raise."""
-    data = compare_tables()
+    data = run_study("LIN Tables 1 to 3", compare_tables)
     steps = (
         ("LIN Table 1", 0.5, partial(measured_section, data)),
         ("LIN Table 2", 0.5, partial(extension_section, data)),

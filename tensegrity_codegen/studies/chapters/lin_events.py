@@ -125,12 +125,12 @@ def _survey_table(rows: list[dict[str, Any]]) -> Table:
     return Table(
         "Loads on each top along each axis, up to 60 N.",
         (
-            *(Column("on", numeric=False), Column("along", numeric=False), Column("springs", numeric=False)),
+            *(Column(name, numeric=False) for name in ("on", "along", "springs")),
             *(Column("slack", "N"), Column("contact", "N"), Column("limit point", "N")),
             *(Column("maximum", "N"), Column("because", numeric=False)),
         ),
         table,
-        note="A dash: does not happen up to 60 N. A contact that follows a limit point may have a smaller load.",
+        note="A dash: does not happen up to 60 N. A contact after a limit point may have a smaller load.",
     )
 
 

@@ -3,31 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.report.page import Section
 
-__all__ = ["ProgressFunction", "Step", "build_sections"]
+__all__ = ["ProgressFunction", "Step", "build_sections", "run_study"]
 
 ProgressFunction = Callable[[float], None]
+Result = TypeVar("Result")
 # Name of the study, its share of the time, and what computes its section.
 Step = tuple[str, float, Callable[[], Section]]
 
 
 def build_sections(steps: Sequence[Step], progress: ProgressFunction | None = None) -> tuple[Section, ...]:
-    """Return the sections of the steps in their order; `progress` is called with the fraction done.
-
-    An error of a study names the study in its place.
-    """
+    """Return the sections of the steps in their order; `progress` is called with the fraction done."""
     total = sum(share for _, share, _ in steps)
     done, sections = 0.0, []
     for name, share, build in steps:
-        try:
-            sections.append(build())
-        except TensegrityError as error:
-            error.where = f"study {name}" + (f": {error.where}" if error.where else "")
-            raise
+        sections.append(run_study(name, build))
         done += share
         if progress is not None:
             progress(min(done / total, 1.0))
     return tuple(sections)
+
+
+def run_study(name: str, build: Callable[[], Result]) -> Result:
+    """Return what `build` returns; the place of an error starts with the study's name."""
+    try:
+        return build()
+    except TensegrityError as error:
+        error.where = f"study {name}" + (f": {error.where}" if error.where else "")
+        raise
