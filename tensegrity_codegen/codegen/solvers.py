@@ -41,12 +41,13 @@ def solver_spec(model: SymbolicModel, name: str, functions: tuple[FunctionSpec, 
     )
     pattern = needed["stiffness"].pattern
     nonzeros = len(pattern.row) if pattern is not None else count * count
+    loads = model.arguments["node_load"] if "node_load" in passed else None
     return SolverSpec(
         name=name,
         symbol=f"{model.name}_find_{name}",
         arguments=passed,
-        varied="node_load" if "node_load" in passed else "",
-        work_size=5 * count + nonzeros + count * count,
+        varied="node_load" if loads else "",
+        work_size=5 * count + nonzeros + count * count + (count + loads.symbol.numel() if loads else 0),
     )
 
 

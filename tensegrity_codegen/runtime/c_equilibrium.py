@@ -33,7 +33,7 @@ WORDS = (*STATUS, *SOLVER_STATUS)
 HINTS = {
     "not_converged": "begin nearer, allow more iterations, or a tolerance above rounding",
     "unstable": "begin elsewhere; a structure that nothing holds has no strict minimum",
-    "branch_lost": "take smaller steps of the load; follow_path finds out whether there is a limit point",
+    "branch_lost": "follow_path finds out whether there is a limit point or a bifurcation",
     "non_finite_result": "nodes that coincide, or a bar that runs into the pole of its chart",
 }
 REPORT = np.dtype(
@@ -41,6 +41,7 @@ REPORT = np.dtype(
         ("status", np.intc),
         ("iterations", np.intc),
         ("shifted", np.intc),
+        ("contraction", np.float64),
         ("residual", np.float64),
         ("smallest_pivot", np.float64),
         ("potential_energy", np.float64),
@@ -53,9 +54,9 @@ REPORT = np.dtype(
 class SolvedPath:
     """Equilibria in the order of their loads, as far as there are any; status says how it ended.
 
-    status: "ok", "not_converged", "unstable" (the Hessian is not positive definite), "branch_lost" (found
-    across configurations that are not stable, so perhaps on another branch), "non_finite_result".
-    failed: iterations, residual, smallest pivot of the one that failed, empty if none did.
+    status: "ok", "not_converged", "unstable" (the Hessian is not positive definite), "branch_lost" (what
+    was found may lie on another branch, as beyond a limit point), "non_finite_result". failed: iterations,
+    residual, smallest pivot, contraction of the one that failed, empty if none did.
     """
 
     status: str

@@ -28,6 +28,7 @@ typedef struct {
   int status;
   int iterations;
   int shifted;
+  double contraction;
   double residual;
   double smallest_pivot;
   double potential_energy;
