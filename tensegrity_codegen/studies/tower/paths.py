@@ -105,7 +105,7 @@ class TorqueFreePath:
         bottom = self.spin * math.sin(offset) + self.coupling * across
         slope = self.spin * math.cos(offset) - self.coupling * along
         # The second derivative of the bottom is minus the bottom.
-        if not 0.0 < top / bottom < 1.0:
+        if bottom == 0.0 or not 0.0 < top / bottom < 1.0:
             return math.nan, math.nan, math.nan
         sine = top / bottom
         first = -sine * slope / bottom

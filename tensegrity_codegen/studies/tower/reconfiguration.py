@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tensegrity_codegen.errors import InfeasibleError, InvalidValueError
+from tensegrity_codegen.errors import InfeasibleError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.studies.tower.paths import MotionPath, QuinticPath, TorqueFreePath
-from tensegrity_codegen.studies.tower.symmetry import CROSSING, GROUPS, SymmetricPose, SymmetricTower
+from tensegrity_codegen.studies.tower.scene_kind import GROUPS
+from tensegrity_codegen.studies.tower.symmetry import CROSSING, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
 
 __all__ = ["Reconfiguration", "ReconfigurationRecord", "plan_reconfiguration"]
@@ -170,6 +171,8 @@ def _find_path(
 ) -> QuinticPath | TorqueFreePath:
     if zero_torque:
         azimuth = end.alpha if isinstance(end, SymmetricPose) else float(end)
+        if not math.isfinite(azimuth):
+            raise NonFiniteError("not an azimuth", where="end", given=azimuth, allowed="a finite angle [rad]")
         return TorqueFreePath.of(tower, start, azimuth, duration)
     if not isinstance(end, SymmetricPose):
         raise InvalidValueError(

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.studies.tower.symmetry import GROUPS, SymmetricPose, SymmetricTower
+from tensegrity_codegen.studies.tower.scene_kind import GROUPS
+from tensegrity_codegen.studies.tower.symmetry import SymmetricPose, SymmetricTower
 
 __all__ = ["PrestressablePose", "RegionMap", "find_prestressable", "map_regions"]
 

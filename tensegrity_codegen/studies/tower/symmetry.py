@@ -16,26 +16,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.body_system import Bar, BodyInput, BodySystem, RigidBody
+from tensegrity_codegen.body_system import Bar, BodySystem
 from tensegrity_codegen.errors import InfeasibleError, InvalidValueError, NonFiniteError, StructureError
 from tensegrity_codegen.kinematics import compute_node_position
 from tensegrity_codegen.scene.members import compute_rest_length
 from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.studies.tower.scene_kind import BARS, GROUPS, check_kind, find_top, make_inputs
 from tensegrity_codegen.symbolic.restriction import Control, RestrictedBodies
 
-__all__ = ["GROUPS", "SymmetricPose", "SymmetricTower"]
+__all__ = ["SymmetricPose", "SymmetricTower"]
 
 FloatArray = NDArray[np.float64]
 
-BARS = ("bar11", "bar21", "bar31", "bar12", "bar22", "bar32")
 AZIMUTH_OFFSET = (0, 240, 120, 120, 0, 240)  # [deg], of the bars in this order
 PSI = 300  # [deg]
-GROUPS = ("saddle", "vertical", "diagonal")
-INPUTS = ("M1", "M2", "M3", "F1", "F2", "F3")
 CROSSING = 30.0  # [deg], the azimuth at which bars intersect
 NEAR = 1e-9  # [deg] or [m], closer than this counts as on a bound
 SYMMETRY = 1e-9  # [m, N, N m], of lengths in a class and of left-out residuals
-ROUNDING = 1e-12  # of the size of a matrix: smaller singular values are zero
 
 
 @dataclass(frozen=True)
@@ -80,11 +77,11 @@ class SymmetricTower:
                 where=system.name,
                 allowed='formulation = "bodies", as in the example svd_tower',
             )
-        self._top = _find_top(system)
-        _check_kind(system)
+        self._top = find_top(system)
+        check_kind(system)
         self.scene_force = float(system.node_load[:, 2].sum())
         self.system = system.with_changes(
-            node_load=np.zeros((system.n_nodes, 3)), loads=(), inputs=_make_inputs(self._top, system)
+            node_load=np.zeros((system.n_nodes, 3)), loads=(), inputs=make_inputs(self._top, system)
         )
         group = {name: [k for k, c in enumerate(system.member_class) if c == name] for name in GROUPS}
         self.restricted = RestrictedBodies(self.system, ("alpha", "delta", "Z"), self._family, group)
@@ -257,50 +254,3 @@ class SymmetricTower:
 def _is_crossing(alpha_deg: Any) -> Any:
     """Return whether bars intersect at azimuths [deg], numbers or arrays."""
     return abs((alpha_deg - CROSSING + 180.0) % 360.0 - 180.0) <= NEAR
-
-
-def _find_top(system: BodySystem) -> RigidBody:
-    rigid = [body for body in system.bodies if isinstance(body, RigidBody)]
-    if len(rigid) != 1:
-        raise StructureError(
-            "a two-stage tower has one rigid top", where=system.name, given=[body.name for body in rigid]
-        )
-    return rigid[0]
-
-
-def _check_kind(system: BodySystem) -> None:
-    """Raise StructureError unless bodies and classes of tendons are those of a two-stage tower."""
-    bars = [body for body in system.bodies if isinstance(body, Bar)]
-    held = {body.name: body.held for body in bars}
-    expected = {name: "A" if name[-1] == "1" else "B" for name in BARS}
-    plain = all(body.chart.axis == 2 and body.chart.polar == "declination" for body in bars)
-    if held != expected or not plain or any(body.chart.offset for body in bars):
-        raise StructureError(
-            "not the bars of a two-stage tower",
-            where=f"{system.name}: bodies",
-            given=held,
-            allowed=f"{', '.join(BARS)}; the first three held at A, the others at B, angles as in SCS (13)",
-        )
-    if sorted(set(system.member_class)) != sorted(GROUPS):
-        raise StructureError(
-            "not the tendons of a two-stage tower",
-            where=f"{system.name}: tendons",
-            given=sorted(set(system.member_class)),
-            allowed=f"the classes {', '.join(GROUPS)}",
-        )
-
-
-def _make_inputs(top: RigidBody, system: BodySystem) -> tuple[BodyInput, ...]:
-    """Return M_1 to F_3 of SCS (15), along the axes of the top."""
-    body, centre = system.bodies.index(top), f"{top.name}_centre"
-    if centre not in system.node_name:
-        raise StructureError(
-            "the top needs a point at its centre, where F_3 acts",
-            where=f"{system.name}: bodies.{top.name}",
-            hint=f'name "{top.name}.centre" in a load or an input',
-        )
-    node = system.find_node(centre)
-    unit = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    torques = [BodyInput(INPUTS[k], "torque", (body,), unit[k], "body") for k in range(3)]
-    forces = [BodyInput(INPUTS[3 + k], "force", (node,), unit[k], "body") for k in range(3)]
-    return (*torques, *forces)

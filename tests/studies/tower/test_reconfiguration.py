@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InfeasibleError, InvalidValueError
+from tensegrity_codegen.errors import InfeasibleError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.studies.tower.printed import PrintedTower
 from tensegrity_codegen.studies.tower.reconfiguration import plan_reconfiguration
-from tensegrity_codegen.studies.tower.symmetry import GROUPS
+from tensegrity_codegen.studies.tower.scene_kind import GROUPS
 from tests.studies.tower.subjects import paper_motion, pose, tower
 
 FIRST, LAST = pose(55.0, 40.0, 1.11066), pose(65.0, 35.0, 1.11066)
@@ -111,6 +111,11 @@ def test_an_end_that_cannot_stand_is_refused_with_its_tendons() -> None:
 def test_ends_out_of_bounds_are_refused(end: object, words: str) -> None:
     with pytest.raises(InvalidValueError, match=words):
         plan_reconfiguration(tower(), FIRST, end, duration=5.0)  # type: ignore[arg-type]
+
+
+def test_an_azimuth_that_is_no_number_is_refused() -> None:
+    with pytest.raises(NonFiniteError):
+        plan_reconfiguration(tower(), FIRST, math.nan, duration=5.0, zero_torque=True)
 
 
 def test_a_start_out_of_bounds_is_refused_by_name() -> None:
