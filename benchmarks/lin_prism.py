@@ -1,0 +1,54 @@
+"""Eleven equilibria of the prism under load (LIN Table 2) in one call of the generated C: microseconds.
+
+python benchmarks/lin_prism.py
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import numpy as np
+
+from tensegrity_codegen.runtime.c_equilibrium import EquilibriumSolver
+from tensegrity_codegen.studies.lin_prism.model import compile_prism, place_load
+
+CALLS = 200
+ROUNDS = 9
+AXES = "xyz"
+
+
+def measure(top: int, axis: int, sign: float, tension_only: bool) -> tuple[float, int, str]:
+    """Return the median time of a path from 0 to 10 N [us], Newton steps in it, and its status."""
+    model = compile_prism(tension_only=tension_only)
+    solver = EquilibriumSolver(model)
+    loads = np.array([place_load(top, sign * k * np.eye(3)[axis]) for k in range(11)])
+    found = solver.follow(loads)
+    times = []
+    for _ in range(ROUNDS):
+        started = time.perf_counter()
+        for _ in range(CALLS):
+            solver.follow(loads)
+        times.append((time.perf_counter() - started) / CALLS)
+    return 1e6 * statistics.median(times), int(found.iterations.sum()), found.status
+
+
+def main() -> None:
+    """Print the table; the times hold the call from Python, about 20 us."""
+    print("| load | springs | status | Newton steps | us for 11 equilibria |")
+    print("|---|---|---|---|---|")
+    worst = 0.0
+    for top in (1, 2, 3):
+        for axis in range(3):
+            for sign in (1.0, -1.0):
+                for tension_only in (False, True):
+                    taken, steps, status = measure(top, axis, sign, tension_only)
+                    worst = max(worst, taken)
+                    law = "tension-only" if tension_only else "linear"
+                    where = f"B{top} {'+' if sign > 0 else '-'}{AXES[axis]}"
+                    print(f"| {where} | {law} | {status} | {steps} | {taken:.1f} |")
+    print(f"\nslowest: {worst:.1f} us, asked for: below 300")
+
+
+if __name__ == "__main__":
+    main()
