@@ -37,9 +37,8 @@ class Series:
     marker: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return name and places in JSON's types."""
-        places = {"x": np.asarray(self.x, dtype=float), "y": np.asarray(self.y, dtype=float)}
-        return {"name": self.name, **{key: values.tolist() for key, values in places.items()}}
+        """Return name and places in JSON's types, None for what is not finite."""
+        return {"name": self.name, "x": _finite(self.x), "y": _finite(self.y)}
 
 
 @dataclass(frozen=True)
@@ -118,6 +117,10 @@ def dress_axes(axes: Axes, x_label: str, y_label: str, *, log: tuple[bool, bool]
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(GRID)
+
+
+def _finite(values: ArrayLike) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in np.asarray(values, dtype=float).tolist()]
 
 
 def _format_power(value: float, _: object) -> str:

@@ -1,12 +1,15 @@
-"""Numbers as people read them: true minus signs, powers of ten with raised digits."""
+"""Numbers and symbols as people read them: true minus signs, raised exponents, lowered indices."""
 
 from __future__ import annotations
 
 import math
+import re
 
-__all__ = ["MISSING", "format_number", "raise_digits"]
+__all__ = ["MISSING", "format_number", "lower_indices", "raise_digits"]
 
 MISSING = "–"
+# A symbol of one letter with an index: T_S, M_3, H_δ.
+_INDEXED = re.compile(r"(?<![^\W_])([^\W\d_])_([^\W_])(?![^\W_])")
 _MINUS = "−"
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -25,3 +28,8 @@ def format_number(value: float | None, spec: str) -> str:
 def raise_digits(number: int) -> str:
     """Return a whole number in raised digits: -3 -> ⁻³."""
     return str(number).translate(_RAISED)
+
+
+def lower_indices(text: str, opening: str, closing: str) -> str:
+    """Return text in which the index of each symbol like T_S stands between `opening` and `closing`."""
+    return _INDEXED.sub(lambda found: f"{found[1]}{opening}{found[2]}{closing}", text)

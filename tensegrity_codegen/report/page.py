@@ -23,8 +23,13 @@ __all__ = [
     "diagram_figure",
 ]
 
-Verdict = Literal["agrees", "differs", "new"]
-VERDICTS: Mapping[str, str] = {"agrees": "agrees", "differs": "differs", "new": "not in print"}
+Verdict = Literal["agrees", "differs", "unstated", "new"]
+VERDICTS: Mapping[str, str] = {
+    "agrees": "agrees",
+    "differs": "differs",
+    "unstated": "no numbers in print",
+    "new": "not in print",
+}
 
 
 @dataclass(frozen=True)

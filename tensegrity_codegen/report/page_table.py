@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +63,8 @@ def text_cell(text: str) -> Cell:
 
 def number_cell(value: float | None, spec: str, role: str = "") -> Cell:
     """Return a cell with a number in the format `spec`; None and NaN show as a dash."""
-    return Cell(((role, format_number(value, spec)),), value)
+    known = None if value is None or math.isnan(value) else value
+    return Cell(((role, format_number(known, spec)),), known)
 
 
 def compare_cell(paper: float | None, ours: float | None, spec: str) -> Cell:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tensegrity_codegen.report.canvas import import_extra
+from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.palette import PAPER
 from tensegrity_codegen.report.theme import use_variables
 
@@ -79,4 +80,9 @@ def _inline_svg(content: bytes, name: str) -> str:
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", svg)
     svg = re.sub(r"font: ([\d.]+px) [^;\"]+", r"font: \1 var(--font)", svg)
+    svg = re.sub(r"(?<=>)[^<>]+_[^<>]+(?=</text>)", _lower, svg)
     return use_variables(svg)
+
+
+def _lower(found: re.Match[str]) -> str:
+    return lower_indices(found[0], '<tspan baseline-shift="sub" font-size="75%">', "</tspan>")

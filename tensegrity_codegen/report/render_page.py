@@ -6,8 +6,10 @@ import functools
 import re
 
 import jinja2
+from markupsafe import Markup, escape
 
 from tensegrity_codegen.codegen.render import template_folder
+from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.page import VERDICTS, Page
 from tensegrity_codegen.report.theme import THEME
 
@@ -34,10 +36,11 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["tied"] = _tie
+    environment.filters["rich"] = _enrich
     return environment
 
 
-def _tie(text: str) -> str:
-    """Return text in which no line breaks between a number and its unit."""
-    return UNIT.sub("\\1\N{NO-BREAK SPACE}", text)
+def _enrich(text: str) -> Markup:
+    """Return escaped text with lowered indices, and with numbers and units on one line."""
+    tied = UNIT.sub("\\1\N{NO-BREAK SPACE}", str(escape(text)))
+    return Markup(lower_indices(tied, "<sub>", "</sub>"))

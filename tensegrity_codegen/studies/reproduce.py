@@ -35,6 +35,13 @@ __all__ = [
 
 PAGE_NAME, DATA_NAME = "reproduce.html", "reproduce.json"
 ALL = "all"
+# Verdict -> how one and how several results of it are counted.
+WORDS = {
+    "agrees": ("{} agrees with print", "{} agree with print"),
+    "differs": ("{} differs", "{} differ"),
+    "unstated": ("{} is a curve without printed numbers", "{} are curves without printed numbers"),
+    "new": ("{} is not given in print", "{} are not given in print"),
+}
 
 
 @dataclass(frozen=True)
@@ -93,7 +100,7 @@ def reproduce(
     target = write_folder(folder, {})  # before the long work: that the result has a place
     page = build_page(names, quick=quick, progress=progress)
     html, data = target / PAGE_NAME, target / DATA_NAME
-    text = json.dumps(page.as_dict(), ensure_ascii=False, indent=1, allow_nan=False, default=_plain)
+    text = json.dumps(page.as_dict(), ensure_ascii=False, allow_nan=False, default=_plain)
     with replaced(html) as new_html, replaced(data) as new_data:
         new_html.write_text(render_page(page), encoding="utf-8")
         new_data.write_text(text + "\n", encoding="utf-8")
@@ -144,12 +151,15 @@ def _part(progress: ProgressFunction | None, start: float, share: float) -> Prog
 
 def _lead(chapters: Sequence[Chapter]) -> str:
     verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
-    words = {"agrees": "agree with print", "differs": "differ", "new": "are not in print"}
-    counts = [f"{verdicts.count(kind)} {words[kind]}" for kind in VERDICTS if kind in verdicts]
+    counts = [
+        WORDS[kind][verdicts.count(kind) > 1].format(verdicts.count(kind))
+        for kind in VERDICTS
+        if kind in verdicts
+    ]
     return (
         "Every table and figure that the text of the papers defines, computed by the same general models "
         f"that serve any other scene, beside what was printed. Of {len(verdicts)} results "
-        f"{', '.join(counts)}; where one differs, the page says where and why."
+        f"{', '.join(counts)}. Where one differs, the page says where and why."
     )
 
 

@@ -16,7 +16,7 @@ SK = (
         "sk-pseudo-inverse",
         "S&K 1: the pseudo-inverse of the inertia matrix is not what the accelerations need",
         "Fig. 2, Theorem 3",
-        "Hδ is diagonal and regular, so that its pseudo-inverse is its inverse; the accelerations need D "
+        "H_δ is diagonal and regular, so that its pseudo-inverse is its inverse; the accelerations need D "
         "H⁻¹ Dᵀ, the upper left block of the inverse of the saddle matrix. The curve “pinv” times "
         "another matrix than the two “conjugation” curves.",
     ),
@@ -52,7 +52,7 @@ SK = (
         "sk-inertia",
         "S&K 6: the inertia has a closed form, which is diagonal",
         "Eq. (4.1)",
-        "For point masses Hδ = diag(mᵢ mⱼ / Σm) over all pairs, by Lagrange's identity; the paper does "
+        "For point masses H_δ = diag(mᵢ mⱼ / Σm) over all pairs, by Lagrange's identity; the paper does "
         "not solve for it.",
     ),
     Entry(
@@ -129,7 +129,7 @@ SCS = (
         "SCS 3: the data of the examples are rounded",
         "Eqs. (43), (44), (52)",
         "b = 2/3 m (printed 0.67), Z = 1.11066 m (printed 1.11) and Z = 1.60504 m (printed 1.6). With "
-        "the printed digits the tensions are off by up to 9 %, with these each is met.",
+        "the printed digits the tensions are off by up to 11 %, with these each is met.",
     ),
     Entry(
         "scs-height",

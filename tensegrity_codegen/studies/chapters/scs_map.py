@@ -40,7 +40,7 @@ PRESTRESS_DELTA = (20.0, 30.0, 40.0, 50.0, 60.0)  # [deg]
 
 
 def map_section(tower: SymmetricTower, step: float) -> Section:
-    """Return the maps at both heights in steps of `step` [deg], and configurations that stand without load."""
+    """Return the maps in steps of `step` [deg], and configurations that stand without load."""
     maps = compute_paper_maps(tower, step)
     share = {name: float(found.feasible.mean()) for name, found in maps.items()}
     return Section(

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.report.diagram import Diagram, Series
-from tensegrity_codegen.report.page import Remark, Section, diagram_figure
+from tensegrity_codegen.report.page import Remark, Section, Verdict, diagram_figure
 from tensegrity_codegen.report.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.studies.chapters.scs_equilibria import NAMES, UNITS
 
 __all__ = ["motion_sections"]
 
-WITH, WITHOUT, PRESCRIBED = "with torque", "without torque", "both angles prescribed"
-# Number -> motion, title, verdict, and what the paper's text says of the picture.
+WITH, WITHOUT, PRESCRIBED = "with torque", "without torque", "with both angles prescribed"
+# Number -> motion, title, and what the paper's text says of the picture.
 TEXTS = {
     4: (WITH, "Angles", "From 55° and 40° to 65° and 35° by the quintic (38) to (41)."),
     5: (WITH, "Rest lengths", "By (35) from lengths and tensions."),
@@ -40,12 +40,13 @@ def motion_sections(figures: Mapping[str, Any]) -> list[tuple[str, Callable[[], 
 def _section(number: int, data: dict[str, Any]) -> Section:
     motion, title, text = TEXTS[number]
     unit = UNITS.get(data["unit"], data["unit"])
-    ends = f" Its ends are those of {ENDS[number]}." if number in ENDS else ""
+    verdict: Verdict = "agrees" if number in ENDS else "unstated"
+    ends = f" The ends are those printed in {ENDS[number]}." if number in ENDS else ""
     return Section(
         f"scs-fig-{number}",
         f"Fig. {number}",
         f"{title}, reconfiguration {motion}",
-        "agrees",
+        verdict,
         _result(data, unit),
         (
             diagram_figure(
@@ -55,10 +56,7 @@ def _section(number: int, data: dict[str, Any]) -> Section:
                 f"{title} over time: {', '.join(NAMES[name] for name in data['curves'])}.",
             ),
             _table(data, unit),
-            Remark(
-                "agrees",
-                f"{text}{ends} The paper prints a curve without numbers.",
-            ),
+            Remark(verdict, f"{text}{ends} The paper prints curves without numbers."),
         ),
     )
 
@@ -66,10 +64,11 @@ def _section(number: int, data: dict[str, Any]) -> Section:
 def _result(data: dict[str, Any], unit: str) -> str:
     """Return the range of each curve in one line."""
     spec = ".4f" if unit in ("m", "N m") else ".2f"
+    gap = "" if unit == "°" else " "
     parts = []
     for name, values in data["curves"].items():
         low, high = (format(value, spec).replace("-", "−") for value in (values.min(), values.max()))
-        parts.append(f"{NAMES[name].partition(',')[0]} {low} to {high} {unit}")
+        parts.append(f"{NAMES[name].partition(',')[0]} {low} to {high}{gap}{unit}")
     return "; ".join(parts)
 
 

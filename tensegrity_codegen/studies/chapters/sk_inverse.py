@@ -63,7 +63,7 @@ def inverse_section(nodes: Sequence[int]) -> Section:
                 "differs",
                 "Times are those of another machine and another language, so only order and growth can "
                 "be compared. The curve of the pseudo-inverse belongs to a different matrix than the "
-                "other two: it inverts Hδ, which alone does not give the accelerations. The three "
+                "other two: it inverts H_δ, which alone does not give the accelerations. The three "
                 "others give the same accelerations within "
                 f"{format_number(data['largest_difference'], '.0e')} (relative).",
                 ("sk-pseudo-inverse",),
