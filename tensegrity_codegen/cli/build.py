@@ -42,7 +42,8 @@ def build(
         if quantity:
             # Without the acceleration there is nothing to integrate.
             integrators = request.integrators if "acceleration" in quantity else ()
-            solvers = request.solvers if "potential_energy" in quantity else ()
+            minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
+            solvers = request.solvers if minimised else ()
             request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
         built = build_library(structure, request, compiler=compiler, flags=flags, measure=measure)
         folder = built.export(out) if out is not None else built.entry.folder
