@@ -103,6 +103,7 @@ def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(d
         *MODULES,
         *(f"tensegrity_codegen/templates/{name}" for name in TEMPLATES),
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
+        *(path.relative_to(ROOT).as_posix() for path in ROOT.glob("tensegrity_codegen/studies/data/*.csv")),
         "tensegrity_codegen/py.typed",
     }
     assert {name for name in names if not name.startswith(info)} == wanted
