@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import sys
 from pathlib import Path
@@ -244,13 +243,6 @@ def test_manifest_and_header_say_what_the_solver_takes(sources: dict[str, Genera
     baked = sources["baked"]
     assert baked.manifest.solvers[0].varied == ""
     assert "_path(" not in baked.files["small.h"]
-
-
-def test_the_embedding_page_states_the_codes_of_the_solver() -> None:
-    page = (Path(__file__).resolve().parents[2] / "docs/embedding.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (\d) \| `PRISM_([A-Z_]+)` \|", page, re.MULTILINE)
-    expected = [(str(value), word.upper()) for value, word in enumerate(SOLVER_STATUS, len(STATUS))]
-    assert rows == expected
 
 
 def test_a_scene_that_asks_for_no_solver_has_none() -> None:
