@@ -9,10 +9,14 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.files import check_target
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["simulate"]
+__all__ = ["UNTIL", "simulate"]
+
+# What --until may name.
+UNTIL = ("contact",)
 
 
 def simulate(
@@ -33,6 +37,9 @@ def simulate(
     ] = "auto",
     step: Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")] = None,
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
+    until: Annotated[
+        str | None, typer.Option("--until", help="End early: contact, the first contact of two bars.")
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
     compiler: CompilerOption = None,
     flags: FlagsOption = "reference",
@@ -40,6 +47,8 @@ def simulate(
 ) -> None:
     """Simulate the motion of a scene and write it to an .npz file.
 
+    With --until contact the last sample is the first contact of two bars, if there is one by --t-end; it
+    is in "events" of the result, and in event_time, event_kind, event_name of the file.
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
@@ -54,10 +63,12 @@ def simulate(
         )
         from tensegrity_codegen.report.tables import run_table
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+        from tensegrity_codegen.runtime.margins import CONTACT_QUANTITIES
         from tensegrity_codegen.runtime.simulate import check_options, integrators_for
         from tensegrity_codegen.runtime.simulate import simulate as run
 
         check_options(t_end, samples, method, step, rtol, atol)
+        _check_until(until)
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
@@ -67,7 +78,11 @@ def simulate(
         quantities = simulation_quantities(request.formulation) + (
             equilibrium_quantities(structure, request) if settle else ()
         )
-        wanted = request.wanting(*quantities, integrators=integrators_for(method))
+        integrators = integrators_for(method)
+        if until:
+            quantities += CONTACT_QUANTITIES
+            integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
+        wanted = request.wanting(*quantities, integrators=integrators)
         built = build_library(structure, wanted, compiler=compiler, flags=flags)
         model = built.load()
         start = find_equilibrium(model).coordinate if settle else None
@@ -81,6 +96,7 @@ def simulate(
                 rtol=rtol,
                 atol=atol,
                 coordinate=start,
+                until_contact=until is not None,
                 progress=progress,
             )
         if out is not None:
@@ -90,3 +106,14 @@ def simulate(
         if trajectory.status != "ok":
             output.warn(f"{trajectory.status}: {trajectory.message}")
             raise typer.Exit(3)
+
+
+def _check_until(until: str | None) -> None:
+    if until is not None and until not in UNTIL:
+        raise UnknownNameError(
+            "unknown event",
+            where="--until",
+            given=until,
+            allowed=", ".join(UNTIL),
+            hint=suggest(until, UNTIL),
+        )

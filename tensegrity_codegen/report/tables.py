@@ -121,7 +121,7 @@ def run_table(summary: Mapping[str, Any]) -> Table:
     table.show_header = False
     for key, value in summary.items():
         name, unit = RUN_ROWS.get(key, (key.replace("_", " "), ""))
-        if value is None or value == "":
+        if value is None or value == "" or isinstance(value, list):
             continue
         text = (
             f"{value:.6g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from scipy.integrate import solve_ivp
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.consistency import check_consistent
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
+from tensegrity_codegen.runtime.flow import build_derivative
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.rk54 import integrate_rk54
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
@@ -57,13 +60,16 @@ def simulate(
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
     schedule: Schedule | None = None,
+    until_contact: bool = False,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
 
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
     name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
-    methods; step [s]: for the method "rk4" only; progress: called with the fraction done. A run that becomes
+    methods; step [s]: for the method "rk4" only; progress: called with the fraction done. until_contact: end
+    with the first contact of bars, as the last sample and in `events`, at t = 0 where they touch from the
+    start; needs bar_distance and bar_distance_jacobian, else FormulationError. A run that becomes
     unstable or misses its tolerance comes back with that status and the samples it reached. Raises
     InvalidValueError for values outside their range, UnknownNameError for an unknown method or argument,
     FormulationError where the model lacks the integrator, NonFiniteError for values that are not finite.
@@ -77,19 +83,16 @@ def simulate(
     v0 = _initial(model, "velocity", velocity)
     check_consistent(model, q0, v0)
     state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
-    if method == "rk4":
-        raw = integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
-    elif method == "rk54":
-        raw = integrate_rk54(model, state, sample_time, rtol, atol, arguments, progress)
-    elif method == "auto":
 
-        def run(step_rtol: float, step_atol: float) -> RawTrajectory:
-            return integrate_rk54(model, state, sample_time, step_rtol, step_atol, arguments, progress)
+    def integrate(time: FloatArray) -> RawTrajectory:
+        return _integrate(model, state, time, method, step, rtol, atol, arguments, schedule, progress)
 
-        raw = tighten_until_converged(run, rtol, atol)
+    events: tuple[MotionEvent, ...] = ()
+    if until_contact:
+        raw, events = stop_at_contact(model, integrate, sample_time, arguments=arguments, schedule=schedule)
     else:
-        raw = _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
-    return evaluate_trajectory(model, raw, arguments, schedule)
+        raw = integrate(sample_time)
+    return replace(evaluate_trajectory(model, raw, arguments, schedule), events=events)
 
 
 def integrators_for(method: str) -> tuple[str, ...]:
@@ -97,6 +100,32 @@ def integrators_for(method: str) -> tuple[str, ...]:
     if method in SCIPY_NAME:
         return ()
     return ("rk4",) if method == "rk4" else ("rk54",)
+
+
+def _integrate(
+    model: CompiledModel,
+    state: FloatArray,
+    sample_time: FloatArray,
+    method: str,
+    step: float | None,
+    rtol: float,
+    atol: float,
+    arguments: Mapping[str, Any],
+    schedule: Schedule | None,
+    progress: Progress | None,
+) -> RawTrajectory:
+    """Return the states at the sample times by one of METHODS."""
+    if method == "rk4":
+        return integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
+    if method == "rk54":
+        return integrate_rk54(model, state, sample_time, rtol, atol, arguments, progress)
+    if method == "auto":
+
+        def run(step_rtol: float, step_atol: float) -> RawTrajectory:
+            return integrate_rk54(model, state, sample_time, step_rtol, step_atol, arguments, progress)
+
+        return tighten_until_converged(run, rtol, atol)
+    return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
@@ -150,12 +179,7 @@ def _scipy(
     arguments: Mapping[str, Any],
     schedule: Schedule | None,
 ) -> RawTrajectory:
-    n = len(state) // 2
-
-    def derivative(t: float, x: FloatArray) -> FloatArray:
-        given = arguments if schedule is None else {**arguments, **schedule(t)}
-        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **given)
-        return np.concatenate([x[n:], a])
+    derivative = build_derivative(model, arguments, schedule)
 
     def stopped(why: str) -> RawTrajectory:
         return RawTrajectory(sample_time[:1], state[None, :], "unstable", why, f"scipy {method}", 0, 0)

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -18,6 +18,9 @@ from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.motion_events import MotionEvent
 
 __all__ = [
     "SIMULATION_QUANTITIES",
@@ -90,7 +93,8 @@ class Trajectory:
     (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
     energy_drift: largest change of the total energy over the largest kinetic energy, None with damping or a
     schedule, which change energy rightly. status: "ok", "unstable", "inaccurate",
-    "at_pole" (a body of which the angles lost their meaning) or "not_converged"; message says why.
+    "at_pole" (a body of which the angles lost their meaning) or "not_converged"; message says why. events:
+    what ended the motion before its time, at the last sample; not read back from a file.
     """
 
     time: FloatArray
@@ -111,6 +115,7 @@ class Trajectory:
     n_evaluations: int = 0
     step: float | None = None
     error_estimate: float | None = None
+    events: tuple[MotionEvent, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""
@@ -128,10 +133,12 @@ class Trajectory:
             "total_energy_end": float(self.total_energy[-1]),
             "energy_drift": self.energy_drift,
             "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
+            "events": [event.as_dict() for event in self.events],
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a result file holds, name -> array."""
+        """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
+        rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             "time": self.time,
             "node_position": self.node_position,
@@ -144,6 +151,9 @@ class Trajectory:
             "status": np.array(self.status),
             "message": np.array(self.message),
             "method": np.array(self.method),
+            "event_time": np.array([row[0] for row in rows], dtype=np.float64),
+            "event_kind": np.array([row[1] for row in rows], dtype=np.str_),
+            "event_name": np.array([row[2] for row in rows], dtype=np.str_),
         }
 
     def write(self, path: str | Path) -> None:

@@ -1,0 +1,97 @@
+"""States between the samples of a motion: integrated anew from a sample, at a tolerance of their own."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from tensegrity_codegen.errors import ConvergenceError
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.rk54 import integrate_rk54
+from tensegrity_codegen.runtime.trajectory import Schedule
+
+__all__ = ["Flow", "build_derivative"]
+
+FloatArray = NDArray[np.float64]
+
+LOOSENING = (1.0, 1e2, 1e4)  # factors on the tolerance, one after the other, where rounding is in the way
+ATOL_OF_STATE = 1e-2  # absolute tolerance over relative tolerance times the largest component
+
+
+def build_derivative(
+    model: CompiledModel, arguments: Mapping[str, Any], schedule: Schedule | None = None
+) -> Callable[[float, FloatArray], FloatArray]:
+    """Return (t [s], x) -> x' = (q', H^-1 f), with arguments that a schedule may change with time."""
+    n = len(model.manifest.coordinate_name)
+
+    def derivative(t: float, x: FloatArray) -> FloatArray:
+        given = arguments if schedule is None else {**arguments, **schedule(t)}
+        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **given)
+        return np.concatenate([x[n:], a])
+
+    return derivative
+
+
+class Flow:
+    """The motion from a state on: by the library's rk54, or SciPy's DOP853 where that cannot be used.
+
+    rk54 cannot be used where the library lacks it, or a schedule changes arguments with time.
+    """
+
+    def __init__(
+        self, model: CompiledModel, arguments: Mapping[str, Any], schedule: Schedule | None = None
+    ) -> None:
+        self.model, self.arguments = model, arguments
+        in_c = schedule is None and any(spec.name == "rk54" for spec in model.manifest.integrators)
+        self._run = self._rk54 if in_c else self._dop853
+        self._derivative = build_derivative(model, arguments, schedule)
+
+    def states(self, start: float, state: FloatArray, offset: FloatArray, rtol: float) -> FloatArray:
+        """Return the states (n, n_states) at start + offset [s]; offset (n,) rises from 0.
+
+        Raises ConvergenceError where the motion cannot be followed even at ten thousand times `rtol`.
+        """
+        if offset[-1] <= 0.0:
+            return np.tile(state, (len(offset), 1))
+        size = float(np.abs(state).max(initial=0.0)) or 1.0
+        for factor in LOOSENING:
+            found = self._run(start, state, offset, factor * rtol, factor * rtol * ATOL_OF_STATE * size)
+            if found is not None:
+                return found
+        raise ConvergenceError(
+            "the motion between two samples cannot be integrated anew",
+            where=self.model.manifest.name,
+            evidence={"time": start, "duration": float(offset[-1])},
+            hint="take more samples, or tighter tolerances",
+        )
+
+    def state(self, start: float, state: FloatArray, offset: float, rtol: float) -> FloatArray:
+        """Return the state (n_states,) at start + offset [s]."""
+        return np.asarray(self.states(start, state, np.array([0.0, offset]), rtol)[-1])
+
+    def _rk54(
+        self, start: float, state: FloatArray, offset: FloatArray, rtol: float, atol: float
+    ) -> FloatArray | None:
+        raw = integrate_rk54(self.model, state, offset, rtol, atol, self.arguments)
+        return raw.state if raw.status == "ok" else None
+
+    def _dop853(
+        self, start: float, state: FloatArray, offset: FloatArray, rtol: float, atol: float
+    ) -> FloatArray | None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what they say is in the status
+            found = solve_ivp(
+                lambda t, x: self._derivative(start + t, x),
+                (0.0, float(offset[-1])),
+                state,
+                "DOP853",
+                t_eval=offset,
+                rtol=rtol,
+                atol=atol,
+            )
+        return np.asarray(found.y.T) if found.status == 0 else None

@@ -1,0 +1,251 @@
+"""Events of a motion: the first contact of bars, the first slack of cables, located by root finding.
+
+The samples of a motion are far apart; each interval is split into parts of about one step of the integrator.
+In a part a margin g (distance between bars, extension of a cable) falls through zero where its sign changes,
+or where it is positive at both ends but falls at the first and rises at the second: the tangents at the ends
+say whether its least value is worth a search, the zero of its rate where that is. Brent's method finds the
+zeros, on states that are integrated anew from the start of the part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from tensegrity_codegen.runtime.flow import Flow
+from tensegrity_codegen.runtime.margins import Margins, build_contact_margins, build_slack_margins
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory
+
+__all__ = ["MotionEvent", "find_contact", "find_slack", "stop_at_contact"]
+
+FloatArray = NDArray[np.float64]
+
+TIGHT = 1e-13  # relative tolerance of the states that events are located on
+BETWEEN = 1e-8  # relative tolerance of the states that split an interval
+EVALUATIONS = 12  # of the derivative, that a part of an interval is worth
+SAME = 1e-9  # of the simulated time: events this near happen at once
+WORTH = 0.5  # of the smaller end value, that the tangents must fall to before the least value is sought
+
+
+@dataclass(frozen=True)
+class MotionEvent:
+    """Something that happens for the first time in a motion.
+
+    kind: "contact" or "slack"; names: all pairs of bars, or cables, that it happens to at once, as by
+    symmetry; time [s]; margin: distance or extension there [m], zero to rounding, negative where the motion
+    started beyond; coordinate, velocity (n_coordinates,): the state there.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    time: float
+    margin: float
+    coordinate: FloatArray
+    velocity: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the event as one JSON-ready object, without the state."""
+        return {"kind": self.kind, "names": self.names, "time": self.time, "margin": self.margin}
+
+
+def find_contact(
+    model: CompiledModel,
+    trajectory: Trajectory,
+    *,
+    arguments: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
+) -> tuple[MotionEvent, ...]:
+    """Return the first contact of every pair of bars that touches, in the order of time.
+
+    arguments, schedule: as the trajectory was simulated with. Pairs that overlap from the start say so at
+    the first sample. Raises FormulationError where the model lacks bar_distance or its Jacobian,
+    ConvergenceError where the motion cannot be integrated anew.
+    """
+    margins = build_contact_margins(model, arguments or {})
+    return _find(margins, Flow(model, arguments or {}, schedule), _raw(trajectory))
+
+
+def find_slack(
+    model: CompiledModel,
+    trajectory: Trajectory,
+    members: Sequence[str],
+    *,
+    arguments: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
+) -> tuple[MotionEvent, ...]:
+    """Return when each of these cables first goes slack, in the order of time; those that never do are out.
+
+    arguments, schedule: as the trajectory was simulated with. Cables that are slack from the start say so at
+    the first sample. Raises FormulationError where the model lacks member_extension or a member,
+    ConvergenceError where the motion cannot be integrated anew.
+    """
+    margins = build_slack_margins(model, tuple(members), arguments or {}, schedule)
+    return _find(margins, Flow(model, arguments or {}, schedule), _raw(trajectory))
+
+
+def stop_at_contact(
+    model: CompiledModel,
+    integrate: Callable[[FloatArray], RawTrajectory],
+    sample_time: FloatArray,
+    *,
+    arguments: Mapping[str, Any],
+    schedule: Schedule | None = None,
+) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
+    """Return the samples up to the first contact and the state there, and that event; all if there is none.
+
+    integrate: sample times [s] -> samples. What goes wrong after the contact does not matter: a run that did
+    not end well is made again up to the sample after the contact. Raises as find_contact.
+    """
+    margins, flow = build_contact_margins(model, arguments), Flow(model, arguments, schedule)
+    raw = integrate(sample_time)
+    events = _find(margins, flow, raw, only_first=True)
+    if events and raw.status != "ok":
+        raw = integrate(sample_time[: max(2, int(np.sum(sample_time <= events[0].time)) + 1)])
+        events = _find(margins, flow, raw, only_first=True)
+    if not events:
+        return replace(raw, message="; ".join(filter(None, [raw.message, "no contact"]))), ()
+    event = events[0]
+    before = raw.time < event.time
+    said = f"contact of {', '.join(event.names)} at t = {event.time:.9g} s"
+    stopped = replace(
+        raw,
+        time=np.append(raw.time[before], event.time),
+        state=np.vstack([raw.state[before], np.concatenate([event.coordinate, event.velocity])]),
+        message="; ".join(filter(None, [raw.message, said])),
+    )
+    return stopped, (event,)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A stretch of the motion between two states, and the margins and their rates at both."""
+
+    start: float
+    length: float
+    states: tuple[FloatArray, FloatArray]
+    values: tuple[FloatArray, FloatArray]
+    rates: tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """One margin that falls through zero."""
+
+    index: int
+    time: float
+    state: FloatArray
+
+
+def _raw(trajectory: Trajectory) -> RawTrajectory:
+    state = np.hstack([trajectory.coordinate, trajectory.velocity])
+    return RawTrajectory(
+        trajectory.time, state, trajectory.status, "", trajectory.method, 0, trajectory.n_evaluations
+    )
+
+
+def _find(
+    margins: Margins, flow: Flow, raw: RawTrajectory, *, only_first: bool = False
+) -> tuple[MotionEvent, ...]:
+    """Return the events of the motion; only_first: the first alone."""
+    found: list[_Found] = []
+    pending = margins.values(raw.time[0], raw.state[0]) > margins.floor
+    found += [_Found(int(k), float(raw.time[0]), raw.state[0]) for k in np.flatnonzero(~pending)]
+    for part in _split(margins, flow, raw):
+        if not pending.any() or (only_first and found):
+            break
+        new = [item for k in _suspects(part, pending) if (item := _locate(margins, flow, part, int(k)))]
+        pending[[item.index for item in new]] = False
+        found += new
+    events = _gather(margins, found, SAME * float(raw.time[-1]))
+    return events[:1] if only_first else events
+
+
+def _split(margins: Margins, flow: Flow, raw: RawTrajectory) -> Iterator[_Part]:
+    """Yield the parts of the motion, in order."""
+    count = max(1, int(np.ceil(raw.n_evaluations / EVALUATIONS / max(1, len(raw.time) - 1))))
+    left = _evaluate(margins, float(raw.time[0]), raw.state[0])
+    for k in range(len(raw.time) - 1):
+        start, length = float(raw.time[k]), float(raw.time[k + 1] - raw.time[k])
+        offset = np.linspace(0.0, length, count + 1)
+        inner = flow.states(start, raw.state[k], offset[:-1], BETWEEN)
+        states = [*inner, raw.state[k + 1]]
+        for j in range(count):
+            right = _evaluate(margins, start + offset[j + 1], states[j + 1])
+            step = float(offset[j + 1] - offset[j])
+            values, rates = (left[0], right[0]), (left[1], right[1])
+            yield _Part(float(start + offset[j]), step, (states[j], states[j + 1]), values, rates)
+            left = right
+
+
+def _evaluate(margins: Margins, time: float, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return margins.values(time, state), margins.rates(time, state)
+
+
+def _suspects(part: _Part, pending: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the margins that are not positive at the end, or may fall to zero and rise again within."""
+    (first, last), (fall, rise) = part.values, part.rates
+    turns = (fall < 0) & (rise > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        meet = (last - first - rise * part.length) / (fall - rise)  # where the tangents at the ends meet
+    least = first + fall * np.clip(np.where(turns, meet, 0.0), 0.0, part.length)
+    dips = turns & (least <= WORTH * np.minimum(first, last))
+    return np.flatnonzero(pending & ((last <= 0) | dips))
+
+
+def _locate(margins: Margins, flow: Flow, part: _Part, index: int) -> _Found | None:
+    """Return where a margin falls through zero in a part, None if it does not."""
+
+    def state(offset: float) -> FloatArray:
+        return part.states[0] if offset <= 0 else flow.state(part.start, part.states[0], offset, TIGHT)
+
+    def value(offset: float) -> float:
+        return float(margins.values(part.start + offset, state(offset))[index])
+
+    def rate(offset: float) -> float:
+        return float(margins.rates(part.start + offset, state(offset))[index])
+
+    end = part.length
+    if part.values[1][index] > 0:
+        if rate(end) <= 0:  # so near the end that integrating anew does not find the turn
+            return None
+        end = _find_root(rate, end)
+        if value(end) > 0:
+            return None
+    elif value(end) > 0:  # negative at the sample by less than its error
+        return _Found(index, part.start + end, part.states[1])
+    offset = 0.0 if part.values[0][index] <= 0 else _find_root(value, end)
+    return _Found(index, part.start + offset, state(offset))
+
+
+def _find_root(function: Callable[[float], float], end: float) -> float:
+    """Return a zero of a function that has different signs at 0 and `end`."""
+    return float(optimize.brentq(function, 0.0, end, xtol=1e-15 * end, rtol=1e-14))
+
+
+def _gather(margins: Margins, found: Sequence[_Found], same: float) -> tuple[MotionEvent, ...]:
+    """Return the events in the order of time, those at once as one."""
+    groups: list[list[_Found]] = []
+    for item in sorted(found, key=lambda item: (item.time, item.index)):
+        if groups and item.time - groups[-1][0].time <= same:
+            groups[-1].append(item)
+        else:
+            groups.append([item])
+    return tuple(_describe(margins, group) for group in groups)
+
+
+def _describe(margins: Margins, group: Sequence[_Found]) -> MotionEvent:
+    first, n = group[0], len(group[0].state) // 2
+    return MotionEvent(
+        kind=margins.kind,
+        names=tuple(margins.names[index] for index in sorted(item.index for item in group)),
+        time=first.time,
+        margin=float(margins.values(first.time, first.state)[first.index]),
+        coordinate=first.state[:n],
+        velocity=first.state[n:],
+    )
