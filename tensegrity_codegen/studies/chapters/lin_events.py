@@ -50,7 +50,7 @@ def maximum_section(quick: bool) -> Section:
                 f"With linear springs, as in the paper, a spring that goes slack at {slack:.6g} N pushes "
                 "from there on. With springs that go slack the contact comes a little earlier. Both lie "
                 "above the 10 N of the measurements.",
-                ("lin-maximum",),
+                ("lin-maximum", "lin-cases"),
             ),
             _survey_table(survey),
         ),

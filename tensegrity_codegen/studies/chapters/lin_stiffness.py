@@ -20,7 +20,7 @@ def stiffness_section(factors: Sequence[float]) -> Section:
     data = compare_stiffness(factors)
     descent = 1e3 * data["descent_10"]
     return Section(
-        "lin-stiffness",
+        "lin-spring-constants",
         "Abstract",
         "External force against spring constants",
         "new",
@@ -33,13 +33,13 @@ def stiffness_section(factors: Sequence[float]) -> Section:
                 "springs. Rest lengths stay as printed, so that stiffer springs are tighter, too."
             ),
             diagram_figure(
-                "lin-stiffness-force",
+                "lin-spring-constants-force",
                 _diagram(data, "force_10", f"force for {descent:.1f} mm [N]"),
                 f"Force on B₃ that brings it down by {descent:.1f} mm, as 10 N do with the printed springs.",
                 "Force against spring constant: proportional for all springs, bent for one kind alone.",
             ),
             diagram_figure(
-                "lin-stiffness-maximum",
+                "lin-spring-constants-maximum",
                 _diagram(data, "maximum", "largest load [N]"),
                 "Largest load before two bars touch.",
                 "Largest load against spring constant, for all, side and top springs.",
@@ -49,6 +49,7 @@ def stiffness_section(factors: Sequence[float]) -> Section:
                 "new",
                 "The abstract says that the evolution of the external force was studied along with that "
                 "of the spring constants; no formula, table or figure of the text shows it.",
+                ("lin-stiffness",),
             ),
         ),
     )

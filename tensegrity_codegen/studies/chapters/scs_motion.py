@@ -22,7 +22,7 @@ TEXTS = {
     5: (WITH, "Rest lengths", "By (35) from lengths and tensions."),
     6: (WITH, "Tensions", "“Throughout the motion all tendons are in tension”: so they are."),
     7: (WITH, "Torque", "“A control torque is required”: so it is."),
-    8: (WITHOUT, "Angles", "α by the quintic, δ by (48)."),
+    8: (WITHOUT, "Angles", "α by the quintic, δ by (48), which is linear in sin δ."),
     9: (WITHOUT, "Rest lengths", "By (35)."),
     10: (WITHOUT, "Tensions", "“The tendons are always in tension”: so they are."),
     11: (PRESCRIBED, "Torque", "“Though of small magnitude, a control torque is necessary”: so it is."),
