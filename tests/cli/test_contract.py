@@ -14,7 +14,7 @@ from tensegrity_codegen.version import VERSION
 from tests.cli.conftest import Run
 
 VERBS = ["build", "check", "doctor", "equilibrium", "examples", "import"]
-VERBS += ["linearize", "new", "reconfigure", "schema", "show", "simulate"]
+VERBS += ["linearize", "load-path", "new", "reconfigure", "reproduce", "schema", "show", "simulate"]
 # A good call of each verb.
 GOOD_CALLS = {
     "build": ["build", "two_nodes.toml"],
