@@ -59,6 +59,7 @@ def load_path(
 
     Events: cables that go slack or taut, the first contact of bars, which ends the path, limit points where
     the load turns back, bifurcations. Ends with 3 where neither the load nor a contact was reached.
+
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
     output = Output(json)

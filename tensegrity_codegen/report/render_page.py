@@ -43,4 +43,5 @@ def _environment() -> jinja2.Environment:
 def _enrich(text: str) -> Markup:
     """Return escaped text with lowered indices, and with numbers and units on one line."""
     tied = UNIT.sub("\\1\N{NO-BREAK SPACE}", str(escape(text)))
+    tied = tied.replace(" × 10", "\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10")
     return Markup(lower_indices(tied, "<sub>", "</sub>"))

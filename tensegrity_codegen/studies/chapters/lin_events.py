@@ -19,6 +19,7 @@ from tensegrity_codegen.studies.lin_prism.model import compile_prism
 __all__ = ["maximum_section"]
 
 LAW = {"linear": "linear springs", "tension_only": "springs that go slack"}
+SHORT_LAW = {"linear": "linear", "tension_only": "go slack"}
 KIND = {"contact": "bars touch", "limit": "limit point", "not reached": "not reached"}
 QUICK_DIRECTIONS = ("-z", "+x")
 ENDS = ("contact", "limit")
@@ -115,7 +116,7 @@ def _survey_table(rows: list[dict[str, Any]]) -> Table:
         (
             text_cell(f"B{'₁₂₃'[row['top'] - 1]}"),
             text_cell(row["direction"].replace("-", "−")),
-            text_cell(LAW[row["law"]]),
+            text_cell(SHORT_LAW[row["law"]]),
             *(_load(row[kind], ".3f") for kind in ("slack", "contact", "limit")),
             number_cell(row["maximum"] if row["because"] in ENDS else None, ".3f", "ours"),
             text_cell(KIND[row["because"]]),

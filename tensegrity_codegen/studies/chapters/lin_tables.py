@@ -128,9 +128,11 @@ def unloaded_section() -> Section:
             Table(
                 "Without load; the paper's extensions are means over the springs of a kind.", columns, rows
             ),
-            Paragraph(
-                "The smallest eigenvalue of the Hessian of the potential energy is positive: the "
-                "configuration is stable."
+            Remark(
+                "differs",
+                "The configuration is stable: the smallest eigenvalue of the Hessian is positive. No symmetrical "
+                "configuration at all has the printed extensions.",
+                ("lin-parameters",),
             ),
         ),
     )
