@@ -130,8 +130,8 @@ def unloaded_section() -> Section:
             ),
             Remark(
                 "differs",
-                "The configuration is stable: the smallest eigenvalue of the Hessian is positive. No symmetrical "
-                "configuration at all has the printed extensions.",
+                "The configuration is stable: the smallest eigenvalue of the Hessian is positive. No "
+                "symmetrical configuration at all has the printed extensions.",
                 ("lin-parameters",),
             ),
         ),

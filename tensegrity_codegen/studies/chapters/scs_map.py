@@ -60,8 +60,8 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
             Remark(
                 "new",
                 "The printed equilibria lie inside the green regions, (52) close to its edge: its saddle "
-                "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound "
-                "under any force, and without a force the tower can be prestressed there.",
+                "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound under "
+                "any force. Where it borders on a green region the tower can be prestressed without a force.",
             ),
             _prestress_table(tower),
         ),
@@ -116,7 +116,7 @@ def _fill_regions(axes: Axes, found: RegionMap) -> list[Patch]:
         )
         patches.append(Patch(facecolor=color, alpha=strength, label=name))
     axes.contour(
-        found.alpha_deg, found.delta_deg, np.nan_to_num(found.determinant, nan=1.0), levels=[0.0],
+        found.alpha_deg, found.delta_deg, np.ma.masked_invalid(found.determinant), levels=[0.0],
         colors=[INK], linestyles="dashed", linewidths=1.0,
     )  # fmt: skip
     return patches
