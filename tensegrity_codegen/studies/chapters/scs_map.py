@@ -60,8 +60,8 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
             Remark(
                 "new",
                 "The printed equilibria lie inside the green regions, (52) close to its edge: its saddle "
-                "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound under "
-                "any force. Where it borders on a green region the tower can be prestressed without a force.",
+                "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound "
+                "under any force. Where it borders on a green region the tower can be prestressed without a force.",
             ),
             _prestress_table(tower),
         ),
@@ -87,8 +87,7 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
         draw_picture(figure, f"scs-map-{POSES[name][0]}"),
         f"Z = {found.height:.5g} m, F₃ = {found.force:g} N".replace("-", "−")
         + ". Green: all tendons taut; other colours: which tendons would have to push. Dashed: det(A_r) = 0. "
-        "Dots: "
-        "printed equilibria.",
+        "Dots: printed equilibria. White, at 30°: bars intersect.",
         "Map of feasible configurations over azimuth and declination; the printed equilibria lie in its "
         "taut region.",
         {
