@@ -49,6 +49,7 @@ def simulate(
 
     With --until contact the last sample is the first contact of two bars, if there is one by --t-end; it
     is in "events" of the result, and in event_time, event_kind, event_name of the file.
+
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)

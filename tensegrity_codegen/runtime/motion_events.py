@@ -28,8 +28,9 @@ FloatArray = NDArray[np.float64]
 
 TIGHT = 1e-13  # relative tolerance of the states that events are located on
 BETWEEN = 1e-8  # relative tolerance of the states that split an interval
-EVALUATIONS = 12  # of the derivative, that a part of an interval is worth
+EVALUATIONS = 24  # of the derivative, that a part of an interval is worth: four steps of rk54
 SAME = 1e-9  # of the simulated time: events this near happen at once
+MOST_PARTS = 1000  # at once, which bounds the memory
 WORTH = 0.5  # of the smaller end value, that the tangents must fall to before the least value is sought
 
 
@@ -123,14 +124,13 @@ def stop_at_contact(
 
 
 @dataclass(frozen=True)
-class _Part:
-    """A stretch of the motion between two states, and the margins and their rates at both."""
+class _Stretch:
+    """A stretch of the motion in parts: times (n + 1,), and states, margins and their rates, a row a time."""
 
-    start: float
-    length: float
-    states: tuple[FloatArray, FloatArray]
-    values: tuple[FloatArray, FloatArray]
-    rates: tuple[FloatArray, FloatArray]
+    time: FloatArray
+    state: FloatArray
+    values: FloatArray
+    rates: FloatArray
 
 
 @dataclass(frozen=True)
@@ -154,73 +154,81 @@ def _find(
 ) -> tuple[MotionEvent, ...]:
     """Return the events of the motion; only_first: the first alone."""
     found: list[_Found] = []
+    same = SAME * float(raw.time[-1])
+
+    def is_over(time: float) -> bool:
+        return only_first and bool(found) and min(item.time for item in found) + same < time
+
     pending = margins.values(raw.time[0], raw.state[0]) > margins.floor
     found += [_Found(int(k), float(raw.time[0]), raw.state[0]) for k in np.flatnonzero(~pending)]
-    for part in _split(margins, flow, raw):
-        if not pending.any() or (only_first and found):
+    for stretch in _split(margins, flow, raw):
+        if not pending.any() or is_over(float(stretch.time[0])):
             break
-        new = [item for k in _suspects(part, pending) if (item := _locate(margins, flow, part, int(k)))]
-        pending[[item.index for item in new]] = False
-        found += new
-    events = _gather(margins, found, SAME * float(raw.time[-1]))
+        for part, index in np.argwhere(_suspects(stretch)):
+            if is_over(float(stretch.time[part])):
+                break
+            item = _locate(margins, flow, stretch, part, index) if pending[index] else None
+            if item is not None:
+                found.append(item)
+                pending[index] = False
+    events = _gather(margins, found, same)
     return events[:1] if only_first else events
 
 
-def _split(margins: Margins, flow: Flow, raw: RawTrajectory) -> Iterator[_Part]:
-    """Yield the parts of the motion, in order."""
+def _split(margins: Margins, flow: Flow, raw: RawTrajectory) -> Iterator[_Stretch]:
+    """Yield the motion in stretches, in order."""
     count = max(1, int(np.ceil(raw.n_evaluations / EVALUATIONS / max(1, len(raw.time) - 1))))
-    left = _evaluate(margins, float(raw.time[0]), raw.state[0])
     for k in range(len(raw.time) - 1):
-        start, length = float(raw.time[k]), float(raw.time[k + 1] - raw.time[k])
-        offset = np.linspace(0.0, length, count + 1)
-        inner = flow.states(start, raw.state[k], offset[:-1], BETWEEN)
-        states = [*inner, raw.state[k + 1]]
-        for j in range(count):
-            right = _evaluate(margins, start + offset[j + 1], states[j + 1])
-            step = float(offset[j + 1] - offset[j])
-            values, rates = (left[0], right[0]), (left[1], right[1])
-            yield _Part(float(start + offset[j]), step, (states[j], states[j + 1]), values, rates)
-            left = right
+        time, state = np.linspace(raw.time[k], raw.time[k + 1], count + 1), raw.state[k]
+        for first in range(0, count, MOST_PARTS):
+            times = time[first : first + MOST_PARTS + 1]
+            is_last = first + MOST_PARTS >= count
+            inner = times[:-1] if is_last else times
+            states = flow.states(float(times[0]), state, inner - times[0], BETWEEN)
+            if is_last:
+                states = np.vstack([states, raw.state[k + 1]])
+            state = states[-1]
+            pairs = list(zip(times.tolist(), states, strict=True))
+            values = np.array([margins.values(t, x) for t, x in pairs])
+            yield _Stretch(times, states, values, np.array([margins.rates(t, x) for t, x in pairs]))
 
 
-def _evaluate(margins: Margins, time: float, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return margins.values(time, state), margins.rates(time, state)
-
-
-def _suspects(part: _Part, pending: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the margins that are not positive at the end, or may fall to zero and rise again within."""
-    (first, last), (fall, rise) = part.values, part.rates
+def _suspects(stretch: _Stretch) -> NDArray[np.bool_]:
+    """Return part by part which margins are not positive at its end, or may fall to zero and rise within."""
+    first, last = stretch.values[:-1], stretch.values[1:]
+    fall, rise = stretch.rates[:-1], stretch.rates[1:]
+    length = np.diff(stretch.time)[:, None]
     turns = (fall < 0) & (rise > 0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        meet = (last - first - rise * part.length) / (fall - rise)  # where the tangents at the ends meet
-    least = first + fall * np.clip(np.where(turns, meet, 0.0), 0.0, part.length)
-    dips = turns & (least <= WORTH * np.minimum(first, last))
-    return np.flatnonzero(pending & ((last <= 0) | dips))
+    steepness = np.where(turns, fall - rise, -1.0)
+    meet = np.where(turns, (last - first - rise * length) / steepness, 0.0)  # where the end tangents meet
+    least = first + fall * np.clip(meet, 0.0, length)
+    return np.asarray((last <= 0) | (turns & (least <= WORTH * np.minimum(first, last))))
 
 
-def _locate(margins: Margins, flow: Flow, part: _Part, index: int) -> _Found | None:
-    """Return where a margin falls through zero in a part, None if it does not."""
+def _locate(margins: Margins, flow: Flow, stretch: _Stretch, part: int, index: int) -> _Found | None:
+    """Return where a margin falls through zero in a part of a stretch, None if it does not."""
+    start, first, last = float(stretch.time[part]), stretch.state[part], stretch.state[part + 1]
+    end = float(stretch.time[part + 1]) - start
 
     def state(offset: float) -> FloatArray:
-        return part.states[0] if offset <= 0 else flow.state(part.start, part.states[0], offset, TIGHT)
+        return first if offset <= 0 else flow.state(start, first, offset, TIGHT)
 
     def value(offset: float) -> float:
-        return float(margins.values(part.start + offset, state(offset))[index])
+        return float(margins.values(start + offset, state(offset))[index])
 
     def rate(offset: float) -> float:
-        return float(margins.rates(part.start + offset, state(offset))[index])
+        return float(margins.rates(start + offset, state(offset))[index])
 
-    end = part.length
-    if part.values[1][index] > 0:
+    if stretch.values[part + 1, index] > 0:
         if rate(end) <= 0:  # so near the end that integrating anew does not find the turn
             return None
         end = _find_root(rate, end)
         if value(end) > 0:
             return None
     elif value(end) > 0:  # negative at the sample by less than its error
-        return _Found(index, part.start + end, part.states[1])
-    offset = 0.0 if part.values[0][index] <= 0 else _find_root(value, end)
-    return _Found(index, part.start + offset, state(offset))
+        return _Found(index, float(stretch.time[part + 1]), last)
+    offset = 0.0 if stretch.values[part, index] <= 0 else _find_root(value, end)
+    return _Found(index, start + offset, state(offset))
 
 
 def _find_root(function: Callable[[float], float], end: float) -> float:
