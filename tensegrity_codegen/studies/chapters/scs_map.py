@@ -61,7 +61,8 @@ def map_section(tower: SymmetricTower, step: float) -> Section:
                 "new",
                 "The printed equilibria lie inside the green regions, (52) close to its edge: its saddle "
                 "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound "
-                "under any force. Where it borders on a green region the tower can be prestressed without a force.",
+                "under any force. Where it borders on a green region the tower can be prestressed without a "
+                "force.",
             ),
             _prestress_table(tower),
         ),
