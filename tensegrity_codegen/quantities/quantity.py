@@ -1,0 +1,26 @@
+"""One row of the table of quantities and arguments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Quantity"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One row of the table; `sparse` results are handed out as compressed columns."""
+
+    name: str
+    symbol: str
+    unit: str
+    shape: tuple[str, ...]
+    sentence: str
+    source: str = "S&K 2"
+    sparse: bool = False
+    needs_mass: bool = False
+
+    @property
+    def over_bar_pairs(self) -> bool:
+        """Whether the quantity runs over pairs of bars."""
+        return bool({"n_bar_pairs", "n_bar_points"}.intersection(self.shape))
