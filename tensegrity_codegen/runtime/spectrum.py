@@ -75,7 +75,7 @@ def _sort(value: NDArray[np.complex128], rounding: float, complete: bool) -> Spe
         eigenvalue=value,
         is_complete=complete,
         natural_frequency=size / (2 * np.pi),
-        damping_ratio=-pairs.real / size,
+        damping_ratio=0.0 - pairs.real / size,  # 0, not -0, without damping
         zero_eigenvalues=int((~moving).sum()),
         growing=int((moving & (value.real > 1e-9 * np.abs(value)) & (value.real > rounding)).sum()),
     )

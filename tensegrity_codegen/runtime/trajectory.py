@@ -283,8 +283,12 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
 
 def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     # Opened here, since NumPy leaves a file open that turns out to be no archive.
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":  # else NumPy speaks of pickled data
+            raise BadZipFile("the file is no archive of arrays")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
 
 
 def _check_shapes(fields: Mapping[str, NDArray[Any]], structure: Structure, where: str) -> None:

@@ -165,7 +165,7 @@ def _syntax_error(text: str, message: str, where: str) -> SceneError:
         f"not valid TOML: {problem[:100]}",
         where=f"{where}: line {number}, column {column}",
         given=line[start : start + 80],
-        hint="strings need quotes, a table stays on one line, see https://toml.io",
+        hint="strings need quotes, numbers a digit before the point, inline tables one line; see https://toml.io",
     )
 
 

@@ -107,6 +107,8 @@ def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given
     if kind in _RANGE:
         key, text = _RANGE[kind]
         problem, allowed = "the value is out of range", text.format(f"{context[key]:g}")
+    elif kind == "float_type" and type(detail["input"]) is int:
+        problem, allowed = "the number is too large", "a number of ordinary size"
     elif kind in _TYPE:
         problem, allowed = f"{_article(detail['input'])} where {_TYPE[kind]} is needed", _TYPE[kind]
     elif kind in ("literal_error", "union_tag_invalid"):

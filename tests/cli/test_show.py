@@ -57,6 +57,7 @@ def test_a_file_that_is_no_result_is_refused(content: bytes | None, run: Run, tw
     ended = run("show", two_nodes, "--trajectory", "a.npz", "--out", "a.png", "--json")
     assert ended.code == 2
     assert ended.data["where"] == "a.npz"
+    assert "pickle" not in ended.data["given"]
     assert not Path("a.png").exists()
 
 

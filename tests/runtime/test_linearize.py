@@ -29,6 +29,7 @@ def test_damped_oscillator(ratio: float) -> None:
     found = linearize(ReferenceModel(oscillator(ratio * 2 * 20)))
     assert found.natural_frequency == pytest.approx([10 / (2 * np.pi)])
     assert found.damping_ratio == pytest.approx([ratio], abs=1e-12)
+    assert not np.signbit(found.damping_ratio).any()
     assert found.state_name == ("n1.z", "n1.z'")
     assert found.spectrum.growing == 0
 

@@ -119,6 +119,7 @@ def test_only_numbers_pass_as_numbers(value):
     error = refused_document(document)
     assert type(error) is InvalidValueError
     assert "number" in error.allowed
+    assert ("too large" in error.problem) == (value == 10**400)
 
 
 @pytest.mark.parametrize("value", [1, 0, "yes", "zx", "", [True], "xyzz"])
