@@ -7,11 +7,18 @@ import shutil
 import tempfile
 
 import pytest
+from hypothesis import settings
 from platformdirs import user_cache_path
 
 from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
 
 FOLDER = pytest.StashKey[str]()
+
+
+# The default run draws the same examples every time; HYPOTHESIS_PROFILE=explore draws new ones.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("explore", deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
 def pytest_configure(config: pytest.Config) -> None:
