@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen import EQUILIBRIUM_QUANTITIES, LINEARIZE_QUANTITIES, find_equilibrium, linearize
 from tensegrity_codegen.cli.scenes import list_examples
 from tensegrity_codegen.codegen.cache import CACHE_VARIABLE, Cache
 from tensegrity_codegen.errors import CompileError, LibraryError, OutputError
@@ -199,6 +200,13 @@ def test_a_scene_becomes_a_model_that_simulates(scene: Path) -> None:
     assert simulate(model, 0.2, samples=3).status == "ok"
     assert all(model.has(quantity) for quantity in SIMULATED)
     assert scene.read_bytes() == before
+
+
+def test_the_public_lists_of_quantities_serve_a_scene_without_inputs(scene: Path) -> None:
+    wanted = (*EQUILIBRIUM_QUANTITIES, *LINEARIZE_QUANTITIES)
+    model = compile_scene(scene, quantities=wanted)
+    assert find_equilibrium(model).is_found
+    assert linearize(model).input_name == ()
 
 
 def test_a_parameter_may_be_asked_for_from_outside(scene: Path) -> None:

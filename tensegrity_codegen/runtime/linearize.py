@@ -19,7 +19,9 @@ __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quanti
 
 FloatArray = NDArray[np.float64]
 
-LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian", "input_jacobian")
+# What a linear model needs of every model, and of one with inputs too.
+LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
+INPUT_QUANTITY = "input_jacobian"
 
 # What a model in redundant coordinates is asked for too: its columns span the variations that can happen.
 SPANNING_QUANTITY = "distance_inertia_inverse"
@@ -69,8 +71,8 @@ def linearize(
     A = dx'/dx, B = dx'/du, c = x' - A x - B u (MODEL 3). Omitted values are the scene's. arguments:
     parameters that differ from the scene's. All eigenvalues are found up to 1,500 states, above that only the
     `frequency_count` smallest in modulus. Raises FormulationError where the model lacks one of
-    LINEARIZE_QUANTITIES, InvalidValueError for a wrong shape, NonFiniteError for a state without finite
-    derivatives.
+    LINEARIZE_QUANTITIES or, with inputs, input_jacobian; InvalidValueError for a wrong shape,
+    NonFiniteError for a state without finite derivatives.
     """
     inputs = model.manifest.input_name
     _check_functions(model, with_inputs=bool(inputs))
@@ -84,7 +86,7 @@ def linearize(
     a = sparse.csc_array(model.compute("state_jacobian", **at))
     b = sparse.csc_array((len(state), 0))
     if inputs:
-        b = sparse.csc_array(model.compute("input_jacobian", **at))
+        b = sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
     c = np.asarray(model.compute("state_derivative", **at)) - a @ state - b @ u
     spectrum = find_spectrum(_without_redundance(model, a, at), frequency_count)
     return LinearModel(a, b, c, state, u, _state_names(model.manifest), inputs, spectrum)
@@ -93,7 +95,11 @@ def linearize(
 def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, ...]:
     """Return what a linear model needs of a model in this formulation."""
     more = (SPANNING_QUANTITY,) if formulation in REDUNDANT else ()
-    return (*LINEARIZE_QUANTITIES[: 3 if with_inputs else 2], *more)
+    return (*_needed(with_inputs), *more)
+
+
+def _needed(with_inputs: bool) -> tuple[str, ...]:
+    return (*LINEARIZE_QUANTITIES, INPUT_QUANTITY) if with_inputs else LINEARIZE_QUANTITIES
 
 
 def _without_redundance(model: Model, a: Any, at: Mapping[str, Any]) -> Any:
@@ -133,7 +139,7 @@ def _state_names(manifest: Manifest) -> tuple[str, ...]:
 
 
 def _check_functions(model: Model, *, with_inputs: bool) -> None:
-    needed = LINEARIZE_QUANTITIES if with_inputs else LINEARIZE_QUANTITIES[:2]
+    needed = _needed(with_inputs)
     missing = [name for name in needed if not model.has(name)]
     if missing:
         raise FormulationError(
