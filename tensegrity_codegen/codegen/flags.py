@@ -72,7 +72,7 @@ FLAG_SETS = {
     "reference": FlagSet("reference", REFERENCE),
     "native": FlagSet(
         "native",
-        (*REFERENCE, "-O3", THIS_CPU, "-fno-math-errno", "-fno-trapping-math"),
+        (*REFERENCE, THIS_CPU, "-fno-math-errno", "-fno-trapping-math"),
         portable=False,
     ),
 }
