@@ -186,11 +186,6 @@ class CompiledModel:
         values = [arguments[name] if name in arguments else nominal[name] for name in function.arguments]
         return function.wrap(function.values(values, out))
 
-    def state_arguments(self, quantity: str) -> tuple[bool, bool]:
-        """Return whether `quantity` depends on the coordinates, and on the velocities."""
-        names = self.function(quantity).arguments
-        return "coordinate" in names, "velocity" in names
-
 
 def raise_for_status(status: int, where: str, arguments: Mapping[str, FloatArray]) -> None:
     """Raise the error that a non-zero status stands for, naming the argument and entry at fault."""

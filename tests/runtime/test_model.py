@@ -223,7 +223,6 @@ def test_nominal_values_are_copies(model: CompiledModel) -> None:
 def test_a_model_lists_what_it_computes(model: CompiledModel) -> None:
     assert model.quantities == QUANTITIES
     assert all(model.has(name) for name in QUANTITIES)
-    assert model.state_arguments("acceleration") == (True, False)
 
 
 def test_a_function_outlives_its_model() -> None:
