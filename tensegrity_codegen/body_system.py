@@ -12,14 +12,15 @@ Sign conventions are those of `structure.py`: tensions are positive, the member 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tensegrity_codegen.frozen import freeze_fields
 
 __all__ = [
     "Bar", "Body", "BodyInput", "BodyLoad", "BodySystem", "Chart", "FixedBody", "JointFriction", "RigidBody",
@@ -164,13 +165,7 @@ class BodySystem:
     axes = (0, 1, 2)
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                frozen = np.array(value, order="C")
-                frozen.flags.writeable = False
-                object.__setattr__(self, item.name, frozen)
-        object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
+        freeze_fields(self)
 
     @property
     def n_nodes(self) -> int:

@@ -8,12 +8,13 @@ the member vector of member e = (i, j) is d_e = r_i - r_j, so a member in tensio
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from types import MappingProxyType
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tensegrity_codegen.frozen import freeze_fields
 
 __all__ = ["ActuatedInput", "Structure"]
 
@@ -67,13 +68,7 @@ class Structure:
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                frozen = np.array(value, order="C")
-                frozen.flags.writeable = False
-                object.__setattr__(self, item.name, frozen)
-        object.__setattr__(self, "groups", MappingProxyType(dict(self.groups)))
+        freeze_fields(self)
 
     @property
     def n_nodes(self) -> int:

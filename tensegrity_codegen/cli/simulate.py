@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,9 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.files import check_target
 from tensegrity_codegen.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.pipeline import BuiltLibrary
 
 __all__ = ["UNTIL", "simulate"]
 
@@ -54,39 +57,16 @@ def simulate(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.pipeline import (
-            WITHOUT_STATICS,
-            build_library,
-            equilibrium_quantities,
-            load_scene,
-            settle_structure,
-            simulation_quantities,
-        )
         from tensegrity_codegen.report.tables import run_table
-        from tensegrity_codegen.runtime.equilibrium import find_equilibrium
-        from tensegrity_codegen.runtime.margins import CONTACT_QUANTITIES
-        from tensegrity_codegen.runtime.simulate import check_options, integrators_for
+        from tensegrity_codegen.runtime.simulate import check_options
         from tensegrity_codegen.runtime.simulate import simulate as run
 
         check_options(t_end, samples, method, step, rtol, atol)
         _check_until(until)
         if out is not None:
             check_target(out)
-        structure, request = load_scene(scene)
-        if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
-            structure = settle_structure(structure, request, compiler=compiler, flags=flags)
-            settle = False
-        quantities = simulation_quantities(request.formulation) + (
-            equilibrium_quantities(structure, request) if settle else ()
-        )
-        integrators = integrators_for(method)
-        if until:
-            quantities += CONTACT_QUANTITIES
-            integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
-        wanted = request.wanting(*quantities, integrators=integrators)
-        built = build_library(structure, wanted, compiler=compiler, flags=flags)
+        built, start = _build(scene, method, settle, until is not None, compiler, flags)
         model = built.load()
-        start = find_equilibrium(model).coordinate if settle else None
         with output.progress("simulating") as progress:
             trajectory = run(
                 model,
@@ -107,6 +87,37 @@ def simulate(
         if trajectory.status != "ok":
             output.warn(f"{trajectory.status}: {trajectory.message}")
             raise typer.Exit(3)
+
+
+def _build(
+    scene: Path, method: str, settle: bool, until_contact: bool, compiler: str | None, flags: str
+) -> tuple[BuiltLibrary, Any]:
+    """Return the library that the run needs, and where it starts (None: where the scene says)."""
+    from tensegrity_codegen.pipeline import (
+        WITHOUT_STATICS,
+        build_library,
+        equilibrium_quantities,
+        load_scene,
+        settle_structure,
+        simulation_quantities,
+    )
+    from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.margins import CONTACT_QUANTITIES
+    from tensegrity_codegen.runtime.simulate import integrators_for
+
+    structure, request = load_scene(scene)
+    if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
+        structure = settle_structure(structure, request, compiler=compiler, flags=flags)
+        settle = False
+    quantities = simulation_quantities(request.formulation)
+    quantities += equilibrium_quantities(structure, request) if settle else ()
+    integrators = integrators_for(method)
+    if until_contact:
+        quantities += CONTACT_QUANTITIES
+        integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
+    wanted = request.wanting(*quantities, integrators=integrators)
+    built = build_library(structure, wanted, compiler=compiler, flags=flags)
+    return built, find_equilibrium(built.load()).coordinate if settle else None
 
 
 def _check_until(until: str | None) -> None:

@@ -21,6 +21,7 @@ from tensegrity_codegen.symbolic.body_arguments import BodyArguments
 from tensegrity_codegen.symbolic.body_motion import BodyMotion
 from tensegrity_codegen.symbolic.geometry import dot, member_length, member_rate, member_vector
 from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities
+from tensegrity_codegen.symbolic.jacobians import below_zeros
 from tensegrity_codegen.symbolic.lagrange import Lagrangian
 from tensegrity_codegen.symbolic.member_law import MemberLaw
 from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
@@ -341,11 +342,11 @@ class _Bodies:
         return ca.vertcat(upper, self._by(ca.vertcat(self.q, self.v)))
 
     def input_jacobian(self) -> ca.SX:
-        return self._below_zeros(self._by(self.u))
+        return below_zeros(self._by(self.u))
 
     def rest_length_jacobian(self) -> ca.SX:
         slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.laws]))
-        return self._below_zeros(self.lagrangian.solve(-ca.mtimes(self.tendon_matrix, slope)))
+        return below_zeros(self.lagrangian.solve(-ca.mtimes(self.tendon_matrix, slope)))
 
     def parameter_jacobian(self) -> ca.SX:
         stacked = self.arguments.parameter_symbols()
@@ -355,7 +356,4 @@ class _Bodies:
                 where=f"{self.system.name}: model.quantities",
                 hint='name some under [parameters], for example rest_length = "all"',
             )
-        return self._below_zeros(self._by(stacked))
-
-    def _below_zeros(self, matrix: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX(self.n, matrix.shape[1]), matrix)
+        return below_zeros(self._by(stacked))

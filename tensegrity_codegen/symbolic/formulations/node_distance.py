@@ -29,6 +29,7 @@ from tensegrity_codegen.symbolic.distance_inertia import (
 from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import build_bar_quantities, pair_members
+from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
 from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.pair_coordinates import PairCoordinates
@@ -257,23 +258,13 @@ class _NodeDistance:
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
     def rest_length_jacobian(self) -> ca.SX:
-        return self._below_zeros(ca.mtimes(self.inverse_inertia, self.blocks.by_rest_length()))
+        return below_zeros(ca.mtimes(self.inverse_inertia, self.blocks.by_rest_length()))
 
     def input_jacobian(self) -> ca.SX:
-        return self._below_zeros(ca.jacobian(self.acceleration(), self.arguments.symbols["input"]))
+        return by_inputs(self.acceleration(), self.arguments)
 
     def parameter_jacobian(self) -> ca.SX:
-        stacked = self.arguments.parameter_symbols()
-        if stacked.numel() == 0:
-            raise FormulationError(
-                "parameter_jacobian needs run-time parameters, and the scene keeps none",
-                where=f"{self.structure.name}: model.quantities",
-                hint='name some under [parameters], for example rest_length = "all"',
-            )
-        return self._below_zeros(ca.jacobian(self.acceleration(), stacked))
-
-    def _below_zeros(self, matrix: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX(self.layout.n_coordinates, matrix.shape[1]), matrix)
+        return by_parameters(self.acceleration(), self.arguments)
 
 
 def _columns(vectors: list[Vector]) -> ca.SX:

@@ -12,13 +12,13 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import dot, member_vector
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities, pair_members
+from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
@@ -198,23 +198,13 @@ class _NodePosition:
 
     def rest_length_jacobian(self) -> ca.SX:
         slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.members.laws]))
-        return self._below_zeros(ca.mtimes(self.inverse_mass, ca.mtimes(-self.equilibrium_matrix(), slope)))
+        return below_zeros(ca.mtimes(self.inverse_mass, ca.mtimes(-self.equilibrium_matrix(), slope)))
 
     def input_jacobian(self) -> ca.SX:
-        return self._below_zeros(ca.jacobian(self.acceleration(), self.arguments.symbols["input"]))
+        return by_inputs(self.acceleration(), self.arguments)
 
     def parameter_jacobian(self) -> ca.SX:
-        stacked = self.arguments.parameter_symbols()
-        if stacked.numel() == 0:
-            raise FormulationError(
-                "parameter_jacobian needs run-time parameters, and the scene keeps none",
-                where=f"{self.structure.name}: model.quantities",
-                hint='name some under [parameters], for example rest_length = "all"',
-            )
-        return self._below_zeros(ca.jacobian(self.acceleration(), stacked))
-
-    def _below_zeros(self, matrix: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX(self.map.n_coordinates, matrix.shape[1]), matrix)
+        return by_parameters(self.acceleration(), self.arguments)
 
     def _assembled(self, blocks: Iterable[MemberBlocks]) -> ca.SX:
         return self.map.member_matrix(zip(blocks, self.ends, strict=True))

@@ -1,0 +1,26 @@
+"""Freezing: dataclasses whose arrays nobody can write to."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+__all__ = ["freeze_fields"]
+
+
+def freeze_fields(instance: Any) -> None:
+    """Replace the arrays of a frozen dataclass by read-only copies in C order, its dicts by read-only views.
+
+    For its `__post_init__`; the caller's arrays and dicts stay as they are.
+    """
+    for item in fields(instance):
+        value = getattr(instance, item.name)
+        if isinstance(value, np.ndarray):
+            frozen = np.array(value, order="C")
+            frozen.flags.writeable = False
+            object.__setattr__(instance, item.name, frozen)
+        elif isinstance(value, dict):
+            object.__setattr__(instance, item.name, MappingProxyType(dict(value)))

@@ -1,0 +1,39 @@
+"""Jacobians of the state derivative x' = (q', q'') whose upper half is zero."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+
+__all__ = ["below_zeros", "by_inputs", "by_parameters"]
+
+Matrix = Any
+
+
+def below_zeros(matrix: Matrix) -> Matrix:
+    """Return dx'/dy from dq''/dy (n, k): (2n, k), the upper half zero, since q' does not depend on y."""
+    return ca.vertcat(ca.SX(*matrix.shape), matrix)
+
+
+def by_inputs(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
+    """Return dx'/du, sparse (n_states, n_inputs)."""
+    return below_zeros(ca.jacobian(acceleration, arguments.symbols["input"]))
+
+
+def by_parameters(acceleration: Matrix, arguments: SymbolicArguments) -> Matrix:
+    """Return dx'/dp to all run-time parameters, sparse (n_states, n_parameters).
+
+    Raises FormulationError if the scene keeps none.
+    """
+    stacked = arguments.parameter_symbols()
+    if stacked.numel() == 0:
+        raise FormulationError(
+            "parameter_jacobian needs run-time parameters, and the scene keeps none",
+            where=f"{arguments.structure.name}: model.quantities",
+            hint='name some under [parameters], for example rest_length = "all"',
+        )
+    return below_zeros(ca.jacobian(acceleration, stacked))
