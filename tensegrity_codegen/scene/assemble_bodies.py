@@ -21,7 +21,7 @@ from tensegrity_codegen.errors import (
     suggest,
 )
 from tensegrity_codegen.kinematics import compute_node_position
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.bodies import BuiltBodies, build_bodies_of_scene
 from tensegrity_codegen.scene.body_loads import (
     BodyFinder,
@@ -50,7 +50,8 @@ FloatArray = NDArray[np.float64]
 def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, ModelRequest]:
     """Return the body system that `scene` states and what it wants of it; `where` names the source in errors.
 
-    Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
+    Raises UnknownNameError, UnknownKeyError, DuplicateNameError, InvalidValueError or StructureError, with
+    file and key.
     """
     _check_kind(scene, where)
     built = build_bodies_of_scene(scene.bodies, where)
@@ -117,7 +118,7 @@ def _watch_bars(scene: Scene, system: BodySystem, where: str) -> tuple[tuple[int
 
 
 def _check_kind(scene: Scene, where: str) -> None:
-    """Raise InvalidValueError for what a scene of nodes has and one of bodies has not."""
+    """Raise InvalidValueError or UnknownKeyError for what a scene of nodes has and one of bodies has not."""
     foreign = {
         "nodes": bool(scene.nodes),
         "members": bool(scene.members),
@@ -141,6 +142,7 @@ def _check_kind(scene: Scene, where: str) -> None:
             allowed="bodies",
             hint="leave the key out",
         )
+    complete_options("bodies", scene.model.options, key_path(where, "model", "options"))
 
 
 def _with_tendons(

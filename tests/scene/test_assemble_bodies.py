@@ -327,6 +327,12 @@ def test_points_with_one_name_in_c_are_refused() -> None:
             "model.formulation",
             "bodies",
         ),
+        (
+            change("model", to={"options": {"pairs": "full"}}),
+            UnknownKeyError,
+            "model.options",
+            "no such option",
+        ),
     ],
 )
 def test_what_is_wrong_around_bodies_is_refused(
