@@ -27,7 +27,7 @@ from tensegrity_codegen.scene.body_schema import (
 )
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema import RestLengthInput, Scene
-from tensegrity_codegen.scene.targets import Targets
+from tensegrity_codegen.scene.targets import Targets, normalise
 
 __all__ = ["BodyFinder", "build_body_inputs", "build_body_loads", "build_friction", "three_numbers"]
 
@@ -185,14 +185,4 @@ def three_numbers(vector: Sequence[float], where: str, *place: str | int) -> Vec
 
 def _unit(direction: Sequence[float], where: str, *place: str | int) -> Vector3:
     vector = np.array(three_numbers(direction, where, *place))
-    largest = float(np.abs(vector).max())
-    if largest == 0:
-        raise InvalidValueError(
-            "a direction of length zero",
-            where=key_path(where, *place),
-            given=list(direction),
-            allowed="a vector that is not zero",
-        )
-    vector = vector / largest
-    x, y, z = (vector / np.linalg.norm(vector)).tolist()
-    return (x, y, z)
+    return normalise(vector, direction, key_path(where, *place))

@@ -16,7 +16,7 @@ from tensegrity_codegen.scene.nodes import spread_vectors
 from tensegrity_codegen.scene.schema import ForceInput, Parameters, RestLengthInput
 from tensegrity_codegen.structure import ActuatedInput
 
-__all__ = ["Targets", "build_inputs", "build_parameters"]
+__all__ = ["Targets", "build_inputs", "build_parameters", "normalise"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -191,12 +191,20 @@ def _unit_vector(
 ) -> tuple[float, float, float]:
     place = ("inputs", number, "direction")
     vector = spread_vectors([direction], axes, [place], where)[0]
+    return normalise(vector, direction, key_path(where, *place))
+
+
+def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -> tuple[float, float, float]:
+    """Return v / |v| of a vector (3,), of any size; `given` and `where` are for the error.
+
+    Raises InvalidValueError for the vector zero.
+    """
     largest = np.abs(vector).max()
     if largest == 0:
         raise InvalidValueError(
             "a direction of length zero",
-            where=key_path(where, *place),
-            given=list(direction),
+            where=where,
+            given=list(given),
             allowed="a vector that is not zero",
         )
     vector = vector / largest

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError
+from tensegrity_codegen.scene.targets import normalise
 
 from .samples import REMOVE, WHERE, build, changed
 
@@ -151,3 +152,15 @@ def test_inputs_that_pull_on_nothing_or_on_a_rigid_bar():
     document["members"]["ac"]["class"] = "spare"
     with pytest.raises(InvalidValueError, match="rigid"):
         build(document)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1.0, 1e300])
+def test_a_direction_of_any_size_is_normalised(size):
+    assert normalise(size * np.array([3.0, 0.0, -4.0]), (), WHERE) == pytest.approx(
+        (0.6, 0.0, -0.8), rel=1e-15
+    )
+
+
+def test_a_direction_of_length_zero_is_refused():
+    with pytest.raises(InvalidValueError, match="length zero"):
+        normalise(np.zeros(3), (0, 0, 0), WHERE)
