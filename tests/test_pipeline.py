@@ -16,7 +16,7 @@ from tensegrity_codegen.codegen.cache import CACHE_VARIABLE, Cache
 from tensegrity_codegen.errors import CompileError, LibraryError, OutputError
 from tensegrity_codegen.pipeline import BuiltLibrary, build_library, compile_scene, load_scene
 from tensegrity_codegen.runtime.simulate import simulate
-from tests.codegen.compilers import POSIX, require_compiler, write_script
+from tests.codegen.compilers import POSIX, chosen_compiler, require_compiler, write_script
 from tests.reference import ReferenceModel
 
 # Build, load and simulate; say what was imported. Waits for a line on standard input first.
@@ -165,7 +165,9 @@ def test_the_exported_folder_compiles_by_itself(
     quantities: tuple[str, ...], scene: Path, tmp_path: Path
 ) -> None:
     folder = build(scene, *quantities).export(tmp_path / "there" / "library")
-    outcome = subprocess.run(["make"], cwd=folder, capture_output=True, text=True, timeout=60)
+    outcome = subprocess.run(
+        ["make", chosen_compiler()], cwd=folder, capture_output=True, text=True, timeout=60
+    )
     assert outcome.returncode == 0, outcome.stderr
     assert "warning" not in outcome.stderr
     ran = subprocess.run([str(folder / "example")], capture_output=True, text=True, timeout=20)

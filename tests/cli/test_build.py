@@ -10,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
 from tests.cli.conftest import Run
-from tests.codegen.compilers import POSIX, write_script
+from tests.codegen.compilers import POSIX, chosen_compiler, write_script
 
 
 def test_the_folder_holds_all_that_is_needed_to_embed(run: Run, folder: Path, two_nodes: Path) -> None:
@@ -58,7 +58,9 @@ def test_measured_bytes_are_marked(run: Run, two_nodes: Path) -> None:
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 def test_the_exported_makefile_builds_an_example_that_runs(run: Run, folder: Path, two_nodes: Path) -> None:
     run("build", two_nodes, "--out", "library")
-    subprocess.run(["make"], cwd=folder / "library", check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        ["make", chosen_compiler()], cwd=folder / "library", check=True, capture_output=True, timeout=60
+    )
     program = folder / "library" / "example"
     outcome = subprocess.run([str(program)], check=True, capture_output=True, text=True, timeout=20)
     assert outcome.stdout.strip()

@@ -30,6 +30,11 @@ def require_compiler(family: str) -> Compiler:
         pytest.skip(f"{family} is not installed")
 
 
+def chosen_compiler() -> str:
+    """Return what tells make to use the compiler that the project itself would use here."""
+    return f"CC={' '.join(find_compiler().command)}"
+
+
 def write_script(path: Path, body: str) -> Path:
     """Write a shell script that can be run as a program."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -91,6 +91,7 @@ def test_without_tensions_nothing_is_coloured_by_them(tmp_path):
 
 
 @needs_ffmpeg
+@pytest.mark.skipif(shutil.which("ffprobe") is None, reason="ffprobe, which reads films, is not installed")
 def test_mp4_has_its_frames_and_an_even_size(tmp_path):
     path = write_animation(prism(), make_trajectory(prism(), 11), tmp_path / "a.mp4", fps=20)
     assert path.read_bytes()[4:8] == b"ftyp"
