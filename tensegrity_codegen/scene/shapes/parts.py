@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -24,7 +25,7 @@ Anchored: TypeAlias = Annotated[
 Point: TypeAlias = tuple[float, float, float]
 
 
-class ShapeModel(BaseModel):
+class ShapeModel(BaseModel, ABC):
     """Base of the shape models: strict values, no unknown keys, frozen."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
@@ -36,9 +37,9 @@ class ShapeModel(BaseModel):
         """Return the word that `kind` must be for this shape."""
         return str(cls.model_fields["kind"].default)
 
+    @abstractmethod
     def expand(self, where: str) -> dict[str, Any]:
         """Return the nodes, members and groups of the shape as a plain document."""
-        raise NotImplementedError
 
 
 class Parts:
