@@ -7,6 +7,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 OUTPUT := output
+PEERS := $(VENV)/.peers
+PEER_PACKAGES := mujoco numba jax
 WORKERS ?= 2
 
 SCENE := tensegrity_codegen/scene/examples/prism.toml
@@ -68,9 +70,15 @@ contracts: $(STAMP) ## import-linter: which module may import which
 test-fast: $(STAMP) ## the tests that take no more than a few seconds each
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not slow"
 
-bench: $(STAMP) ## measure: every script in benchmarks/, one after the other
-	@set -e; for file in $$(grep -l '^if __name__' benchmarks/*.py); do \
-	  echo "== $$file"; $(BIN)/python "$$file"; done
+bench: $(STAMP) $(PEERS) ## measure every emitter beside other tools; BENCH=--quick is short
+	$(BIN)/python benchmarks/bench.py --scripts --out $(OUTPUT)/bench $(BENCH)
+
+# What is compared with; a package that cannot be installed is told as such in the tables.
+$(PEERS): $(STAMP)
+	@for package in $(PEER_PACKAGES); do \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check "$$package" \
+	    || echo "$$package cannot be installed here: its rows will say so"; done
+	@touch $@
 
 wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/
 	$(BIN)/python -m build --no-isolation

@@ -8,10 +8,9 @@ from __future__ import annotations
 import statistics
 import timeit
 
-from timing import time_functions
-
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.measure import time_functions
 from tensegrity_codegen.codegen.toolchain import find_compiler
 from tensegrity_codegen.pipeline import build_library, load_scene
 from tensegrity_codegen.runtime.model import CompiledModel

@@ -10,11 +10,11 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from timing import time_functions
 
 from tensegrity_codegen.codegen.compile import object_size
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.measure import time_functions
 from tensegrity_codegen.codegen.toolchain import find_compiler
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest

@@ -6,10 +6,10 @@ python benchmarks/node_distance.py
 from __future__ import annotations
 
 from build_time import PRISM
-from timing import time_functions
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.measure import time_functions
 from tensegrity_codegen.codegen.toolchain import find_compiler
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.request import ModelRequest

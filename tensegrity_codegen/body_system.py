@@ -218,6 +218,11 @@ class BodySystem:
         return {*self.bar_ends(body), *held}
 
     @property
+    def n_bar_pairs(self) -> int:
+        """Number of rows of `bar_pairs`."""
+        return len(self.bar_pairs)
+
+    @property
     def bar_pairs(self) -> NDArray[np.int64]:
         """(n_bar_pairs, 2): bodies whose distance is watched.
 

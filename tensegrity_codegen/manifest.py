@@ -6,13 +6,18 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import AbiMismatchError, LibraryError
 
 __all__ = [
     "ABI_VERSION",
+    "EVENT_KINDS",
     "SOLVER_STATUS",
     "STATUS",
     "ArgumentSpec",
@@ -25,22 +30,49 @@ __all__ = [
     "name_bar_pairs",
 ]
 
-ABI_VERSION = 1
+ABI_VERSION = 2
 
 # Status codes of every generated function, by number.
-STATUS = ("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer", "step_too_small")
+STATUS = (
+    *("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer", "step_too_small"),
+    *("unsupported_machine", "too_many_events"),
+)
 
 # What a solver returns besides, from the number after those on.
 SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
 
 
-@dataclass(frozen=True)
+# Kinds of events of integrators, by their bit in `watch` and `stop`.
+EVENT_KINDS = {"cable": 1, "contact": 2, "condition": 4}
+
+
+@dataclass(frozen=True, eq=False)
 class Pattern:
-    """Compressed-column sparsity: row indices and column starts."""
+    """Compressed-column sparsity: row indices (n_nonzeros,) and column starts (n_columns + 1,).
+
+    Any sequences of whole numbers are taken; they are kept as read-only int32 arrays.
+    """
 
     shape: tuple[int, int]
-    row: tuple[int, ...]
-    column_start: tuple[int, ...]
+    row: NDArray[np.int32]
+    column_start: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        for name in ("row", "column_start"):
+            given = getattr(self, name)
+            values = np.array(given if isinstance(given, np.ndarray) else list(given), dtype=np.int32)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pattern) and (
+            self.shape == other.shape
+            and np.array_equal(self.row, other.row)
+            and np.array_equal(self.column_start, other.column_start)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.shape, self.row.tobytes()))
 
 
 @dataclass(frozen=True)
@@ -71,12 +103,19 @@ class FunctionSpec:
 
 @dataclass(frozen=True)
 class IntegratorSpec:
-    """One integrator: C symbol `<scene>_integrate_<name>`, the arguments it passes on, its work array."""
+    """One integrator: C symbol `<scene>_integrate_<name>`, the arguments it passes on, its work array.
+
+    events: the kinds of events that it can cut its steps at, see EVENT_KINDS; cables: indices of the members
+    whose going slack or taut is one; tensions: of those whose tensions it hands out beside the states.
+    """
 
     name: str
     symbol: str
     arguments: tuple[str, ...]
     work_size: int
+    events: tuple[str, ...] = ()
+    cables: tuple[int, ...] = ()
+    tensions: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,6 +158,8 @@ class Manifest:
     scene_hash: str
     formulation: str
     emitter: str
+    precision: str
+    flags: str  # name of the compile flags that were asked for
     made_by: dict[str, str]
     axes: tuple[int, ...]
     node_name: tuple[str, ...]
@@ -137,6 +178,18 @@ class Manifest:
         tuple[str, str], ...
     ] = ()  # names of the two bars, where a wanted quantity runs over pairs
     solvers: tuple[SolverSpec, ...] = ()
+    instruction_sets: tuple[str, ...] = ()  # what native code needs beyond the baseline of its architecture
+    batch_width: int = 0
+
+    @cached_property
+    def stated_position(self) -> NDArray[np.float64]:
+        """Node positions in the scene as a read-only array, (n_nodes, 3) [m]."""
+        return _read_only(np.array(self.node_position, dtype=np.float64).reshape(-1, 3))
+
+    @cached_property
+    def coordinate_place(self) -> NDArray[np.int64]:
+        """Node and axis of each coordinate as a read-only array, (n_coordinates, 2), or (0, 2)."""
+        return _read_only(np.array(self.coordinate_node_axis, dtype=np.int64).reshape(-1, 2))
 
     @property
     def bar_pair_name(self) -> tuple[str, ...]:
@@ -148,8 +201,11 @@ class Manifest:
         return next(item for item in self.arguments if item.name == name)
 
     def to_json(self) -> str:
-        """Return the manifest as JSON text, the same for the same content."""
-        return json.dumps(dataclasses.asdict(self), indent=1, allow_nan=False) + "\n"
+        """Return the manifest as JSON text, the same for the same content: one line a field.
+
+        A list takes one line however long it is: with 100,000 members, a line a number is slow to write.
+        """
+        return _format(self, 1) + "\n"
 
     @classmethod
     def from_json(cls, text: str, *, where: str = "manifest") -> Manifest:
@@ -169,7 +225,7 @@ class Manifest:
             )
         try:
             return _decode(data)
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
 
     @classmethod
@@ -199,6 +255,24 @@ def name_bar_pairs(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def _format(value: Any, depth: int) -> str:
+    """Return JSON text in which tables, and lists of tables, have one line a field."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+    lead = "\n" + " " * depth
+    if isinstance(value, dict) and value:
+        rows = (f"{json.dumps(key)}: {_format(item, depth + 1)}" for key, item in value.items())
+        return "{" + lead + f",{lead}".join(rows) + lead[:-1] + "}"
+    if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+        return "[" + lead + f",{lead}".join(_format(item, depth + 1) for item in value) + lead[:-1] + "]"
+    return json.dumps(value.tolist() if isinstance(value, np.ndarray) else value, allow_nan=False)
+
+
 def _decode(data: dict[str, Any]) -> Manifest:
     data = {key: _freeze(value) for key, value in data.items()}
     data["made_by"] = dict(data["made_by"])
@@ -215,7 +289,8 @@ def _decode(data: dict[str, Any]) -> Manifest:
 
 def _freeze(value: Any) -> Any:
     if isinstance(value, list):
-        return tuple(_freeze(item) for item in value)
+        nested = not {list, dict}.isdisjoint(map(type, value))
+        return tuple(map(_freeze, value)) if nested else tuple(value)
     if isinstance(value, dict):
         return {key: _freeze(item) for key, item in value.items()}
     return value

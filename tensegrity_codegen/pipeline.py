@@ -18,9 +18,10 @@ from tensegrity_codegen.codegen.cache import Cache, CacheEntry
 from tensegrity_codegen.codegen.compile import compile_library, object_size
 from tensegrity_codegen.codegen.fingerprint import hash_package, hash_scene, hash_text
 from tensegrity_codegen.codegen.flags import Compiler, FlagSet, describe_toolchain, find_flags
+from tensegrity_codegen.codegen.machine import find_instruction_sets
 from tensegrity_codegen.codegen.render import template_folder
 from tensegrity_codegen.codegen.toolchain import find_compiler
-from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.errors import FormulationError, LibraryError
 from tensegrity_codegen.files import write_folder
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
@@ -46,6 +47,7 @@ __all__ = [
     "compile_scene",
     "equilibrium_quantities",
     "linearize_quantities",
+    "load_nodes",
     "load_scene",
     "settle_structure",
     "simulation_quantities",
@@ -58,7 +60,10 @@ WITHOUT_STATICS = ("node_distance",)
 
 @dataclass(frozen=True)
 class BuiltLibrary:
-    """A compiled library in the cache: where it is, what it holds, how it came about."""
+    """A compiled library in the cache: where it is, what it holds, how it came about.
+
+    why_emitter: a sentence that says why the emitter named in the manifest wrote it.
+    """
 
     entry: CacheEntry
     manifest: Manifest
@@ -66,6 +71,7 @@ class BuiltLibrary:
     flags: str
     from_cache: bool
     seconds: float
+    why_emitter: str = ""
 
     @property
     def path(self) -> Path:
@@ -76,9 +82,9 @@ class BuiltLibrary:
             )
         return self.entry.library
 
-    def load(self) -> CompiledModel:
-        """Load the library into this process."""
-        return CompiledModel(self.path, self.manifest)
+    def load(self, *, precision: str | None = None) -> CompiledModel:
+        """Load the library into this process; LibraryError if it is not of the `precision` asked for."""
+        return CompiledModel(self.path, self.manifest, precision=precision)
 
     def export(self, folder: str | Path) -> Path:
         """Copy sources, example, Makefile, manifest and library into a folder; OutputError if it fails."""
@@ -90,6 +96,19 @@ class BuiltLibrary:
 def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
     """Read a scene file: what it describes, and what is wanted of it. Raises SceneError for bad input."""
     return assemble_scene(read_scene(path), str(path))
+
+
+def load_nodes(path: str | Path) -> Structure:
+    """Read a scene of nodes and members; raises SceneError for bad input and for a scene of bodies."""
+    subject, _ = load_scene(path)
+    if not isinstance(subject, Structure):
+        raise FormulationError(
+            "this serves scenes of nodes and members",
+            where=f"{path}: bodies",
+            given="a scene of bodies",
+            allowed="scenes with the sections nodes and members, or a shape",
+        )
+    return subject
 
 
 def compile_scene(
@@ -120,19 +139,22 @@ def build_library(
     request: ModelRequest,
     *,
     compiler: str | None = None,
-    flags: str = "reference",
+    flags: str | None = None,
     cache: Cache | None = None,
     measure: bool = False,
 ) -> BuiltLibrary:
     """Return the library of what `request` wants of `structure`, from the cache if it was built before.
 
     compiler: "gcc", "clang", "zig" or a command, found if not given; flags: "reference" (bit-equal to
-    CasADi's virtual machine) or "native"; measure: compile what was left out too, to measure what it saved.
+    CasADi's virtual machine) or "native", the request's own if not given; measure: compile what was left out
+    too, to measure what it saved.
     Raises FormulationError, CompilerMissingError, CompileError, OutputError.
     """
     started = time.perf_counter()
     cache = cache or Cache()
-    tool, flag_set = find_compiler(compiler), find_flags(flags)
+    if flags is not None:
+        request = replace(request, flags=find_flags(flags, "flags").name)
+    tool, flag_set = find_compiler(compiler), find_flags(request.flags)
     toolchain = describe_toolchain(tool, flag_set)
     request_key = _request_key(structure, request, toolchain, measure)
     library_key = cache.lookup_request(request_key)
@@ -141,7 +163,7 @@ def build_library(
     if entry is None:
         source = _emit(structure, request, tool, flag_set, measure)
         entry = _compile(source, tool, flag_set, toolchain, cache)
-        cache.store_request(request_key, entry.key)
+        cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
     if entry.manifest is None:
         raise LibraryError("the cache entry has no manifest", where=str(entry.folder), hint="build again")
     return BuiltLibrary(
@@ -151,6 +173,7 @@ def build_library(
         flags=" ".join(flag_set.options),
         from_cache=found,
         seconds=time.perf_counter() - started,
+        why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
     )
 
 
@@ -168,7 +191,7 @@ def with_statics(request: ModelRequest) -> ModelRequest:
 
 
 def settle_structure(
-    structure: Structure, request: ModelRequest, *, compiler: str | None = None, flags: str = "reference"
+    structure: Structure, request: ModelRequest, *, compiler: str | None = None, flags: str | None = None
 ) -> Structure:
     """Return the structure with its nodes where they are in equilibrium, found in node coordinates.
 
@@ -211,8 +234,7 @@ def _is_library_source(name: str) -> bool:
 def _compile(
     source: GeneratedSource, compiler: Compiler, flags: FlagSet, toolchain: str, cache: Cache
 ) -> CacheEntry:
-    texts = [part for name in sorted(source.files) for part in (name, source.files[name])]
-    key = hash_text(*texts, toolchain)
+    key = hash_text(*(part for item in sorted(source.files.items()) for part in item), toolchain)
     with cache.lock(key):
         entry = cache.find(key)
         if entry is not None:
@@ -223,6 +245,9 @@ def _compile(
             compiler=compiler,
             flags=flags,
         )
-        files = {name: text.encode("utf-8") for name, text in source.files.items()}
+        sets = find_instruction_sets(artifact.library) if not flags.portable else ()
+        manifest = replace(source.manifest, instruction_sets=sets)
+        texts = {**source.files, "manifest.json": manifest.to_json()}
+        files = {name: text.encode("utf-8") for name, text in texts.items()}
         files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
         return cache.store(key, files)

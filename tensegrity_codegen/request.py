@@ -1,4 +1,5 @@
-"""What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter."""
+"""What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter,
+precision, compile flags."""
 
 from __future__ import annotations
 
@@ -6,9 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from tensegrity_codegen.errors import UnknownKeyError, UnknownNameError, suggest
+from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, UnknownNameError, suggest
 
-__all__ = ["FORMULATION_OPTIONS", "ModelRequest", "complete_options"]
+__all__ = ["BATCH_WIDTHS", "FORMULATION_OPTIONS", "ModelRequest", "check_batch_width", "complete_options"]
+
+# How many evaluations a batch function can do side by side; 0: there are no batch functions.
+BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
 
 # The options of each formulation that has any, with their allowed words; the first is the default.
 FORMULATION_OPTIONS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
@@ -16,6 +20,10 @@ FORMULATION_OPTIONS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "pairs": ("connected", "full"),
         "order": ("uvec321", "uvec123"),
         "basis": ("cycles", "orthonormal"),
+    },
+    "rigid_bar": {
+        "bars": ("without_stiffness", "all"),
+        "correction": ("none", "first_order"),
     },
 }
 
@@ -49,13 +57,30 @@ def complete_options(
     return {name: options.get(name, words[0]) for name, words in known.items()}
 
 
+def check_batch_width(width: int, where: str = "model.batch_width") -> None:
+    """Raise InvalidValueError, naming `where`, for a batch width that batch functions cannot have."""
+    if isinstance(width, bool) or width not in BATCH_WIDTHS:
+        raise InvalidValueError(
+            "not a batch width",
+            where=where,
+            given=width,
+            allowed="a power of two from 2 to 64, or 0 for no batch functions",
+            hint="8 fits most machines",
+        )
+
+
 @dataclass(frozen=True)
 class ModelRequest:
     """The wanted functions and the choices that shape them, apart from the structure itself.
 
     parameters: argument name -> indices of the nodes or members that stay changeable at run time (gravity:
     an empty tuple); all else is baked in. integrators, solvers: names of those to emit.
-    options: the formulation's own choices, see FORMULATION_OPTIONS.
+    options: the formulation's own choices, see FORMULATION_OPTIONS. precision: "double" or "single", of every
+    number of the library. events: kinds at which integrators with error control cut their steps, "cable",
+    "contact", "condition"; None: cables that can go slack, if there are any, and a condition.
+    flags: "reference" (bit-equal to CasADi's virtual machine, for every machine of an architecture) or
+    "native" (for the machine that compiles it).
+    batch_width: how many evaluations the batch functions do side by side, 0 for none.
     """
 
     quantities: tuple[str, ...]
@@ -65,8 +90,13 @@ class ModelRequest:
     emitter: str = "unrolled"
     options: Mapping[str, str] = field(default_factory=dict)
     solvers: tuple[str, ...] = ()
+    precision: str = "double"
+    events: tuple[str, ...] | None = None
+    flags: str = "reference"
+    batch_width: int = 0
 
     def __post_init__(self) -> None:
+        check_batch_width(self.batch_width)
         object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         object.__setattr__(self, "options", MappingProxyType(dict(self.options)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -80,14 +81,14 @@ class Structure:
         """Number of members."""
         return len(self.member_name)
 
-    @property
+    @cached_property
     def coordinate_node_axis(self) -> NDArray[np.int64]:
         """(n_coordinates, 2): node and axis of each free coordinate, node by node."""
-        free = ~self.node_anchored
-        return np.array(
-            [(node, axis) for node in range(self.n_nodes) for axis in self.axes if free[node, axis]],
-            dtype=np.int64,
-        ).reshape(-1, 2)
+        axes = np.array(self.axes, dtype=np.int64)
+        node, column = np.nonzero(~self.node_anchored[:, axes])
+        places: NDArray[np.int64] = np.stack([node, axes[column]], axis=1).astype(np.int64)
+        places.flags.writeable = False
+        return places
 
     @property
     def n_coordinates(self) -> int:
@@ -99,6 +100,16 @@ class Structure:
         """(n_members,): members without any stiffness, which keep their length exactly."""
         rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)
         return rigid
+
+    @property
+    def n_bar_pairs(self) -> int:
+        """Number of rows of `bar_pairs`, counted without making them: there may be too many to hold."""
+        if self.interference is not None:
+            return len(self.interference)
+        round_bar = self.is_bar & (self.radius > 0)
+        count = int(np.count_nonzero(round_bar))
+        at_node = np.bincount(self.connectivity[round_bar].ravel(), minlength=self.n_nodes)
+        return count * (count - 1) // 2 - int((at_node * (at_node - 1) // 2).sum())
 
     @property
     def bar_pairs(self) -> NDArray[np.int64]:

@@ -174,6 +174,10 @@ class ReferenceModel:
     def _member_extension(self, v: Values, m: Members) -> Array:
         return m.extension
 
+    def _cable_margin(self, v: Values, m: Members) -> Array:
+        margin = np.minimum(m.extension, m.extension + v.damping * m.rate / m.stiffness)
+        return margin[self.structure.tension_only]
+
     # --- pairs of bars -----------------------------------------------------------------------------
 
     def _bars(self, v: Values) -> list[tuple[Array, Nearest]]:
@@ -233,6 +237,16 @@ class ReferenceModel:
 
     def _node_residual(self, v: Values, m: Members) -> Array:
         return self._static_force(v, m).ravel()[self.free]
+
+    def _cable_force(self, v: Values, m: Members) -> Array:
+        tension = np.where(self.structure.tension_only, m.tension, 0.0)
+        force = self._applied(v) - self.incidence.T @ (tension[:, None] * m.direction)
+        return force.ravel()[self.free]
+
+    def _member_law(self, v: Values, m: Members) -> Array:
+        """Rest length, mu, damping and the part of the member vector that anchors make."""
+        held = np.where(self.free.reshape(v.position.shape), 0.0, v.position)
+        return np.column_stack([v.rest_length, m.stiffness, v.damping, self.incidence @ held])
 
     def _support_reaction(self, v: Values, m: Members) -> Array:
         return -self._static_force(v, m).ravel()[~self.free]

@@ -22,7 +22,8 @@ NODE_POSITION_QUANTITIES = (
     *("acceleration", "state_derivative", "mass_matrix", "material_stiffness", "geometric_stiffness"),
     *("tangent_stiffness", "damping_matrix", "equilibrium_matrix", "state_jacobian", "input_jacobian"),
     *("rest_length_jacobian", "parameter_jacobian", "member_extension", "bar_distance", "bar_distance_case"),
-    *("bar_distance_parameters", "bar_nearest_point", "bar_distance_jacobian"),
+    *("bar_distance_parameters", "bar_nearest_point", "bar_distance_jacobian", "cable_force", "member_law"),
+    "cable_margin",
 )
 
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
@@ -57,6 +58,8 @@ def build_manifest(structure: Structure, parameters: Mapping[str, tuple[int, ...
         scene_hash="",
         formulation="node_position",
         emitter="unrolled",
+        precision="double",
+        flags="reference",
         made_by={},
         axes=tuple(structure.axes),
         node_name=tuple(structure.node_name),
@@ -102,7 +105,9 @@ def count_sizes(structure: Structure, arguments: tuple[ArgumentSpec, ...]) -> di
     return {
         "n_nodes": structure.n_nodes,
         "n_members": structure.n_members,
+        "n_tension_only": int(structure.tension_only.sum()),
         "n_axes": len(structure.axes),
+        "n_law_values": 3 + len(structure.axes),
         "n_coordinates": n,
         "n_anchored_coordinates": structure.n_nodes * len(structure.axes) - n,
         "n_states": 2 * n,

@@ -271,7 +271,7 @@ def test_the_model_page_defines_what_the_table_of_quantities_holds() -> None:
 
 
 def test_the_embedding_page_states_the_status_codes() -> None:
-    rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d) \|", document("docs/embedding.md"), re.MULTILINE)
+    rows = re.findall(r"^\| `PRISM_([A-Z_]+)` \| (\d+) \|", document("docs/embedding.md"), re.MULTILINE)
     assert [(name.lower(), int(value)) for name, value in rows] == [
         (name, value) for value, name in enumerate((*STATUS, *SOLVER_STATUS))
     ]

@@ -26,7 +26,7 @@ sys.stdin.readline()
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library, load_scene
 from tensegrity_codegen.runtime.simulate import simulate
 structure, request = load_scene(sys.argv[1])
-wanted = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk4", "rk54"))
+wanted = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk4", "rk54", "rk853"))
 built = build_library(structure, wanted)
 run = simulate(built.load(), 0.1, samples=3)
 print(json.dumps({"casadi": "casadi" in sys.modules, "from_cache": built.from_cache, "status": run.status,
@@ -198,7 +198,7 @@ def test_measuring_fills_in_bytes(scene: Path) -> None:
 
 def test_a_scene_becomes_a_model_that_simulates(scene: Path) -> None:
     before = scene.read_bytes()
-    model = compile_scene(scene, quantities=SIMULATED, integrators=("rk4", "rk54"))
+    model = compile_scene(scene, quantities=SIMULATED, integrators=("rk4", "rk54", "rk853"))
     assert simulate(model, 0.2, samples=3).status == "ok"
     assert all(model.has(quantity) for quantity in SIMULATED)
     assert scene.read_bytes() == before

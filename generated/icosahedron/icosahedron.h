@@ -29,12 +29,14 @@ enum {
   ICOSAHEDRON_NON_FINITE_RESULT = 2,
   ICOSAHEDRON_INVALID_ARGUMENT = 3,
   ICOSAHEDRON_NULL_POINTER = 4,
-  ICOSAHEDRON_STEP_TOO_SMALL = 5
+  ICOSAHEDRON_STEP_TOO_SMALL = 5,
+  ICOSAHEDRON_UNSUPPORTED_MACHINE = 6,
+  ICOSAHEDRON_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  ICOSAHEDRON_ABI_VERSION = 1,
+  ICOSAHEDRON_ABI_VERSION = 2,
   ICOSAHEDRON_N_NODES = 12,
   ICOSAHEDRON_N_MEMBERS = 30,
   ICOSAHEDRON_N_AXES = 3,
@@ -140,10 +142,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } icosahedron_description;
 
 extern ICOSAHEDRON_API const icosahedron_description icosahedron_descriptor;
+
+/* ICOSAHEDRON_OK, or ICOSAHEDRON_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+ICOSAHEDRON_API int icosahedron_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+ICOSAHEDRON_API const char *icosahedron_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern ICOSAHEDRON_API const char icosahedron_instruction_sets[];
 
 /* Node and axis (0 x, 1 y, 2 z) of each free coordinate. */
 extern ICOSAHEDRON_API const int icosahedron_coordinate_node[36];

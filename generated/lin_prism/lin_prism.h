@@ -29,12 +29,14 @@ enum {
   LIN_PRISM_NON_FINITE_RESULT = 2,
   LIN_PRISM_INVALID_ARGUMENT = 3,
   LIN_PRISM_NULL_POINTER = 4,
-  LIN_PRISM_STEP_TOO_SMALL = 5
+  LIN_PRISM_STEP_TOO_SMALL = 5,
+  LIN_PRISM_UNSUPPORTED_MACHINE = 6,
+  LIN_PRISM_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  LIN_PRISM_ABI_VERSION = 1,
+  LIN_PRISM_ABI_VERSION = 2,
   LIN_PRISM_N_NODES = 9,
   LIN_PRISM_N_MEMBERS = 6,
   LIN_PRISM_N_AXES = 3,
@@ -83,10 +85,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } lin_prism_description;
 
 extern LIN_PRISM_API const lin_prism_description lin_prism_descriptor;
+
+/* LIN_PRISM_OK, or LIN_PRISM_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+LIN_PRISM_API int lin_prism_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+LIN_PRISM_API const char *lin_prism_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern LIN_PRISM_API const char lin_prism_instruction_sets[];
 
 
 /* The scene's own values of the arguments. */

@@ -29,12 +29,14 @@ enum {
   PLANAR_NON_FINITE_RESULT = 2,
   PLANAR_INVALID_ARGUMENT = 3,
   PLANAR_NULL_POINTER = 4,
-  PLANAR_STEP_TOO_SMALL = 5
+  PLANAR_STEP_TOO_SMALL = 5,
+  PLANAR_UNSUPPORTED_MACHINE = 6,
+  PLANAR_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  PLANAR_ABI_VERSION = 1,
+  PLANAR_ABI_VERSION = 2,
   PLANAR_N_NODES = 4,
   PLANAR_N_MEMBERS = 6,
   PLANAR_N_AXES = 2,
@@ -77,10 +79,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } planar_description;
 
 extern PLANAR_API const planar_description planar_descriptor;
+
+/* PLANAR_OK, or PLANAR_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+PLANAR_API int planar_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+PLANAR_API const char *planar_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern PLANAR_API const char planar_instruction_sets[];
 
 /* Node and axis (0 x, 1 y, 2 z) of each free coordinate. */
 extern PLANAR_API const int planar_coordinate_node[5];

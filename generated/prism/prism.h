@@ -29,12 +29,14 @@ enum {
   PRISM_NON_FINITE_RESULT = 2,
   PRISM_INVALID_ARGUMENT = 3,
   PRISM_NULL_POINTER = 4,
-  PRISM_STEP_TOO_SMALL = 5
+  PRISM_STEP_TOO_SMALL = 5,
+  PRISM_UNSUPPORTED_MACHINE = 6,
+  PRISM_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  PRISM_ABI_VERSION = 1,
+  PRISM_ABI_VERSION = 2,
   PRISM_N_NODES = 6,
   PRISM_N_MEMBERS = 12,
   PRISM_N_AXES = 3,
@@ -95,10 +97,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } prism_description;
 
 extern PRISM_API const prism_description prism_descriptor;
+
+/* PRISM_OK, or PRISM_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+PRISM_API int prism_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+PRISM_API const char *prism_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern PRISM_API const char prism_instruction_sets[];
 
 /* Node and axis (0 x, 1 y, 2 z) of each free coordinate. */
 extern PRISM_API const int prism_coordinate_node[15];

@@ -29,12 +29,14 @@ enum {
   SVD_TOWER_NON_FINITE_RESULT = 2,
   SVD_TOWER_INVALID_ARGUMENT = 3,
   SVD_TOWER_NULL_POINTER = 4,
-  SVD_TOWER_STEP_TOO_SMALL = 5
+  SVD_TOWER_STEP_TOO_SMALL = 5,
+  SVD_TOWER_UNSUPPORTED_MACHINE = 6,
+  SVD_TOWER_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  SVD_TOWER_ABI_VERSION = 1,
+  SVD_TOWER_ABI_VERSION = 2,
   SVD_TOWER_N_NODES = 19,
   SVD_TOWER_N_MEMBERS = 18,
   SVD_TOWER_N_AXES = 3,
@@ -127,10 +129,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } svd_tower_description;
 
 extern SVD_TOWER_API const svd_tower_description svd_tower_descriptor;
+
+/* SVD_TOWER_OK, or SVD_TOWER_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+SVD_TOWER_API int svd_tower_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+SVD_TOWER_API const char *svd_tower_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern SVD_TOWER_API const char svd_tower_instruction_sets[];
 
 
 /* The scene's own values of the arguments. */

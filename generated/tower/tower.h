@@ -29,12 +29,14 @@ enum {
   TOWER_NON_FINITE_RESULT = 2,
   TOWER_INVALID_ARGUMENT = 3,
   TOWER_NULL_POINTER = 4,
-  TOWER_STEP_TOO_SMALL = 5
+  TOWER_STEP_TOO_SMALL = 5,
+  TOWER_UNSUPPORTED_MACHINE = 6,
+  TOWER_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  TOWER_ABI_VERSION = 1,
+  TOWER_ABI_VERSION = 2,
   TOWER_N_NODES = 18,
   TOWER_N_MEMBERS = 48,
   TOWER_N_AXES = 3,
@@ -185,10 +187,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } tower_description;
 
 extern TOWER_API const tower_description tower_descriptor;
+
+/* TOWER_OK, or TOWER_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+TOWER_API int tower_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+TOWER_API const char *tower_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern TOWER_API const char tower_instruction_sets[];
 
 /* Node and axis (0 x, 1 y, 2 z) of each free coordinate. */
 extern TOWER_API const int tower_coordinate_node[51];

@@ -11,7 +11,7 @@ static void print_values(const char *title, int status, const double *values, in
   int k;
   printf("%s status %d\n", title, status);
   for (k = 0; k < count; ++k) {
-    printf("  %d % .17g\n", k, values[k]);
+    printf("  %d % .17g\n", k, (double)values[k]);
   }
 }
 

@@ -11,7 +11,293 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    1, "two_nodes", "d67dd6fb75ce588c1e78d8f42e8e9e814cd9f05696a5f6c1e5df4e68fe17da23", "node_position", "unrolled", "tensegrity_codegen 0.1.0, casadi 3.8.2"};
+    2, "two_nodes", "5526f9d65b03769c56b30af22582d7d6c981bb505baf1181bcfd03e3f89b4056", "node_position", "unrolled", "double",
+    "tensegrity_codegen 0.1.0, casadi 3.8.2"};
+
+const char two_nodes_instruction_sets[] = "instruction sets:"
+#if defined(TENSEGRITY_NATIVE)
+#if defined(__SSE3__)
+    " sse3"
+#endif
+#if defined(__SSSE3__)
+    " ssse3"
+#endif
+#if defined(__SSE4_1__)
+    " sse4.1"
+#endif
+#if defined(__SSE4_2__)
+    " sse4.2"
+#endif
+#if defined(__MOVBE__)
+    " movbe"
+#endif
+#if defined(__POPCNT__)
+    " popcnt"
+#endif
+#if defined(__AVX__)
+    " avx"
+#endif
+#if defined(__F16C__)
+    " f16c"
+#endif
+#if defined(__FMA__)
+    " fma"
+#endif
+#if defined(__BMI__)
+    " bmi"
+#endif
+#if defined(__BMI2__)
+    " bmi2"
+#endif
+#if defined(__LZCNT__)
+    " lzcnt"
+#endif
+#if defined(__XOP__)
+    " xop"
+#endif
+#if defined(__FMA4__)
+    " fma4"
+#endif
+#if defined(__AVX2__)
+    " avx2"
+#endif
+#if defined(__AVXVNNI__)
+    " avxvnni"
+#endif
+#if defined(__AVX512F__)
+    " avx512f"
+#endif
+#if defined(__AVX512DQ__)
+    " avx512dq"
+#endif
+#if defined(__AVX512IFMA__)
+    " avx512ifma"
+#endif
+#if defined(__AVX512PF__)
+    " avx512pf"
+#endif
+#if defined(__AVX512ER__)
+    " avx512er"
+#endif
+#if defined(__AVX512CD__)
+    " avx512cd"
+#endif
+#if defined(__AVX512BW__)
+    " avx512bw"
+#endif
+#if defined(__AVX512VL__)
+    " avx512vl"
+#endif
+#if defined(__AVX512VBMI__)
+    " avx512vbmi"
+#endif
+#if defined(__AVX512VBMI2__)
+    " avx512vbmi2"
+#endif
+#if defined(__AVX512VNNI__)
+    " avx512vnni"
+#endif
+#if defined(__AVX512BITALG__)
+    " avx512bitalg"
+#endif
+#if defined(__AVX512VPOPCNTDQ__)
+    " avx512vpopcntdq"
+#endif
+#if defined(__AVX512FP16__)
+    " avx512fp16"
+#endif
+#if defined(__AVX512BF16__)
+    " avx512bf16"
+#endif
+#endif
+    ;
+
+#if defined(TENSEGRITY_NATIVE) && (defined(__x86_64__) || defined(__i386__))
+/* Code that runs before the machine is known: no instruction beyond the baseline. */
+#define TENSEGRITY_PLAIN __attribute__((target("no-avx,no-bmi,no-bmi2,no-lzcnt,no-popcnt,no-movbe")))
+#define TENSEGRITY_EARLY TENSEGRITY_PLAIN __attribute__((no_sanitize("address", "undefined"))) /* while loading */
+#define TENSEGRITY_APART __attribute__((noinline)) /* what may use more, in a function of its own */
+
+/* What this compilation may use: name, CPUID leaf and part, register, bit, register sets that the system keeps. */
+static const struct {
+  char name[20];
+  unsigned leaf, part, word, bit, state;
+} machine_needs[] = {
+#if defined(__SSE3__)
+    {"sse3", 0x1u, 0u, 2u, 0u, 0x0u},
+#endif
+#if defined(__SSSE3__)
+    {"ssse3", 0x1u, 0u, 2u, 9u, 0x0u},
+#endif
+#if defined(__SSE4_1__)
+    {"sse4.1", 0x1u, 0u, 2u, 19u, 0x0u},
+#endif
+#if defined(__SSE4_2__)
+    {"sse4.2", 0x1u, 0u, 2u, 20u, 0x0u},
+#endif
+#if defined(__MOVBE__)
+    {"movbe", 0x1u, 0u, 2u, 22u, 0x0u},
+#endif
+#if defined(__POPCNT__)
+    {"popcnt", 0x1u, 0u, 2u, 23u, 0x0u},
+#endif
+#if defined(__AVX__)
+    {"avx", 0x1u, 0u, 2u, 28u, 0x6u},
+#endif
+#if defined(__F16C__)
+    {"f16c", 0x1u, 0u, 2u, 29u, 0x6u},
+#endif
+#if defined(__FMA__)
+    {"fma", 0x1u, 0u, 2u, 12u, 0x6u},
+#endif
+#if defined(__BMI__)
+    {"bmi", 0x7u, 0u, 1u, 3u, 0x0u},
+#endif
+#if defined(__BMI2__)
+    {"bmi2", 0x7u, 0u, 1u, 8u, 0x0u},
+#endif
+#if defined(__LZCNT__)
+    {"lzcnt", 0x80000001u, 0u, 2u, 5u, 0x0u},
+#endif
+#if defined(__XOP__)
+    {"xop", 0x80000001u, 0u, 2u, 11u, 0x6u},
+#endif
+#if defined(__FMA4__)
+    {"fma4", 0x80000001u, 0u, 2u, 16u, 0x6u},
+#endif
+#if defined(__AVX2__)
+    {"avx2", 0x7u, 0u, 1u, 5u, 0x6u},
+#endif
+#if defined(__AVXVNNI__)
+    {"avxvnni", 0x7u, 1u, 0u, 4u, 0x6u},
+#endif
+#if defined(__AVX512F__)
+    {"avx512f", 0x7u, 0u, 1u, 16u, 0xe6u},
+#endif
+#if defined(__AVX512DQ__)
+    {"avx512dq", 0x7u, 0u, 1u, 17u, 0xe6u},
+#endif
+#if defined(__AVX512IFMA__)
+    {"avx512ifma", 0x7u, 0u, 1u, 21u, 0xe6u},
+#endif
+#if defined(__AVX512PF__)
+    {"avx512pf", 0x7u, 0u, 1u, 26u, 0xe6u},
+#endif
+#if defined(__AVX512ER__)
+    {"avx512er", 0x7u, 0u, 1u, 27u, 0xe6u},
+#endif
+#if defined(__AVX512CD__)
+    {"avx512cd", 0x7u, 0u, 1u, 28u, 0xe6u},
+#endif
+#if defined(__AVX512BW__)
+    {"avx512bw", 0x7u, 0u, 1u, 30u, 0xe6u},
+#endif
+#if defined(__AVX512VL__)
+    {"avx512vl", 0x7u, 0u, 1u, 31u, 0xe6u},
+#endif
+#if defined(__AVX512VBMI__)
+    {"avx512vbmi", 0x7u, 0u, 2u, 1u, 0xe6u},
+#endif
+#if defined(__AVX512VBMI2__)
+    {"avx512vbmi2", 0x7u, 0u, 2u, 6u, 0xe6u},
+#endif
+#if defined(__AVX512VNNI__)
+    {"avx512vnni", 0x7u, 0u, 2u, 11u, 0xe6u},
+#endif
+#if defined(__AVX512BITALG__)
+    {"avx512bitalg", 0x7u, 0u, 2u, 12u, 0xe6u},
+#endif
+#if defined(__AVX512VPOPCNTDQ__)
+    {"avx512vpopcntdq", 0x7u, 0u, 2u, 14u, 0xe6u},
+#endif
+#if defined(__AVX512FP16__)
+    {"avx512fp16", 0x7u, 0u, 3u, 23u, 0xe6u},
+#endif
+#if defined(__AVX512BF16__)
+    {"avx512bf16", 0x7u, 1u, 0u, 5u, 0xe6u},
+#endif
+    {"", 0u, 0u, 0u, 0u, 0u}};
+
+TENSEGRITY_EARLY static void ask_machine(unsigned leaf, unsigned part, unsigned word[4])
+{
+  __asm__ volatile("cpuid" : "=a"(word[0]), "=b"(word[1]), "=c"(word[2]), "=d"(word[3]) : "0"(leaf), "2"(part));
+}
+
+/* Register sets that the operating system keeps, XCR0; 0 where it cannot be asked. */
+TENSEGRITY_EARLY static unsigned kept_registers(void)
+{
+  unsigned word[4], low, high;
+  ask_machine(1u, 0u, word);
+  if (!(word[2] >> 27 & 1u)) {
+    return 0u;
+  }
+  __asm__ volatile(".byte 0x0f, 0x01, 0xd0" : "=a"(low), "=d"(high) : "c"(0u)); /* xgetbv */
+  (void)high;
+  return low;
+}
+
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+TENSEGRITY_EARLY static const char *find_missing(int k)
+{
+  const unsigned kept = kept_registers();
+  unsigned word[4];
+  int i;
+  for (i = 0; machine_needs[i].name[0] != 0; ++i) {
+    const unsigned leaf = machine_needs[i].leaf, part = machine_needs[i].part;
+    int is_there = 0;
+    ask_machine(leaf & 0x80000000u, 0u, word);
+    if (word[0] >= leaf) {
+      ask_machine(leaf, 0u, word); /* its first word is the last part that there is */
+      if (leaf != 7u || word[0] >= part) {
+        ask_machine(leaf, part, word);
+        is_there = (word[machine_needs[i].word] >> machine_needs[i].bit & 1u) != 0u;
+      }
+    }
+    if (!is_there || (kept & machine_needs[i].state) != machine_needs[i].state) {
+      if (k == 0) {
+        return machine_needs[i].name;
+      }
+      --k;
+    }
+  }
+  return NULL;
+}
+
+#if defined(__linux__) && defined(__GLIBC__) && !defined(__cplusplus)
+/* The loader asks once and binds one of two answers, so that asking costs a call and keeps no state of ours;
+ * elsewhere every call asks anew. */
+TENSEGRITY_PLAIN static int machine_fits(void) { return 1; }
+TENSEGRITY_PLAIN static int machine_lacks(void) { return 0; }
+TENSEGRITY_EARLY __attribute__((used)) static int (*choose_machine(void))(void)
+{
+  return find_missing(0) == NULL ? machine_fits : machine_lacks;
+}
+static int is_machine_supported(void) __attribute__((ifunc("choose_machine")));
+#else
+TENSEGRITY_PLAIN static int is_machine_supported(void) { return find_missing(0) == NULL; }
+#endif
+#define TENSEGRITY_CHECK_MACHINE \
+  if (!is_machine_supported()) { \
+    return TWO_NODES_UNSUPPORTED_MACHINE; \
+  }
+#else
+#define TENSEGRITY_PLAIN
+#define TENSEGRITY_APART
+#define TENSEGRITY_CHECK_MACHINE
+static const char *find_missing(int k)
+{
+  (void)k;
+  return NULL;
+}
+#endif
+
+TENSEGRITY_PLAIN int two_nodes_check_machine(void)
+{
+  TENSEGRITY_CHECK_MACHINE
+  return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN const char *two_nodes_missing_instruction_set(int k) { return k < 0 ? NULL : find_missing(k); }
 
 const int two_nodes_coordinate_node[3] = {1, 1, 1};
 const int two_nodes_coordinate_axis[3] = {0, 1, 2};
@@ -19,7 +305,7 @@ const int two_nodes_coordinate_axis[3] = {0, 1, 2};
 const double two_nodes_nominal_coordinate[3] = {
     0.0, 0.0, -1.0};
 const double two_nodes_nominal_velocity[3] = {
-    0.0, 0.0, 0.0};
+    0.0};
 
 
 /* Non-zero if every value is finite: x - x is 0 then, else NAN. Four sums, so that none waits for the last. */
@@ -64,7 +350,7 @@ static void member_tension_kernel(
   member_tension[0] = t14;
 }
 
-int two_nodes_compute_member_tension(
+static TENSEGRITY_APART int member_tension_checked(
     const double coordinate[3],
     double member_tension[1])
 {
@@ -81,6 +367,14 @@ int two_nodes_compute_member_tension(
     return TWO_NODES_NON_FINITE_RESULT;
   }
   return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN int two_nodes_compute_member_tension(
+    const double coordinate[3],
+    double member_tension[1])
+{
+  TENSEGRITY_CHECK_MACHINE
+  return member_tension_checked(coordinate, member_tension);
 }
 
 static void acceleration_kernel(
@@ -112,7 +406,7 @@ static void acceleration_kernel(
   acceleration[2] = t27;
 }
 
-int two_nodes_compute_acceleration(
+static TENSEGRITY_APART int acceleration_checked(
     const double coordinate[3],
     double acceleration[3])
 {
@@ -129,6 +423,14 @@ int two_nodes_compute_acceleration(
     return TWO_NODES_NON_FINITE_RESULT;
   }
   return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN int two_nodes_compute_acceleration(
+    const double coordinate[3],
+    double acceleration[3])
+{
+  TENSEGRITY_CHECK_MACHINE
+  return acceleration_checked(coordinate, acceleration);
 }
 
 static void total_energy_kernel(
@@ -161,7 +463,7 @@ static void total_energy_kernel(
   total_energy[0] = t31;
 }
 
-int two_nodes_compute_total_energy(
+static TENSEGRITY_APART int total_energy_checked(
     const double coordinate[3],
     const double velocity[3],
     double total_energy[1])
@@ -181,6 +483,41 @@ int two_nodes_compute_total_energy(
   return TWO_NODES_OK;
 }
 
+TENSEGRITY_PLAIN int two_nodes_compute_total_energy(
+    const double coordinate[3],
+    const double velocity[3],
+    double total_energy[1])
+{
+  TENSEGRITY_CHECK_MACHINE
+  return total_energy_checked(coordinate, velocity, total_energy);
+}
+
+/* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. It is the integral of
+ * the cubic through (v, a), and a defect of fifth order that is left out where it is rounding of the coordinates:
+ * over a tiny step that would be much in the velocities. */
+static void motion_interpolate(
+    double s, double h, const double *old, const double *q1, const double *v1, const double *a1, double *out)
+{
+  const double *q0 = old, *v0 = old + 3, *a0 = old + 6;
+  int k;
+  for (k = 0; k < 3; ++k) {
+    const double b0 = h * a0[k], b1 = h * a1[k], rise = v1[k] - v0[k];
+    const double c1 = 0.5 * b0, c2 = (3.0 * rise - 2.0 * b0 - b1) / 3.0, c3 = 0.25 * (b0 + b1 - 2.0 * rise);
+    const double defect = q1[k] - q0[k] - h * (v0[k] + c1 + c2 + c3), size = q1[k] * q1[k] + q0[k] * q0[k];
+    const double d = defect * defect > 1e-30 * size ? defect : 0.0;
+    if (s >= 1.0) {
+      out[k] = q1[k];
+      out[3 + k] = v1[k];
+    } else {
+      out[k] = q0[k] + s * (h * (v0[k] + s * (c1 + s * (c2 + s * c3))) + s * s * (10.0 + s * (6.0 * s - 15.0)) * d);
+      out[3 + k] = v0[k] + s * (b0 + s * (3.0 * c2 + s * 4.0 * c3)) + 30.0 * s * s * (1.0 - s) * (1.0 - s) * d / h;
+    }
+  }
+}
+
+/* Non-zero for a finite number. Times are doubles, whatever the precision of the state. */
+static int is_finite(double number) { return number - number == 0.0; }
+
 /* Accelerations at (coordinate, velocity). */
 static void motion_slope(
     const double *coordinate, const double *velocity, double *result)
@@ -189,27 +526,7 @@ static void motion_slope(
   acceleration_kernel(coordinate, result);
 }
 
-/* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. */
-static void motion_interpolate(
-    double s, double h, const double *old, const double *q1, const double *v1, const double *a1, double *out)
-{
-  const double *q0 = old, *v0 = old + 3, *a0 = old + 6;
-  int k;
-  for (k = 0; k < 3; ++k) {
-    const double dv0 = h * v0[k], dv1 = h * v1[k], da0 = 0.5 * h * h * a0[k], da1 = 0.5 * h * h * a1[k];
-    const double rise = q1[k] - q0[k];
-    const double c3 = 10.0 * rise - 6.0 * dv0 - 4.0 * dv1 - 3.0 * da0 + da1;
-    const double c4 = -15.0 * rise + 8.0 * dv0 + 7.0 * dv1 + 3.0 * da0 - 2.0 * da1;
-    const double c5 = 6.0 * rise - 3.0 * (dv0 + dv1) - da0 + da1;
-    if (s >= 1.0) {
-      out[k] = q1[k];
-      out[3 + k] = v1[k];
-    } else {
-      out[k] = q0[k] + s * (dv0 + s * (da0 + s * (c3 + s * (c4 + s * c5))));
-      out[3 + k] = (dv0 + s * (2.0 * da0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / h;
-    }
-  }
-}/* One step from (q, v) with acceleration a; leaves the new state in q, v and its acceleration in a. */
+/* One step from (q, v) with acceleration a; leaves the new state in q, v and its acceleration in a. */
 static void rk4_step(
     double h, double *q, double *v, double *a, double *stage)
 {
@@ -239,12 +556,13 @@ static void rk4_step(
   motion_slope(q, v, a);
 }
 
-int two_nodes_integrate_rk4(
+TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[6],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
     long long *n_done, double work[39])
 {
+  TENSEGRITY_CHECK_MACHINE
   double *a, *old, *stage, *trial;
   long long i;
   int k;
@@ -258,7 +576,7 @@ int two_nodes_integrate_rk4(
   if (!(step > 0.0) || first_step < 0 || n_steps < 0 || *n_sampled < 0) {
     return TWO_NODES_INVALID_ARGUMENT;
   }
-  if (!all_finite(&time_start, 1) || !all_finite(&step, 1) || !all_finite(state, 6)) {
+  if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, 6)) {
     return TWO_NODES_NON_FINITE_INPUT;
   }
   a = work;
@@ -279,7 +597,7 @@ int two_nodes_integrate_rk4(
     for (k = 0; k < 3; ++k) {
       old[6 + k] = a[k];
     }
-    rk4_step(step, trial, trial + 3, a, stage);
+    rk4_step((double)step, trial, trial + 3, a, stage);
     if (!all_finite(trial, 6) || !all_finite(a, 3)) {
       return TWO_NODES_NON_FINITE_RESULT;
     }
@@ -287,8 +605,8 @@ int two_nodes_integrate_rk4(
       state[k] = trial[k];
     }
     while (*n_sampled < n_samples && sample_time[*n_sampled] <= t1) {
-      const double s = (sample_time[*n_sampled] - t0) / step;
-      motion_interpolate(s, step, old, state, state + 3, a, sample_state + *n_sampled * 6);
+      const double s = (double)((sample_time[*n_sampled] - t0) / step);
+      motion_interpolate(s, (double)step, old, state, state + 3, a, sample_state + *n_sampled * 6);
       ++*n_sampled;
     }
     *n_done = i + 1;
@@ -316,8 +634,9 @@ TWO_NODES_API const casadi_int *two_nodes_member_tension_sparsity_in(casadi_int 
 TWO_NODES_API const casadi_int *two_nodes_member_tension_sparsity_out(casadi_int i);
 TWO_NODES_API int two_nodes_member_tension_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 
-int two_nodes_member_tension(const double **arg, double **res, casadi_int *iw, double *w, int mem)
+TENSEGRITY_PLAIN int two_nodes_member_tension(const double **arg, double **res, casadi_int *iw, double *w, int mem)
 {
+  TENSEGRITY_CHECK_MACHINE
   const double *in[1];
   int k;
   (void)iw;
@@ -397,8 +716,9 @@ TWO_NODES_API const casadi_int *two_nodes_acceleration_sparsity_in(casadi_int i)
 TWO_NODES_API const casadi_int *two_nodes_acceleration_sparsity_out(casadi_int i);
 TWO_NODES_API int two_nodes_acceleration_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 
-int two_nodes_acceleration(const double **arg, double **res, casadi_int *iw, double *w, int mem)
+TENSEGRITY_PLAIN int two_nodes_acceleration(const double **arg, double **res, casadi_int *iw, double *w, int mem)
 {
+  TENSEGRITY_CHECK_MACHINE
   const double *in[1];
   int k;
   (void)iw;
@@ -478,8 +798,9 @@ TWO_NODES_API const casadi_int *two_nodes_total_energy_sparsity_in(casadi_int i)
 TWO_NODES_API const casadi_int *two_nodes_total_energy_sparsity_out(casadi_int i);
 TWO_NODES_API int two_nodes_total_energy_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w);
 
-int two_nodes_total_energy(const double **arg, double **res, casadi_int *iw, double *w, int mem)
+TENSEGRITY_PLAIN int two_nodes_total_energy(const double **arg, double **res, casadi_int *iw, double *w, int mem)
 {
+  TENSEGRITY_CHECK_MACHINE
   const double *in[2];
   int k;
   (void)iw;

@@ -29,12 +29,14 @@ enum {
   TWO_NODES_NON_FINITE_RESULT = 2,
   TWO_NODES_INVALID_ARGUMENT = 3,
   TWO_NODES_NULL_POINTER = 4,
-  TWO_NODES_STEP_TOO_SMALL = 5
+  TWO_NODES_STEP_TOO_SMALL = 5,
+  TWO_NODES_UNSUPPORTED_MACHINE = 6,
+  TWO_NODES_TOO_MANY_EVENTS = 7
 };
 
 /* Sizes. */
 enum {
-  TWO_NODES_ABI_VERSION = 1,
+  TWO_NODES_ABI_VERSION = 2,
   TWO_NODES_N_NODES = 2,
   TWO_NODES_N_MEMBERS = 1,
   TWO_NODES_N_AXES = 3,
@@ -68,10 +70,19 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } two_nodes_description;
 
 extern TWO_NODES_API const two_nodes_description two_nodes_descriptor;
+
+/* TWO_NODES_OK, or TWO_NODES_UNSUPPORTED_MACHINE where native code (TENSEGRITY_NATIVE was defined) needs instructions that
+ * this machine lacks; every function then returns that and does nothing else. */
+TWO_NODES_API int two_nodes_check_machine(void);
+/* Name of the k-th instruction set that is needed and not there, NULL behind the last. */
+TWO_NODES_API const char *two_nodes_missing_instruction_set(int k);
+/* "instruction sets:" and the names of all that native code needs beyond the baseline of the architecture. */
+extern TWO_NODES_API const char two_nodes_instruction_sets[];
 
 /* Node and axis (0 x, 1 y, 2 z) of each free coordinate. */
 extern TWO_NODES_API const int two_nodes_coordinate_node[3];

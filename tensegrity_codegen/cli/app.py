@@ -15,10 +15,12 @@ from tensegrity_codegen.cli.linearize import linearize
 from tensegrity_codegen.cli.load_path import load_path
 from tensegrity_codegen.cli.output import Output, explain_system_error
 from tensegrity_codegen.cli.reconfigure import reconfigure
+from tensegrity_codegen.cli.report import report
 from tensegrity_codegen.cli.reproduce import reproduce
 from tensegrity_codegen.cli.scenes import check, examples, import_foreign, new, schema
 from tensegrity_codegen.cli.show import show
 from tensegrity_codegen.cli.simulate import simulate
+from tensegrity_codegen.cli.stability import stability
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.version import VERSION
 
@@ -48,6 +50,8 @@ for verb in (new, check, schema, build, equilibrium, simulate, linearize, show, 
 app.command("import")(import_foreign)
 app.command("load-path")(load_path)
 app.command()(reconfigure)
+app.command()(report)
+app.command()(stability)
 
 
 @app.callback(invoke_without_command=True)

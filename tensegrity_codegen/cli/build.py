@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import RenderableType
 
-from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
+from tensegrity_codegen.cli.options import (
+    BatchWidthOption,
+    CompilerOption,
+    FlagsOption,
+    JsonOption,
+    PrecisionOption,
+    SceneArgument,
+)
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.codegen.flags import FLAG_SETS, find_flags
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.request import ModelRequest, check_batch_width
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.pipeline import BuiltLibrary
 
 __all__ = ["build"]
 
@@ -25,8 +41,25 @@ def build(
     measure: Annotated[
         bool, typer.Option("--measure", help="Compile what was left out too, to measure the bytes it saved.")
     ] = False,
+    precision: PrecisionOption = None,
+    emitter: Annotated[
+        str | None,
+        typer.Option(
+            "--emitter", help="Way of writing the C, not the scene's: auto, unrolled, lanes, table."
+        ),
+    ] = None,
+    tune: Annotated[
+        bool, typer.Option("--tune", help="Measure emitters and compilers, take the fastest, remember it.")
+    ] = False,
+    tune_for: Annotated[
+        str | None, typer.Option("--tune-for", help="Quantity whose time decides; as --tune, over all.")
+    ] = None,
+    any_flags: Annotated[
+        bool, typer.Option("--any-flags", help="Let --tune compare reference and native flags too.")
+    ] = False,
+    batch_width: BatchWidthOption = None,
     compiler: CompilerOption = None,
-    flags: FlagsOption = "reference",
+    flags: FlagsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Generate and compile the library of a scene.
@@ -36,35 +69,81 @@ def build(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import build_library, load_scene
-        from tensegrity_codegen.report.tables import functions_table, left_out_table
+        from tensegrity_codegen.report.tables import candidates_table, functions_table, left_out_table
+        from tensegrity_codegen.tuning import build_tuned
 
         structure, request = load_scene(scene)
-        if quantity:
-            # Without the acceleration there is nothing to integrate.
-            integrators = request.integrators if "acceleration" in quantity else ()
-            minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
-            solvers = request.solvers if minimised else ()
-            request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
-        built = build_library(structure, request, compiler=compiler, flags=flags, measure=measure)
+        request = _narrow(request, quantity, precision, emitter, batch_width)
+        if flags is not None:
+            request = replace(request, flags=find_flags(flags, "--flags").name)
+        tables: list[RenderableType] = []
+        tuned: dict[str, Any] = {}
+        if tune or tune_for is not None:
+            sets = tuple(FLAG_SETS) if any_flags else ()
+            found = build_tuned(
+                structure, request, compiler=compiler, flags=sets, by=tune_for, measure=measure
+            )
+            built, tables = found.built, [candidates_table(found.rows)]
+            tuned = {"by": found.by, "from_cache": found.from_cache, "candidates": [*map(vars, found.rows)]}
+        elif any_flags:
+            raise InvalidValueError("nothing to compare", where="--any-flags", hint="add --tune")
+        else:
+            built = build_library(structure, request, compiler=compiler, measure=measure)
         folder = built.export(out) if out is not None else built.entry.folder
-        manifest = built.manifest
-        data = {
-            "status": "ok",
-            "name": manifest.name,
-            "folder": str(folder),
-            "library": str(folder / built.path.name),
-            "from_cache": built.from_cache,
-            "seconds": built.seconds,
-            "compiler": built.compiler,
-            "flags": built.flags,
-            "functions": {spec.quantity: spec.symbol for spec in manifest.functions},
-            "operations": {spec.quantity: spec.operations for spec in manifest.functions},
-            "left_out": [vars(row) for row in manifest.left_out],
-        }
+        data = _describe(built, folder) | ({"tuned": tuned} if tuned else {})
         how = "from the cache" if built.from_cache else f"built with {built.compiler}"
         output.result(
             data,
-            functions_table(manifest),
-            left_out_table(manifest),
+            functions_table(built.manifest),
+            left_out_table(built.manifest),
+            *tables,
+            f"emitter {built.manifest.emitter}: {built.why_emitter}",
             f"{data['library']}\n{how}, {built.seconds:.2f} s",
         )
+
+
+def _narrow(
+    request: ModelRequest,
+    quantity: list[str] | None,
+    precision: str | None,
+    emitter: str | None,
+    batch_width: int | None,
+) -> ModelRequest:
+    """Return the request with the choices of the command line in place of the scene's."""
+    if quantity:
+        # Without the acceleration there is nothing to integrate.
+        integrators = request.integrators if "acceleration" in quantity else ()
+        minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
+        solvers = request.solvers if minimised else ()
+        request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
+    if precision is not None:
+        request = replace(request, precision=find_precision(precision, "--precision").name)
+    if emitter is not None:
+        request = replace(request, emitter=emitter)
+    if batch_width is not None:
+        check_batch_width(batch_width, "--batch-width")
+        request = replace(request, batch_width=batch_width)
+    return request
+
+
+def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:
+    """Return what --json says of a library; folder: where it is for the user."""
+    manifest = built.manifest
+    return {
+        "status": "ok",
+        "name": manifest.name,
+        "emitter": manifest.emitter,
+        "why_emitter": built.why_emitter,
+        "folder": str(folder),
+        "library": str(folder / built.path.name),
+        "from_cache": built.from_cache,
+        "seconds": built.seconds,
+        "compiler": built.compiler,
+        "flags": built.flags,
+        "precision": manifest.precision,
+        "instruction_sets": manifest.instruction_sets,
+        "batch_width": manifest.batch_width,
+        "functions": {spec.quantity: spec.symbol for spec in manifest.functions},
+        "operations": {spec.quantity: spec.operations for spec in manifest.functions},
+        "left_out": [vars(row) for row in manifest.left_out],
+    }

@@ -129,7 +129,7 @@ def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: s
         )
     request = with_statics(request)
     extra = ["member_extension"] if subject.n_members else []
-    extra += ["bar_distance"] if len(subject.bar_pairs) else []
+    extra += ["bar_distance"] if subject.n_bar_pairs else []
     quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))
     wanted = request.wanting(*quantities, parameters={"node_load": tuple(range(subject.n_nodes))})
     model = build_library(subject, wanted, compiler=compiler).load()
@@ -142,7 +142,7 @@ def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list
 
     cables = [name for name, bar in zip(subject.member_name, subject.is_bar, strict=True) if not bar]
     watches = [watch_slack(path, cables)] if cables else []
-    if len(subject.bar_pairs):
+    if subject.n_bar_pairs:
         watches.append(watch_contact(path, stops=not past_contact))
     return watches
 

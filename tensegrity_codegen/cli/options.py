@@ -14,17 +14,37 @@ from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["CompilerOption", "FlagsOption", "JsonOption", "SceneArgument", "parse_loads", "parse_vector"]
+__all__ = [
+    "BatchWidthOption",
+    "CompilerOption",
+    "FlagsOption",
+    "JsonOption",
+    "PrecisionOption",
+    "SceneArgument",
+    "parse_loads",
+    "parse_vector",
+]
 
 SceneArgument = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+BatchWidthOption = Annotated[
+    int | None,
+    typer.Option("--batch-width", help="Evaluations side by side in batch functions; 0: no such functions."),
+]
 CompilerOption = Annotated[
     str | None, typer.Option("--compiler", help="gcc, clang, zig or a command; found if not given.")
 ]
 FlagsOption = Annotated[
-    str, typer.Option("--flags", help="reference (bit-equal to CasADi) or native (this machine's CPU).")
+    str | None,
+    typer.Option(
+        "--flags", help="reference (bit-equal to CasADi) or native (this machine's CPU), not the scene's."
+    ),
+]
+
+PrecisionOption = Annotated[
+    str | None, typer.Option("--precision", help="double or single, instead of the scene's.")
 ]
 
 

@@ -35,7 +35,8 @@ def simulate(
     method: Annotated[
         str,
         typer.Option(
-            "--method", help="auto, rk54, rk4, or a check through SciPy: scipy_dop853, scipy_radau, ..."
+            "--method",
+            help="auto, rk853, rk54, radau (stiff bars), rk4, or a check through SciPy: scipy_radau, ...",
         ),
     ] = "auto",
     step: Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")] = None,
@@ -45,7 +46,7 @@ def simulate(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
     compiler: CompilerOption = None,
-    flags: FlagsOption = "reference",
+    flags: FlagsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Simulate the motion of a scene and write it to an .npz file.
@@ -61,7 +62,7 @@ def simulate(
         from tensegrity_codegen.runtime.simulate import check_options
         from tensegrity_codegen.runtime.simulate import simulate as run
 
-        check_options(t_end, samples, method, step, rtol, atol)
+        check_options(t_end, samples, method, step, rtol, atol, until_contact=until is not None)
         _check_until(until)
         if out is not None:
             check_target(out)
@@ -90,7 +91,7 @@ def simulate(
 
 
 def _build(
-    scene: Path, method: str, settle: bool, until_contact: bool, compiler: str | None, flags: str
+    scene: Path, method: str, settle: bool, until_contact: bool, compiler: str | None, flags: str | None
 ) -> tuple[BuiltLibrary, Any]:
     """Return the library that the run needs, and where it starts (None: where the scene says)."""
     from tensegrity_codegen.pipeline import (

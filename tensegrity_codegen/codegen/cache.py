@@ -1,6 +1,6 @@
 """Content-hash cache of compiled libraries, safe for several processes at once.
 
-    <root>/requests/<key>.json     the library that a request led to, last time
+    <root>/requests/<key>.json     the library that a request led to, last time, and a note of how
     <root>/libraries/<key>/        sources, manifest.json, library, compile.log, and entry.json: the size and
                                    sha256 of each of these files, written last
     <root>/locks/<key>.lock        held while that key is made, checked for damage or removed
@@ -22,6 +22,8 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
@@ -97,16 +99,25 @@ class Cache:
 
     def lookup_request(self, key: str) -> str | None:
         """Return the library key stored for a request, or None."""
-        path = self._request(key)
-        library_key = read_request(path)
-        return library_key if library_key and KEY.fullmatch(library_key) else None
+        found = read_request(self._request(key))
+        return found[0] if found and KEY.fullmatch(found[0]) else None
 
-    def store_request(self, key: str, library_key: str) -> None:
-        """Note that the request `key` leads to the library `library_key`; raises OutputError."""
+    def lookup_note(self, key: str) -> dict[str, Any]:
+        """Return what was noted beside the library key of a request; empty if there is none."""
+        found = read_request(self._request(key))
+        return found[1] if found else {}
+
+    def store_request(
+        self, key: str, library_key: str, note: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
+        """Note that the request `key` leads to the library `library_key`; raises OutputError.
+
+        note: plain data for JSON, of what was decided on the way.
+        """
         path = self._request(key)
         self._library(library_key)  # checks the key
         with self._explain(path), self._temporary() as temporary:
-            write_request(temporary / path.name, library_key)
+            write_request(temporary / path.name, library_key, note)
             path.parent.mkdir(parents=True, exist_ok=True)
             (temporary / path.name).replace(path)
 

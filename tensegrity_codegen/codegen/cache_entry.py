@@ -75,16 +75,18 @@ def read_entry(folder: Path, key: str) -> CacheEntry | None:
         return None
 
 
-def write_request(path: Path, library_key: str) -> None:
-    """Write the file that leads from a request to a library; raises OSError."""
-    path.write_text(json.dumps({"version": ENTRY_VERSION, "library": library_key}), encoding="utf-8")
+def write_request(path: Path, library_key: str, note: Mapping[str, Any]) -> None:
+    """Write the file that leads from a request to a library, and what else is known; raises OSError."""
+    data = {"version": ENTRY_VERSION, "library": library_key, "note": dict(note)}
+    path.write_text(json.dumps(data), encoding="utf-8")
 
 
-def read_request(path: Path) -> str | None:
-    """Return the library key in such a file, None if it is absent or damaged."""
+def read_request(path: Path) -> tuple[str, dict[str, Any]] | None:
+    """Return the library key and the note in such a file, None if it is absent or damaged."""
     try:
         data = json.loads(path.read_bytes())
-        return str(data["library"]) if data["version"] == ENTRY_VERSION else None
+        known = data["version"] == ENTRY_VERSION and isinstance(data["note"], dict)
+        return (str(data["library"]), data["note"]) if known else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -1,8 +1,9 @@
-"""Run one command with limits on time and memory, leaving no process behind however it ends."""
+"""Run commands with limits on time and memory, leaving no process behind however they end."""
 
 from __future__ import annotations
 
 import os
+import selectors
 import subprocess
 import sys
 import tempfile
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-__all__ = ["LOG_LIMIT", "ChildOutcome", "run_limited"]
+__all__ = ["LOG_LIMIT", "ChildOutcome", "run_limited", "run_several"]
 
 LOG_LIMIT = 1_000_000  # bytes of a log that are kept
 SUPERVISOR = Path(__file__).with_name("supervise.py")
@@ -52,45 +53,104 @@ def run_limited(
     macOS. If anything interrupts the wait (Ctrl-C), or this process dies, the command and all of its children
     are killed. Raises OSError if the command cannot be started.
     """
-    run = _run_supervised if os.name == "posix" and sys.executable else _run_alone
-    with tempfile.TemporaryFile() as log:
-        return run(list(command), folder, dict(environment), timeout, memory_limit, log)
+    return run_several(
+        [command], folder=folder, environment=environment, timeout=timeout, memory_limit=memory_limit
+    )[0]
 
 
-def _run_supervised(
-    command: list[str],
+def run_several(
+    commands: Sequence[Sequence[str]],
+    *,
     folder: Path,
-    environment: dict[str, str],
+    environment: Mapping[str, str],
     timeout: float,
-    memory_limit: int | None,
-    log: IO[bytes],
-) -> ChildOutcome:
-    """Run through supervise.py, which ends with the command or when its standard input closes."""
-    limits = [repr(float(timeout)), str(memory_limit or 0)]
-    supervisor = subprocess.Popen(
-        [sys.executable, "-I", "-S", str(SUPERVISOR), *limits, *command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=log,
-        cwd=folder,
-        env=environment,
-        start_new_session=True,
-    )
-    assert supervisor.stdin is not None  # a pipe, as asked for
-    assert supervisor.stdout is not None
+    memory_limit: int | None = None,
+    workers: int = 1,
+) -> list[ChildOutcome]:
+    """Run commands that do not wait for each other, `workers` at a time; limits and errors as in run_limited.
+
+    timeout: for each command [s]. Where processes cannot be watched (Windows), one runs after the other.
+    """
+    settings = (folder, dict(environment), timeout, memory_limit)
+    if os.name != "posix" or not sys.executable:
+        return [_run_alone(list(command), *settings) for command in commands]
+    outcomes: dict[int, ChildOutcome] = {}
+    running: dict[int, _Supervised] = {}
     try:
-        report = supervisor.stdout.read()
-    except BaseException:  # Ctrl-C above all
-        supervisor.terminate()
-        raise
+        for number, command in enumerate(commands):
+            if len(running) >= max(workers, 1):
+                _collect(running, outcomes)
+            running[number] = _Supervised(list(command), *settings)
+        while running:
+            _collect(running, outcomes)
     finally:
-        supervisor.stdin.close()
-        supervisor.stdout.close()
-        supervisor.wait()
-    words = report.decode("ascii").split()
-    if len(words) != 4:
-        raise OSError(f"the supervisor of {command[0]} ended early: {_read_log(log)}")
-    return ChildOutcome(words[0], int(words[1]), _read_log(log), float(words[2]), int(words[3]))
+        for item in running.values():  # after Ctrl-C above all
+            item.stop()
+    return [outcomes[number] for number in range(len(commands))]
+
+
+class _Supervised:
+    """A command that runs under supervise.py, which ends with it or when its standard input closes."""
+
+    def __init__(
+        self,
+        command: list[str],
+        folder: Path,
+        environment: dict[str, str],
+        timeout: float,
+        memory_limit: int | None,
+    ) -> None:
+        limits = [repr(float(timeout)), str(memory_limit or 0)]
+        self.command = command
+        self.log = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `stop`
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-I", "-S", str(SUPERVISOR), *limits, *command],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self.log,
+                cwd=folder,
+                env=environment,
+                start_new_session=True,
+            )
+        except BaseException:
+            self.log.close()
+            raise
+
+    @property
+    def report(self) -> IO[bytes]:
+        """Where the supervisor writes its report when all is over."""
+        assert self.process.stdout is not None  # a pipe, as asked for
+        return self.process.stdout
+
+    def finish(self) -> ChildOutcome:
+        """Wait for the end of the command and return how it was."""
+        words = self.report.read().decode("ascii").split()
+        if len(words) != 4:
+            raise OSError(f"the supervisor of {self.command[0]} ended early: {_read_log(self.log)}")
+        log = _read_log(self.log)
+        self.stop()
+        return ChildOutcome(words[0], int(words[1]), log, float(words[2]), int(words[3]))
+
+    def stop(self) -> None:
+        """End the command and its supervisor, if they still run."""
+        assert self.process.stdin is not None
+        self.process.terminate()
+        self.process.stdin.close()
+        self.report.close()
+        self.process.wait()
+        self.log.close()
+
+
+def _collect(running: dict[int, _Supervised], outcomes: dict[int, ChildOutcome]) -> None:
+    """Move those that have ended, at least one, from `running` to `outcomes`."""
+    with selectors.DefaultSelector() as selector:
+        for number, item in running.items():
+            selector.register(item.report, selectors.EVENT_READ, number)
+        ended = [key.data for key, _ in selector.select()]
+    for number in ended:
+        outcomes[number] = running[number].finish()
+        del running[number]
 
 
 def _run_alone(
@@ -99,13 +159,20 @@ def _run_alone(
     environment: dict[str, str],
     timeout: float,
     memory_limit: int | None,
-    log: IO[bytes],
 ) -> ChildOutcome:
     """Run directly, where there is no fork: time limit only."""
     started = time.monotonic()
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, cwd=folder, env=environment
-    ) as child:
+    with (
+        tempfile.TemporaryFile() as log,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env=environment,
+        ) as child,
+    ):
         try:
             number = child.wait(timeout)
             ended = "exit" if number >= 0 else "signal"
@@ -113,7 +180,7 @@ def _run_alone(
             ended, number = "time", 0
         finally:
             child.kill()
-    return ChildOutcome(ended, abs(number), _read_log(log), time.monotonic() - started, None)
+        return ChildOutcome(ended, abs(number), _read_log(log), time.monotonic() - started, None)
 
 
 def _read_log(log: IO[bytes]) -> str:

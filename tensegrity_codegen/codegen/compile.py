@@ -1,17 +1,22 @@
-"""From C text to a shared library: one compiler run, with limits, that leaves nothing behind."""
+"""From C text to a shared library: compiler runs with limits that leave nothing behind.
+
+A single source is compiled and linked by one command. Several are compiled side by side, one process a CPU,
+and then linked: of a large scene, the tables take longer to compile than the code.
+"""
 
 from __future__ import annotations
 
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from tensegrity_codegen.codegen.cache import find_cache_root
-from tensegrity_codegen.codegen.child import ChildOutcome, run_limited
+from tensegrity_codegen.codegen.child import ChildOutcome, run_several
 from tensegrity_codegen.codegen.flags import Compiler, FlagSet, build_command, library_file_name
 from tensegrity_codegen.codegen.object_file import read_code_size
 from tensegrity_codegen.errors import CompileError, InvalidNameError, InvalidValueError
@@ -41,8 +46,8 @@ class CompiledArtifact:
     """A compiled library and how it came about.
 
     file_name: lib<name>.so, .dylib or <name>.dll; library: its bytes; log: all that the compiler wrote;
-    command: what was run, with file names relative to its folder; seconds: wall time [s]; peak_memory:
-    largest resident set of the compiler [byte], None where unknown.
+    command: what made the library, the last one run, with file names relative to its folder; seconds: wall
+    time of all runs [s]; peak_memory: largest resident set of one run [byte], None where unknown.
     """
 
     file_name: str
@@ -73,12 +78,24 @@ def compile_library(
         raise InvalidNameError(
             "the library's name is no C identifier", where="name", given=name, allowed="letters, digits, _"
         )
-    output = library_file_name(name)
+    output, units = library_file_name(name), _units(sources)
+    started = time.monotonic()
     with _written(sources) as folder:
-        command = build_command(compiler, flags, _units(sources), output)
-        outcome = _run(command, compiler, folder, timeout, memory_limit)
-        library = _read_output(folder / output, outcome)
-    return CompiledArtifact(output, library, outcome.log, command, outcome.seconds, outcome.peak_memory)
+        limits = (compiler, folder, timeout, memory_limit)
+        outcomes = _compile_objects(units, flags, *limits) if len(units) > 1 else []
+        inputs = tuple(f"{unit}.o" for unit in units) if outcomes else units
+        command = build_command(compiler, flags, inputs, output)
+        outcomes += _run([command], *limits)
+        library = _read_output(folder / output, outcomes[-1])
+    peaks = [outcome.peak_memory for outcome in outcomes]
+    return CompiledArtifact(
+        file_name=output,
+        library=library,
+        log="".join(outcome.log for outcome in outcomes),
+        command=command,
+        seconds=time.monotonic() - started,
+        peak_memory=max((peak for peak in peaks if peak is not None), default=None),
+    )
 
 
 def object_size(
@@ -93,17 +110,14 @@ def object_size(
 
     Arguments and errors as in compile_library; nothing is linked.
     """
-    total = 0
+    units = _units(sources)
     with _written(sources) as folder:
-        for unit in _units(sources):
-            output = f"{unit}.o"
-            command = build_command(compiler, flags, (unit,), output, shared=False)
-            outcome = _run(command, compiler, folder, timeout, memory_limit)
-            size = read_code_size(_read_output(folder / output, outcome))
-            if size is None:
-                return None
-            total += size
-    return total
+        outcomes = _compile_objects(units, flags, compiler, folder, timeout, memory_limit)
+        objects = [
+            _read_output(folder / f"{unit}.o", done) for unit, done in zip(units, outcomes, strict=True)
+        ]
+    sizes = [read_code_size(data) for data in objects]
+    return None if None in sizes else sum(size for size in sizes if size is not None)
 
 
 def compiler_environment(compiler: Compiler, folder: Path) -> dict[str, str]:
@@ -147,20 +161,45 @@ def _units(sources: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(sorted(name for name in sources if name.endswith(".c")))
 
 
+def _compile_objects(
+    units: Sequence[str],
+    flags: FlagSet,
+    compiler: Compiler,
+    folder: Path,
+    timeout: float,
+    memory_limit: int | None,
+) -> list[ChildOutcome]:
+    """Compile each unit to an object file `<unit>.o`, the longest text first."""
+    order = sorted(units, key=lambda unit: -(folder / unit).stat().st_size)
+    commands = [build_command(compiler, flags, (unit,), f"{unit}.o", shared=False) for unit in order]
+    outcomes = dict(zip(order, _run(commands, compiler, folder, timeout, memory_limit), strict=True))
+    return [outcomes[unit] for unit in units]
+
+
 def _run(
-    command: tuple[str, ...], compiler: Compiler, folder: Path, timeout: float, memory_limit: int | None
-) -> ChildOutcome:
-    environment = compiler_environment(compiler, folder)
+    commands: Sequence[tuple[str, ...]],
+    compiler: Compiler,
+    folder: Path,
+    timeout: float,
+    memory_limit: int | None,
+) -> list[ChildOutcome]:
     try:
-        outcome = run_limited(
-            command, folder=folder, environment=environment, timeout=timeout, memory_limit=memory_limit
+        outcomes = run_several(
+            commands,
+            folder=folder,
+            environment=compiler_environment(compiler, folder),
+            timeout=timeout,
+            memory_limit=memory_limit,
+            workers=os.cpu_count() or 1,
         )
     except OSError as error:
-        raise CompileError("the compiler could not be started", log=str(error), where=command[0]) from error
-    if not outcome.ok:
-        problem, hint = _explain_failure(outcome, timeout, memory_limit)
-        raise CompileError(problem, log=outcome.log, where=" ".join(compiler.command), hint=hint)
-    return outcome
+        program = compiler.command[0]
+        raise CompileError("the compiler could not be started", log=str(error), where=program) from error
+    for outcome in outcomes:
+        if not outcome.ok:
+            problem, hint = _explain_failure(outcome, timeout, memory_limit)
+            raise CompileError(problem, log=outcome.log, where=" ".join(compiler.command), hint=hint)
+    return outcomes
 
 
 def _explain_failure(outcome: ChildOutcome, timeout: float, memory_limit: int | None) -> tuple[str, str]:

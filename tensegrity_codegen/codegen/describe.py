@@ -5,29 +5,25 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.fingerprint import hash_scene
-from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.codegen.flags import find_flags
+from tensegrity_codegen.codegen.integrators import integrator_spec
 from tensegrity_codegen.codegen.solvers import solver_spec
-from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import (
     ABI_VERSION,
     ArgumentSpec,
     FunctionSpec,
-    IntegratorSpec,
     LeftOut,
     Manifest,
-    Pattern,
 )
+from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.symbolic.model import ModelArgument, SymbolicModel
+from tensegrity_codegen.symbolic.model import ModelArgument
 from tensegrity_codegen.version import VERSION
 
-__all__ = ["INTEGRATOR_WORK", "describe", "made_by"]
-
-# Doubles of work memory, in multiples of n_coordinates. rk4: acceleration, old (q, v, a), trial (q, v),
-# stages; rk54: seven rates (v, a), trial (q, v), old (q, v, a), what rounding took, change of the state.
-INTEGRATOR_WORK = {"rk4": 1 + 3 + 2 + 7, "rk54": 14 + 2 + 3 + 2 + 2}
+__all__ = ["describe", "made_by"]
 
 
 def made_by() -> dict[str, str]:
@@ -39,9 +35,9 @@ def made_by() -> dict[str, str]:
 
 
 def describe(
-    model: SymbolicModel,
+    model: EmittedModel,
     request: ModelRequest,
-    functions: tuple[PrunedFunction, ...],
+    functions: tuple[WantedFunction, ...],
     left_out: tuple[LeftOut, ...],
 ) -> Manifest:
     """Return the manifest of the library that these functions make."""
@@ -55,6 +51,8 @@ def describe(
         scene_hash=hash_scene(model.subject, request),
         formulation=model.formulation,
         emitter=request.emitter,
+        precision=find_precision(request.precision).name,
+        flags=find_flags(request.flags).name,
         made_by=made_by(),
         axes=frame.axes,
         node_name=frame.node_name,
@@ -67,9 +65,12 @@ def describe(
         input_name=frame.input_name,
         arguments=tuple(_argument_spec(name, item) for name, item in model.arguments.items() if name in used),
         functions=specs,
-        integrators=tuple(_integrator_spec(model, name, specs) for name in request.integrators),
+        integrators=tuple(
+            integrator_spec(model, name, specs, request.events or ()) for name in request.integrators
+        ),
         left_out=left_out,
-        bar_pair=frame.bar_pair if any(f.quantity.over_bar_pairs for f in functions) else (),
+        batch_width=request.batch_width,
+        bar_pair=frame.find_bar_pair() if any(f.quantity.over_bar_pairs for f in functions) else (),
         solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
     )
 
@@ -78,16 +79,12 @@ def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in values)
 
 
-def _function_spec(model: SymbolicModel, function: PrunedFunction) -> FunctionSpec:
-    quantity, sparsity = function.quantity, function.sparsity
+def _function_spec(model: EmittedModel, function: WantedFunction) -> FunctionSpec:
+    quantity, (rows, columns) = function.quantity, function.shape
     unit, sentence = model.words.get(quantity.name, (quantity.unit, quantity.sentence))
-    pattern = None
-    shape: tuple[int, ...] = (
-        tuple(reversed(sparsity.shape)) if len(quantity.shape) == 2 else (sparsity.numel(),)
-    )
+    shape: tuple[int, ...] = (columns, rows) if len(quantity.shape) == 2 else (rows * columns,)
     if quantity.sparse:
-        shape = (sparsity.shape[0], sparsity.shape[1])
-        pattern = Pattern(shape, tuple(sparsity.row()), tuple(sparsity.colind()))
+        shape = (rows, columns)
     elif not quantity.shape:
         shape = ()
     return FunctionSpec(
@@ -98,7 +95,7 @@ def _function_spec(model: SymbolicModel, function: PrunedFunction) -> FunctionSp
         unit=unit,
         sentence=sentence,
         operations=function.operations,
-        pattern=pattern,
+        pattern=function.pattern,
     )
 
 
@@ -111,21 +108,3 @@ def _argument_spec(name: str, argument: ModelArgument) -> ArgumentSpec:
         nominal=tuple(float(value) for value in argument.nominal.ravel()),
         over=argument.over,
     )
-
-
-def _integrator_spec(model: SymbolicModel, name: str, functions: tuple[FunctionSpec, ...]) -> IntegratorSpec:
-    if name not in INTEGRATOR_WORK:
-        raise FormulationError(
-            "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATOR_WORK)
-        )
-    acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
-    if acceleration is None:
-        raise FormulationError(
-            "an integrator needs the acceleration",
-            where="model.integrators",
-            given=name,
-            hint='add "acceleration" to the wanted quantities',
-        )
-    passed = tuple(a for a in acceleration.arguments if a not in ("coordinate", "velocity"))
-    work = INTEGRATOR_WORK[name] * len(model.frame.coordinate_name)
-    return IntegratorSpec(name, f"{model.name}_integrate_{name}", passed, work)

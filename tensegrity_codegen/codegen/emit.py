@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
-from tensegrity_codegen.codegen.left_out import account_left_out, is_offered, with_feature
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.codegen.unrolled import PROJECTION, check_unrollable, emit_unrolled
+from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
+from tensegrity_codegen.codegen.integrators import PROJECTION, find_events, needed_quantities
+from tensegrity_codegen.codegen.lane_printer import PrintedLanes
+from tensegrity_codegen.codegen.lanes.emitter import LANES
+from tensegrity_codegen.codegen.left_out import account_left_out, with_feature
+from tensegrity_codegen.codegen.number_range import check_number_range
+from tensegrity_codegen.codegen.source import write_sources
+from tensegrity_codegen.codegen.table.emitter import TABLE
+from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import LeftOut, Manifest
+from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.model import SymbolicModel
 
 __all__ = ["EMITTERS", "GeneratedSource", "emit"]
 
-EMITTERS: dict[str, Callable[..., dict[str, str]]] = {"unrolled": emit_unrolled}
+EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, LANES, TABLE)}
 
 
 @dataclass(frozen=True)
 class GeneratedSource:
-    """Generated files by name, and the manifest that describes them."""
+    """Generated files by name, the manifest that describes them, and why its emitter wrote them."""
 
     manifest: Manifest
     files: dict[str, str]
+    why_emitter: str = ""
 
 
 def emit(
@@ -38,54 +45,92 @@ def emit(
 
     object_size: bytes of object code of some sources; with it, what was left out is compiled too and its
     bytes are measured instead of estimated.
-    Raises FormulationError for what the formulation or the emitter cannot serve.
+    Raises FormulationError for what formulation, emitter or precision cannot serve, InvalidValueError for
+    numbers too large for single precision.
     """
-    if request.emitter not in EMITTERS:
+    if request.emitter not in (AUTO, *EMITTERS):
         raise FormulationError(
             "unknown emitter",
             where="model.emitter",
             given=request.emitter,
-            hint=suggest(request.emitter, EMITTERS),
+            hint=suggest(request.emitter, (AUTO, *EMITTERS)),
         )
-    request = _with_projection(structure, request)
+    _check_precision(structure, request)
+    request, why = settle_emitter(structure, request)
+    request = _with_integrator_needs(structure, request)
     functions, model = _prune(structure, request)
-    left_out = account_left_out(model, request, functions)
+    left_out = account_left_out(model, request, functions, EMITTERS[request.emitter])
     if object_size is not None:
-        own = object_size(_sources(model, request, functions))
+        own = object_size(_sources(model, request, functions)[1])
         left_out = tuple(_measure(model, request, row, own, object_size) for row in left_out)
-    manifest = describe(model, request, functions, left_out)
-    return GeneratedSource(manifest, EMITTERS[request.emitter](manifest, functions))
+    return GeneratedSource(*_sources(model, request, functions, left_out), why)
 
 
-def _prune(structure: Subject, request: ModelRequest) -> tuple[tuple[PrunedFunction, ...], SymbolicModel]:
-    check_unrollable(structure)
-    model = build_model(structure, request)
-    return prune(model, request.quantities), model
+def _check_precision(structure: Subject, request: ModelRequest) -> None:
+    """Raise FormulationError or InvalidValueError for what single precision cannot serve."""
+    precision = find_precision(request.precision)
+    if precision.name == "double":
+        return
+    if request.solvers:
+        raise FormulationError(
+            "solvers need double precision",
+            where=f"{structure.name}: model.solvers",
+            given=f"{', '.join(request.solvers)} with precision {precision.name!r}",
+            allowed="no solvers in single precision",
+            hint='leave solvers out, or choose precision = "double"',
+        )
+    if "radau" in request.integrators:
+        raise FormulationError(
+            "the integrator 'radau' needs double precision",
+            where=f"{structure.name}: model.integrators",
+            given=f"radau with precision {precision.name!r}",
+            allowed="rk4, rk54 and rk853 in single precision",
+            hint='leave it out, or choose precision = "double"',
+        )
+    check_number_range(structure, precision)
 
 
-def _with_projection(structure: Subject, request: ModelRequest) -> ModelRequest:
-    """Return the request with the functions by which integrators keep redundant coordinates consistent."""
+def _prune(structure: Subject, request: ModelRequest) -> tuple[tuple[WantedFunction, ...], EmittedModel]:
+    emitter = EMITTERS[request.emitter]
+    model = emitter.build(structure, request)
+    return emitter.prune(model, request.quantities), model
+
+
+def _with_integrator_needs(structure: Subject, request: ModelRequest) -> ModelRequest:
+    """Return the request with what integrators call, to keep coordinates consistent and to see events too."""
     if not request.integrators:
         return request
-    check_unrollable(structure)
-    model = build_model(structure, request)
-    wanted = [name for name in PROJECTION if name not in request.quantities and is_offered(model, name)]
-    return replace(request, quantities=(*request.quantities, *wanted))
+    emitter = EMITTERS[request.emitter]
+    model = emitter.build(structure, request)
+    events, watched = find_events(request, lambda name: emitter.is_offered(model, name))
+    called = (*PROJECTION, *(item for name in request.integrators for item in needed_quantities(name)))
+    wanted = [name for name in called if emitter.is_offered(model, name)]
+    return replace(request, quantities=(*request.quantities, *wanted, *watched), events=events)
 
 
 def _sources(
-    model: SymbolicModel, request: ModelRequest, functions: tuple[PrunedFunction, ...]
-) -> dict[str, str]:
-    return EMITTERS[request.emitter](describe(model, request, functions, ()), functions)
+    model: EmittedModel,
+    request: ModelRequest,
+    functions: tuple[WantedFunction, ...],
+    left_out: tuple[LeftOut, ...] = (),
+) -> tuple[Manifest, dict[str, str]]:
+    manifest = describe(model, request, functions, left_out)
+    emitter, precision = EMITTERS[request.emitter], find_precision(request.precision)
+    bodies = emitter.write(model, functions, precision)
+    lanes: Mapping[str, PrintedLanes] = {}
+    if request.batch_width and emitter.write_lanes is not None:
+        lanes = emitter.write_lanes(functions, request.batch_width, precision)
+    return manifest, write_sources(manifest, functions, bodies, lanes)
 
 
 def _measure(
-    model: SymbolicModel,
+    model: EmittedModel,
     request: ModelRequest,
     row: LeftOut,
     own: int,
     object_size: Callable[[dict[str, str]], int],
 ) -> LeftOut:
-    structure, wider = with_feature(row.what, model.subject, request)
+    structure, wider = with_feature(row.what, model.subject, request, EMITTERS[request.emitter])
     functions, variant = _prune(structure, wider)
-    return replace(row, object_bytes=object_size(_sources(variant, wider, functions)) - own, measured=True)
+    _, files = _sources(variant, wider, functions)
+    return replace(row, object_bytes=object_size(files) - own, measured=True)

@@ -18,6 +18,8 @@ from tensegrity_codegen.structure import Structure
 
 __all__ = ["hash_package", "hash_scene", "hash_text"]
 
+PLAIN_TYPES = frozenset({bool, int, str})
+
 
 def hash_scene(structure: Structure | BodySystem, request: ModelRequest) -> str:
     """Return the sha256 of a structure and what is wanted of it, 64 hexadecimal digits."""
@@ -55,7 +57,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        plain = PLAIN_TYPES.issuperset(map(type, value))  # names and indices, of which there are many
+        return list(value) if plain else [_plain(item) for item in value]
     if isinstance(value, float):
         return value.hex()
     return value

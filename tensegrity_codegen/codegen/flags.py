@@ -18,6 +18,8 @@ __all__ = [
     "FlagSet",
     "Target",
     "build_command",
+    "build_program_command",
+    "describe_cpu",
     "describe_toolchain",
     "find_flags",
     "find_target",
@@ -62,32 +64,42 @@ TARGETS = {
     "win32": Target(("-shared",), (), "", ".dll", ("-lm",)),
 }
 
-# No contraction: a*b+c keeps its two roundings, so that a result is the same on every machine.
-REFERENCE = ("-std=c99", "-O2", "-ffp-contract=off")
+# No contraction: a*b+c keeps its two roundings, so that a result is the same on every machine. No errno and
+# no traps, which nobody reads here: roots become one instruction, loops vectors; no result changes by it.
+REFERENCE = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 ARM = ("aarch64", "arm64")
+X86 = ("x86_64", "amd64")
 THIS_CPU = "-mcpu=native" if platform.machine().lower() in ARM else "-march=native"
+
+# clang halves the registers of 512 bits unless told otherwise; loops over lanes fill them.
+WHOLE_REGISTERS = ("-mprefer-vector-width=512",) if platform.machine().lower() in X86 else ()
 
 # Never -Ofast or -ffast-math: they delete the checks for NaN.
 FLAG_SETS = {
     "reference": FlagSet("reference", REFERENCE),
     "native": FlagSet(
         "native",
-        (*REFERENCE, THIS_CPU, "-fno-math-errno", "-fno-trapping-math"),
+        (*REFERENCE, THIS_CPU, *WHOLE_REGISTERS, "-DTENSEGRITY_NATIVE"),
         portable=False,
     ),
 }
 
+# gcc's vectoriser of straight-line code makes fused multiply-adds where additions and subtractions alternate,
+# whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops stay vectors.
 # zig compiles for the CPU it runs on, with debug information and (without -O) with traps for undefined
 # behaviour, unless told otherwise. These come first, so that a flag set has the last word.
-OWN_OPTIONS = {"zig": ("-mcpu=baseline", "-g0", "-fno-sanitize=undefined")}
+OWN_OPTIONS = {
+    "gcc": ("-fno-tree-slp-vectorize",),
+    "zig": ("-mcpu=baseline", "-g0", "-fno-sanitize=undefined"),
+}
 
 
-def find_flags(name: str) -> FlagSet:
-    """Return the flag set of that name; raises FormulationError for an unknown one."""
+def find_flags(name: str, where: str = "model.flags") -> FlagSet:
+    """Return the flag set of that name; raises FormulationError, naming `where`, for an unknown one."""
     if name not in FLAG_SETS:
         raise FormulationError(
             "unknown compile flags",
-            where="flags",
+            where=where,
             given=name,
             allowed=", ".join(FLAG_SETS),
             hint=suggest(name, FLAG_SETS),
@@ -123,15 +135,23 @@ def build_command(
     return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
 
 
+def build_program_command(
+    compiler: Compiler, flags: FlagSet, sources: Sequence[str], output: str
+) -> tuple[str, ...]:
+    """Return the command that makes a program of all sources."""
+    options = (*OWN_OPTIONS.get(compiler.name, ()), *flags.options)
+    return (*compiler.command, *options, *sources, "-o", output, *find_target().libraries)
+
+
 def describe_toolchain(compiler: Compiler, flags: FlagSet) -> str:
     """Return all that makes two compilations of one source differ, as one text to hash into a cache key."""
     command = build_command(compiler, flags, ("SOURCE.c",), "OUTPUT")
     machine = f"{sys.platform} {platform.machine()}"
     parts = [compiler.name, compiler.version, *command, machine]
-    return "\n".join(parts if flags.portable else [*parts, _describe_cpu()])
+    return "\n".join(parts if flags.portable else [*parts, describe_cpu()])
 
 
-def _describe_cpu() -> str:
+def describe_cpu() -> str:
     """Return the CPU's model and abilities, short; a library made for one CPU may not run on another."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")

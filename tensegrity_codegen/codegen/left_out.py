@@ -12,17 +12,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.body_system import BodySystem
-from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.manifest import LeftOut
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
-from tensegrity_codegen.symbolic.build import build_model
-from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 
-__all__ = ["BYTES_AN_OPERATION", "account_left_out", "is_offered", "with_feature"]
+__all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
 
 # Object code of unrolled functions by gcc 12 -O2 on x86-64, measured: about 22 bytes an operation.
 BYTES_AN_OPERATION = 22
@@ -63,11 +62,21 @@ def _unanchored(structure: Structure, request: ModelRequest) -> Variant:
     return free, replace(request, parameters=kept)
 
 
+def _springs(
+    structure: Structure | BodySystem, request: ModelRequest, values: NDArray[np.float64]
+) -> tuple[int, ...]:
+    """Return the members with a value that are no rigid bars."""
+    chosen = values != 0
+    if isinstance(structure, Structure):
+        chosen &= ~find_rigid_bars(structure, request)
+    return tuple(int(e) for e in np.flatnonzero(chosen))
+
+
 def _as_arguments(structure: Structure | BodySystem, request: ModelRequest) -> Variant:
     wanted = {
         "rest_length": _all(structure.n_members),
-        "spring_constant": tuple(int(e) for e in np.flatnonzero(structure.spring_constant)),
-        "axial_stiffness": tuple(int(e) for e in np.flatnonzero(structure.axial_stiffness)),
+        "spring_constant": _springs(structure, request, structure.spring_constant),
+        "axial_stiffness": _springs(structure, request, structure.axial_stiffness),
     }
     if isinstance(structure, Structure):
         wanted["node_mass"] = tuple(int(n) for n in np.flatnonzero(structure.node_mass))
@@ -85,7 +94,7 @@ FEATURES = (
         "damping",
         "no member has damping",
         lambda s, r: not s.damping.any() and "damping" not in r.parameters,
-        lambda s, r: (s, _with_parameter(r, damping=_all(s.n_members))),
+        lambda s, r: (s, _with_parameter(r, damping=_springs(s, r, np.ones(s.n_members)))),
     ),
     _Feature(
         "loads",
@@ -122,40 +131,43 @@ FEATURES = (
 UNWANTED = "unwanted functions"
 
 
-def with_feature(what: str, structure: Structure | BodySystem, request: ModelRequest) -> Variant:
+def with_feature(
+    what: str, structure: Structure | BodySystem, request: ModelRequest, emitter: Emitter
+) -> Variant:
     """Return structure and request with the left-out feature of that name put in.
 
     Quantities of which the feature leaves nothing are no longer wanted, such as the reaction of no anchors.
     """
     if what == UNWANTED:
-        model = build_model(structure, request)
-        return structure, replace(request, quantities=(*request.quantities, *_unwanted(model, request)))
+        wanted = _unwanted(emitter.build(structure, request), request, emitter)
+        return structure, replace(request, quantities=(*request.quantities, *wanted))
     feature = next(item for item in FEATURES if item.what == what)
     variant, wider = feature.add(structure, request)
-    model = build_model(variant, wider)
-    return variant, replace(wider, quantities=tuple(q for q in wider.quantities if is_offered(model, q)))
+    model = emitter.build(variant, wider)
+    offered = tuple(name for name in wider.quantities if emitter.is_offered(model, name))
+    return variant, replace(wider, quantities=offered)
 
 
 def account_left_out(
-    model: SymbolicModel, request: ModelRequest, functions: tuple[PrunedFunction, ...]
+    model: EmittedModel, request: ModelRequest, functions: tuple[WantedFunction, ...], emitter: Emitter
 ) -> tuple[LeftOut, ...]:
     """Return one row for each thing that was left out and would have cost something."""
     structure = model.subject
     rows = []
     for feature in FEATURES:
         if feature.is_absent(structure, request):
-            variant, wider = with_feature(feature.what, structure, request)
-            with_it = prune(build_model(variant, wider), wider.quantities)
+            variant, wider = with_feature(feature.what, structure, request, emitter)
+            with_it = emitter.prune(emitter.build(variant, wider), wider.quantities)
             same = tuple(f for f in functions if f.quantity.name in wider.quantities)
             rows.append(_row(feature.what, feature.why, same, with_it))
-    unwanted = prune(model, _unwanted(model, request))
+    unwanted = emitter.prune(model, _unwanted(model, request, emitter))
     why = "nobody wants them: " + ", ".join(function.quantity.name for function in unwanted)
     rows.append(_row(UNWANTED, why, functions, (*functions, *unwanted)))
     return tuple(row for row in rows if row.functions or row.arguments or row.operations)
 
 
 def _row(
-    what: str, why: str, without: tuple[PrunedFunction, ...], with_it: tuple[PrunedFunction, ...]
+    what: str, why: str, without: tuple[WantedFunction, ...], with_it: tuple[WantedFunction, ...]
 ) -> LeftOut:
     operations = sum(f.operations for f in with_it) - sum(f.operations for f in without)
     arguments = sum(len(f.arguments) for f in with_it) - sum(len(f.arguments) for f in without)
@@ -169,14 +181,6 @@ def _row(
     )
 
 
-def _unwanted(model: SymbolicModel, request: ModelRequest) -> tuple[str, ...]:
+def _unwanted(model: EmittedModel, request: ModelRequest, emitter: Emitter) -> tuple[str, ...]:
     rest = [name for name in model.quantities if name not in request.quantities]
-    return tuple(name for name in rest if is_offered(model, name))
-
-
-def is_offered(model: SymbolicModel, quantity: str) -> bool:
-    """Return whether the model has this quantity, and something enters it."""
-    try:
-        return bool(model.expression(quantity).nnz())
-    except FormulationError:
-        return False
+    return tuple(name for name in rest if emitter.is_offered(model, name))

@@ -8,10 +8,12 @@ from functools import cached_property
 import casadi as ca
 
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.manifest import Pattern
 from tensegrity_codegen.quantities import Quantity, find_quantity
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.symbolic.operations import count_operations
 
-__all__ = ["PrunedFunction", "prune"]
+__all__ = ["PrunedFunction", "is_offered", "prune", "refuse_empty"]
 
 
 @dataclass(frozen=True)
@@ -25,15 +27,25 @@ class PrunedFunction:
     @cached_property
     def operations(self) -> int:
         """Number of floating-point operations in one evaluation."""
-        codes = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
-        return sum(
-            self.function.instruction_id(k) not in codes for k in range(self.function.n_instructions())
-        )
+        return count_operations(self.function)
 
     @property
     def sparsity(self) -> ca.Sparsity:
         """Sparsity of the result."""
         return self.function.sparsity_out(0)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the result as CasADi has it: vectors of a table are columns."""
+        rows, columns = self.sparsity.shape
+        return int(rows), int(columns)
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Sparsity of a result that is handed out as compressed columns."""
+        if not self.quantity.sparse:
+            return None
+        return Pattern(self.shape, self.sparsity.row(), self.sparsity.colind())
 
 
 def prune(model: SymbolicModel, quantities: tuple[str, ...]) -> tuple[PrunedFunction, ...]:
@@ -44,17 +56,30 @@ def prune(model: SymbolicModel, quantities: tuple[str, ...]) -> tuple[PrunedFunc
     return tuple(_prune_one(model, find_quantity(name)) for name in quantities)
 
 
+def is_offered(model: SymbolicModel, quantity: str) -> bool:
+    """Return whether the model has this quantity, and something enters it."""
+    try:
+        return bool(model.expression(quantity).nnz())
+    except FormulationError:
+        return False
+
+
+def refuse_empty(name: str, quantity: str) -> FormulationError:
+    """Return the error of a quantity that nothing in the scene `name` enters."""
+    return FormulationError(
+        f"{quantity} is empty: nothing in this scene enters it",
+        where=f"{name}: model.quantities",
+        given=quantity,
+        hint="take it off the list of wanted quantities",
+    )
+
+
 def _prune_one(model: SymbolicModel, quantity: Quantity) -> PrunedFunction:
     expression = ca.cse(model.expression(quantity.name))
     if not quantity.sparse:
         expression = ca.densify(expression)
     if expression.nnz() == 0:
-        raise FormulationError(
-            f"{quantity.name} is empty: nothing in this scene enters it",
-            where=f"{model.name}: model.quantities",
-            given=quantity.name,
-            hint="take it off the list of wanted quantities",
-        )
+        raise refuse_empty(model.name, quantity.name)
     kept = {
         name: argument.symbol
         for name, argument in model.arguments.items()

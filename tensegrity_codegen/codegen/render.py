@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import functools
-import textwrap
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 
-__all__ = ["render", "template_folder"]
+__all__ = ["render", "template_folder", "wrap_values"]
+
+LINE_LENGTH = 104  # of a list of numbers
 
 
 def template_folder() -> Path:
@@ -33,11 +35,19 @@ def _environment() -> jinja2.Environment:
         autoescape=False,  # the output is C, not HTML
         keep_trailing_newline=True,
     )
-    environment.filters["wrapped"] = _wrapped
+    environment.filters["wrapped"] = wrap_values
+    environment.filters["enumerated"] = _enumerate
     return environment
 
 
-def _wrapped(values: Iterable[Any]) -> str:
-    """Return values as a comma-separated list in lines of a readable length."""
-    text = ", ".join(str(value) for value in values)
-    return "\n    ".join(textwrap.wrap(text, 104, break_long_words=False, break_on_hyphens=False))
+def wrap_values(values: Iterable[Any]) -> str:
+    """Return values as a comma-separated list in lines of a readable length, equally many in each line."""
+    texts = list(map(str, values.tolist() if isinstance(values, np.ndarray) else values))
+    width = max(map(len, texts), default=0) + len(", ")
+    count = max(LINE_LENGTH // width, 1)
+    return ",\n    ".join(", ".join(texts[k : k + count]) for k in range(0, len(texts), count))
+
+
+def _enumerate(names: Iterable[str], prefix: str) -> str:
+    """Return the entries of an enumeration that gives each name, after the prefix, its number."""
+    return ",\n".join(f"  {prefix}_{name} = {number}" for number, name in enumerate(names))

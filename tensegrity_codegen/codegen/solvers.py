@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from tensegrity_codegen.body_system import BodySystem
+from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import SOLVER_STATUS, FunctionSpec, SolverSpec
-from tensegrity_codegen.symbolic.model import SymbolicModel
 
 __all__ = ["MOST_SOLVED_COORDINATES", "SOLVERS", "solver_context", "solver_spec"]
 
@@ -21,7 +21,7 @@ ENERGY, STIFFNESS = "potential_energy", "tangent_stiffness"
 FORCES = ("node_residual", "coordinate_force")  # what formulations call -dU/dq
 
 
-def solver_spec(model: SymbolicModel, name: str, functions: tuple[FunctionSpec, ...]) -> SolverSpec:
+def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...]) -> SolverSpec:
     """Return what a library says of a solver.
 
     Raises FormulationError for an unknown one, for a model that lacks a function it needs, that is too large
@@ -47,11 +47,11 @@ def solver_spec(model: SymbolicModel, name: str, functions: tuple[FunctionSpec, 
         symbol=f"{model.name}_find_{name}",
         arguments=passed,
         varied="node_load" if loads else "",
-        work_size=5 * count + nonzeros + count * count + (count + loads.symbol.numel() if loads else 0),
+        work_size=5 * count + nonzeros + count * count + (count + loads.nominal.size if loads else 0),
     )
 
 
-def _check(model: SymbolicModel, name: str, present: set[str], count: int) -> None:
+def _check(model: EmittedModel, name: str, present: set[str], count: int) -> None:
     force = next((item for item in FORCES if item in model.quantities), FORCES[0])
     missing = [item for item in (ENERGY, force, STIFFNESS) if item not in present]
     if missing:

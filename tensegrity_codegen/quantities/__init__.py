@@ -3,7 +3,8 @@
 Registered once; header comments, docstrings, help texts and shape checks all read it from here.
 Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
 `n_states` = 2 n_coordinates, `n_inputs`, `n_parameters` (all run-time parameters, stacked in argument
-order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs; `k` is the number of nodes or members that the scene
+order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes,
+`n_tension_only` (members that pull only); `k` is the number of nodes or members that the scene
 keeps changeable.
 """
 

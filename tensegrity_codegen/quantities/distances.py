@@ -78,6 +78,14 @@ DISTANCES = (
         needs_mass=True,
     ),
     Quantity(
+        "rigidity_error",
+        "|t/mu|",
+        "m",
+        ("n_bars",),
+        "Estimate of the length of each rigid bar that its stiffness would change and the model neglects.",
+        needs_mass=True,
+    ),
+    Quantity(
         "saddle_matrix",
         "[H L; L^T 0]",
         "kg, 1",

@@ -30,6 +30,20 @@ STRUCTURES = (
         "Static force (no damping) on every free coordinate; zero in equilibrium.",
     ),
     Quantity(
+        "cable_force",
+        "f_c",
+        "N",
+        ("n_coordinates",),
+        "Force on every free coordinate by weight, loads and cables, without two-sided members.",
+    ),
+    Quantity(
+        "member_law",
+        "rho, mu, c, a",
+        "m, N/m, N s/m, m",
+        ("n_members", "n_law_values"),
+        "Rest length, spring constant and damping, member by member, and what anchored ends add to d_e.",
+    ),
+    Quantity(
         "support_reaction",
         "R",
         "N",
@@ -157,5 +171,13 @@ STRUCTURES = (
         "m",
         ("n_members",),
         "Extensions l_e - rho_e of members; negative in slack cables.",
+    ),
+    Quantity(
+        "cable_margin",
+        "g",
+        "m",
+        ("n_tension_only",),
+        "Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while "
+        "its margin is positive.",
     ),
 )

@@ -117,6 +117,8 @@ def _draw_rulers(axes: Axes, view: View, box: Box) -> None:
 
 def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray]) -> int:
     """Return which multiple of the ticks at places (n, 2) gets numbers, so that they do not run together."""
+    if len(places) < 2:
+        return 1
     apart = float(np.linalg.norm(places[-1] - places[0])) / (len(places) - 1)
     least = LABEL_SPACE * float(np.max(extent[1] - extent[0]))
     return 1 if apart >= least else len(places) - 1

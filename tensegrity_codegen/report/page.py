@@ -12,6 +12,7 @@ from tensegrity_codegen.report.picture import Picture, draw_picture
 
 __all__ = [
     "VERDICTS",
+    "Block",
     "Chapter",
     "Entry",
     "Figure",
@@ -23,12 +24,13 @@ __all__ = [
     "diagram_figure",
 ]
 
-Verdict = Literal["agrees", "differs", "unstated", "new"]
+Verdict = Literal["agrees", "differs", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
     "agrees": "agrees",
     "differs": "differs",
     "unstated": "no numbers in print",
     "new": "not in print",
+    "plain": "",  # nothing to compare with
 }
 
 
@@ -113,7 +115,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Page:
-    """All of a page; `entries` closes it under the heading `entries_title`; facts stand in its foot."""
+    """All of a page; `entries` closes it under the heading `entries_title`; facts stand in its foot.
+
+    summary_heads: headings of the table that opens the page.
+    """
 
     title: str
     lead: str
@@ -121,6 +126,7 @@ class Page:
     entries_title: str = ""
     entries: tuple[Entry, ...] = ()
     facts: tuple[str, ...] = ()
+    summary_heads: tuple[str, str, str] = ("in the paper", "what", "result")
 
     def __post_init__(self) -> None:
         anchors = [anchor for anchor, _ in self._anchors()]

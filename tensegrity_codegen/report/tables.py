@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,14 @@ from rich.text import Text
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["functions_table", "left_out_table", "members_table", "nodes_table", "run_table"]
+__all__ = [
+    "candidates_table",
+    "functions_table",
+    "left_out_table",
+    "members_table",
+    "nodes_table",
+    "run_table",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,6 +60,39 @@ def functions_table(manifest: Manifest) -> Table:
         _add(table, f"integrate_{integrator.name}", arguments, "", "", "")
     for solver in manifest.solvers:
         _add(table, f"find_{solver.name}", ", ".join(solver.arguments) or "none", "", "", "")
+    return table
+
+
+class Candidate(Protocol):
+    """What was measured, see tuning.TuningRow."""
+
+    @property
+    def emitter(self) -> str:
+        """Way of writing the C code."""
+
+    @property
+    def compiler(self) -> str:
+        """Family of the compiler."""
+
+    @property
+    def flags(self) -> str:
+        """Name of the set of flags."""
+
+    @property
+    def total(self) -> float | None:
+        """Nanoseconds, None where `problem` says why."""
+
+    @property
+    def problem(self) -> str:
+        """Why there are no nanoseconds."""
+
+
+def candidates_table(rows: Sequence[Candidate]) -> Table:
+    """Return a table of what was measured, the fastest first, those without a time last."""
+    table = _table("candidates", "emitter", "compiler", "flags", ns="right")
+    for row in sorted(rows, key=lambda row: float("inf") if row.total is None else row.total):
+        time = row.problem if row.total is None else f"{row.total:,.1f}"
+        _add(table, row.emitter, row.compiler, row.flags, time)
     return table
 
 
@@ -121,7 +161,7 @@ def run_table(summary: Mapping[str, Any]) -> Table:
     table.show_header = False
     for key, value in summary.items():
         name, unit = RUN_ROWS.get(key, (key.replace("_", " "), ""))
-        if value is None or value == "" or isinstance(value, list):
+        if value is None or value == "" or isinstance(value, list | dict):
             continue
         text = (
             f"{value:.6g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value

@@ -144,6 +144,7 @@ def find_box(points: ArrayLike, axes: Sequence[int]) -> Box:
         # The ground is a whole number of cells, up to a small overhang.
         low = step * np.floor(low / step + OVERHANG)
         high[:2] = step[:2] * np.ceil(high[:2] / step[:2] - OVERHANG)
+        high = np.where(high > low, high, low + step)  # a mast is thinner than any overhang
     return Box(low, high, step)
 
 

@@ -22,6 +22,7 @@ from tensegrity_codegen.errors import (
 )
 from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS, SolverSpec
 from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel, raise_for_status
 
 __all__ = ["EquilibriumSolver", "SolvedPath"]
@@ -87,6 +88,7 @@ class EquilibriumSolver:
     """
 
     def __init__(self, model: CompiledModel) -> None:
+        require_double(model.manifest, "the search for an equilibrium")
         self.model, self.spec = model, _find_spec(model)
         library = model.library
         self._one = library.symbol(self.spec.symbol)

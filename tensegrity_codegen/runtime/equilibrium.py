@@ -18,6 +18,7 @@ from tensegrity_codegen.errors import (
     suggest,
 )
 from tensegrity_codegen.runtime.body_problem import BODY_EQUILIBRIUM_QUANTITIES, BodyProblem
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.newton import Outcome, Progress, find_minimum, find_stability
 from tensegrity_codegen.runtime.relaxation import find_relaxed
@@ -92,6 +93,7 @@ def equilibrium_quantities(formulation: str) -> tuple[str, ...]:
 
 def build_problem(model: Model, arguments: Mapping[str, Any] | None = None) -> StaticProblem:
     """Return the static problem of a model at the given inputs and parameters, in its formulation's way."""
+    require_double(model.manifest, "the search for an equilibrium")
     kind = BodyProblem if model.manifest.formulation == "bodies" else StaticProblem
     return kind(model, arguments)
 

@@ -13,7 +13,6 @@ __all__ = ["tighten_until_converged"]
 
 MOST_ROUNDS = 7
 TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
-METHOD = "auto (rk54, tolerance tightened)"
 
 
 def tighten_until_converged(
@@ -33,7 +32,7 @@ def tighten_until_converged(
     n_evaluations = previous.n_evaluations
     for _ in range(MOST_ROUNDS):
         if previous.status == "unstable":
-            return replace(previous, method=METHOD)
+            return replace(previous, method=_name(previous))
         shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
         shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
         factor *= shrink
@@ -46,7 +45,7 @@ def tighten_until_converged(
         if error <= (10.0 if at_floor else 1.0):
             message = f"{finer.message}; estimated error {error:.2g} of the tolerance"
             return replace(
-                finer, method=METHOD, message=message, error_estimate=error, n_evaluations=n_evaluations
+                finer, method=_name(finer), message=message, error_estimate=error, n_evaluations=n_evaluations
             )
         if at_floor:
             return _give_up(finer, error, "rounding keeps the runs apart")
@@ -59,15 +58,15 @@ def _beyond_rounding(run: Callable[[float, float], RawTrajectory], rtol: float, 
     scale = TIGHTEST_RTOL / rtol
     loose, tight = run(10.0 * scale * rtol, 10.0 * scale * atol), run(scale * rtol, scale * atol)
     if tight.status == "unstable":
-        return replace(tight, method=METHOD)
+        return replace(tight, method=_name(tight))
     error = _difference(loose, tight, rtol, atol) if tight.status == "ok" else np.inf
     stopped = "" if tight.status == "ok" else f" ({tight.message})"
     return _give_up(tight, error, f"the tolerance is below rounding{stopped}")
 
 
 def _difference(loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: float) -> float:
-    """Return the largest difference over atol + rtol |x|; infinite if a run did not reach the end."""
-    if loose.status != "ok":
+    """Return the largest difference over atol + rtol |x|; infinite if a run did not reach the same end."""
+    if loose.status != "ok" or loose.state.shape != tight.state.shape:
         return float(np.inf)
     return float(np.max(np.abs(tight.state - loose.state) / (atol + rtol * np.abs(tight.state))))
 
@@ -80,6 +79,11 @@ def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:
         status="not_converged",
         message=f"{why}; estimated error {told}: loosen --rtol and --atol, simulate a shorter time, "
         "or name a method, which then controls each step's error only",
-        method=METHOD,
+        method=_name(last),
         error_estimate=estimate,
     )
+
+
+def _name(run: RawTrajectory) -> str:
+    """Return the method's name: what ran, and that its tolerance was tightened."""
+    return f"auto ({run.method}, tolerance tightened)"

@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import ConvergenceError
+from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.rk54 import integrate_rk54
 from tensegrity_codegen.runtime.trajectory import Schedule
 
 __all__ = ["Flow", "build_derivative"]
 
 FloatArray = NDArray[np.float64]
 
+IN_C = ("rk54", "rk853")  # by preference
 LOOSENING = (1.0, 1e2, 1e4)  # factors on the tolerance, one after the other, where rounding is in the way
 ATOL_OF_STATE = 1e-2  # absolute tolerance over relative tolerance times the largest component
 
@@ -38,17 +39,19 @@ def build_derivative(
 
 
 class Flow:
-    """The motion from a state on: by the library's rk54, or SciPy's DOP853 where that cannot be used.
+    """The motion from a state on: by rk54 or rk853 of the library, else by SciPy's DOP853.
 
-    rk54 cannot be used where the library lacks it, or a schedule changes arguments with time.
+    The library's cannot be used where a schedule changes arguments with time.
     """
 
     def __init__(
         self, model: CompiledModel, arguments: Mapping[str, Any], schedule: Schedule | None = None
     ) -> None:
         self.model, self.arguments = model, arguments
-        in_c = schedule is None and any(spec.name == "rk54" for spec in model.manifest.integrators)
-        self._run = self._rk54 if in_c else self._dop853
+        present = [spec.name for spec in model.manifest.integrators]
+        in_c = [name for name in IN_C if name in present and schedule is None]
+        self._name = in_c[0] if in_c else ""
+        self._run = self._in_c if in_c else self._dop853
         self._derivative = build_derivative(model, arguments, schedule)
 
     def states(self, start: float, state: FloatArray, offset: FloatArray, rtol: float) -> FloatArray:
@@ -74,10 +77,10 @@ class Flow:
         """Return the state (n_states,) at start + offset [s]."""
         return np.asarray(self.states(start, state, np.array([0.0, offset]), rtol)[-1])
 
-    def _rk54(
+    def _in_c(
         self, start: float, state: FloatArray, offset: FloatArray, rtol: float, atol: float
     ) -> FloatArray | None:
-        raw = integrate_rk54(self.model, state, offset, rtol, atol, self.arguments)
+        raw = integrate_adaptive(self._name, self.model, state, offset, rtol, atol, self.arguments)
         return raw.state if raw.status == "ok" else None
 
     def _dop853(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.manifest import STATUS, IntegratorSpec, Manifest
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel, raise_for_status
 
 __all__ = ["CHUNK_SECONDS", "BoundIntegrator", "Progress"]
@@ -35,10 +36,11 @@ class BoundIntegrator:
         sample_time: FloatArray,
         arguments: Mapping[str, Any],
     ) -> None:
+        require_double(model.manifest, "an integration from Python")
         spec = _find_integrator(model.manifest, name)
         n_states = 2 * len(model.manifest.coordinate_name)
-        self.name, self.ffi = name, model.library.ffi
-        self.call = model.library.symbol(spec.symbol)
+        self.name, self.spec, self.ffi = name, spec, model.library.ffi
+        self.call = model.library.symbol(spec.symbol if name in ("rk4", "radau") else f"{spec.symbol}_run")
         self.state = _sized("state", state, (n_states,)).copy()
         self.sample_time = np.array(sample_time, dtype=np.float64)
         self.samples = np.empty((len(sample_time), n_states))
@@ -48,6 +50,8 @@ class BoundIntegrator:
             for name, nominal in ((name, model.nominal(name)) for name in spec.arguments)
         }
         self.work = np.empty(spec.work_size)
+        self.tensions = np.empty((len(sample_time), len(spec.tensions)))
+        self.tension_member = spec.tensions
         self.n_sampled = self.ffi.new("long long *", 1)
 
     @property

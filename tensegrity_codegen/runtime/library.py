@@ -9,6 +9,7 @@ import cffi
 
 from tensegrity_codegen.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec, IntegratorSpec, Manifest, SolverSpec
+from tensegrity_codegen.precision import find_precision
 
 __all__ = ["LoadedLibrary"]
 
@@ -19,6 +20,7 @@ typedef struct {
   char scene_hash[65];
   char formulation[32];
   char emitter[32];
+  char precision[8];
   char made_by[160];
 } description;
 """
@@ -35,6 +37,52 @@ typedef struct {
 } equilibrium_report;
 """
 
+RUN = """
+typedef struct {
+  long long n_accepted;
+  long long n_rejected;
+  long long n_evaluations;
+  int is_started;
+  int may_grow;
+} integrator_run;
+"""
+
+RUN_WITH_EVENTS = """
+typedef struct {
+  double time;
+  int kind;
+  int which;
+  int direction;
+} integrator_event;
+
+typedef struct {
+  long long n_accepted;
+  long long n_rejected;
+  long long n_evaluations;
+  int watch;
+  int stop;
+  double (*condition)(double, const double *, const double *, void *);
+  void *condition_data;
+  integrator_event *event;
+  long long most_events;
+  long long n_events;
+  int is_stopped;
+  int is_started;
+  int may_grow;
+  int succession;
+  int crowd;
+  int n_stalled;
+  double mark;
+  double ahead;
+  double pace;
+  double leash;
+  double cut;
+  double remaining;
+  double loudness;
+  double last_event;
+} integrator_run;
+"""
+
 
 class LoadedLibrary:
     """A generated library in this process, with every function of its manifest bound.
@@ -45,6 +93,8 @@ class LoadedLibrary:
 
     def __init__(self, path: Path, manifest: Manifest) -> None:
         self.path = path
+        self.precision = find_precision(manifest.precision)
+        self.batch_width = manifest.batch_width
         self.ffi = cffi.FFI()
         self.ffi.cdef(_declarations(manifest))
         try:
@@ -55,6 +105,7 @@ class LoadedLibrary:
                 "the library does not load", where=str(path), given=str(error), hint="build it again"
             ) from error
         self._check_descriptor(manifest)
+        self._check_machine(manifest.name)
 
     def symbol(self, name: str) -> Any:
         """Return the C function of that name."""
@@ -78,6 +129,15 @@ class LoadedLibrary:
                 allowed=str(ABI_VERSION),
                 hint="build it again with this version of tensegrity_codegen",
             )
+        precision = self.ffi.string(found.precision).decode("ascii", "replace")
+        if precision != manifest.precision:
+            raise AbiMismatchError(
+                "library and manifest are of different precision",
+                where=str(self.path),
+                given=f"{precision} precision",
+                allowed=f"{manifest.precision} precision",
+                hint="build it again",
+            )
         scene_hash = self.ffi.string(found.scene_hash).decode("ascii", "replace")
         if scene_hash != manifest.scene_hash:
             raise AbiMismatchError(
@@ -88,28 +148,56 @@ class LoadedLibrary:
                 hint="build it again",
             )
 
+    def _check_machine(self, name: str) -> None:
+        """Raise LibraryError if the library's code needs instructions that this machine lacks."""
+        if self.symbol(f"{name}_check_machine")() == 0:
+            return
+        find, missing = self.symbol(f"{name}_missing_instruction_set"), list[str]()
+        while found := find(len(missing)):
+            missing.append(self.ffi.string(found).decode("ascii", "replace"))
+        raise LibraryError(
+            "the library was compiled for instructions that this machine lacks",
+            where=str(self.path),
+            given=f"lacking {', '.join(missing)}",
+            allowed="a machine like the one that it was compiled on",
+            hint="build it with flags that suit every machine: --flags reference",
+        )
+
 
 def _declarations(manifest: Manifest) -> str:
     lines = [DESCRIPTION, f"extern description {manifest.name}_descriptor;"]
-    lines += [_function_declaration(spec) for spec in manifest.functions]
-    lines += [_integrator_declaration(spec) for spec in manifest.integrators]
+    real = find_precision(manifest.precision).c_type
+    lines += [f"int {manifest.name}_check_machine(void);"]
+    lines += [f"const char *{manifest.name}_missing_instruction_set(int);"]
+    lines += [_function_declaration(spec, real) for spec in manifest.functions]
+    if manifest.batch_width:
+        lines += [_batch_declaration(spec, real) for spec in manifest.functions]
+    lines += [RUN_WITH_EVENTS if any(spec.events for spec in manifest.integrators) else RUN]
+    lines += [_integrator_declaration(spec, real) for spec in manifest.integrators]
     lines += [REPORT for _ in manifest.solvers[:1]]
     lines += [_solver_declaration(spec) for spec in manifest.solvers]
     return "\n".join(lines)
 
 
-def _function_declaration(spec: FunctionSpec) -> str:
-    return f"int {spec.symbol}({'const double *, ' * len(spec.arguments)}double *);"
+def _function_declaration(spec: FunctionSpec, real: str) -> str:
+    return f"int {spec.symbol}({f'const {real} *, ' * len(spec.arguments)}{real} *);"
 
 
-def _integrator_declaration(spec: IntegratorSpec) -> str:
-    passed = "const double *, " * len(spec.arguments)
-    sampled = "long long, const double *, double *, long long *"
+def _batch_declaration(spec: FunctionSpec, real: str) -> str:
+    return f"int {spec.symbol}_batch(int, {f'const {real} *, int, ' * len(spec.arguments)}{real} *, int *);"
+
+
+def _integrator_declaration(spec: IntegratorSpec, real: str) -> str:
+    passed = f"const {real} *, " * len(spec.arguments)
+    sampled = f"long long, const double *, {real} *, long long *"
     if spec.name == "rk4":
-        run = "double, double, long long, long long, double *"
-        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, double *);"
-    run = "double, double, double, long long, double *, double *, double *"
-    return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, long long *, double *);"
+        run = f"double, double, long long, long long, {real} *"
+        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, {real} *);"
+    run = f"double, double, double, long long, double *, double *, {real} *"
+    if spec.name == "radau":
+        sampled = "long long, const double *, double *, double *, long long *"
+        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, double *, double *);"
+    return f"int {spec.symbol}_run({run}, {passed}{sampled}, integrator_run *, {real} *);"
 
 
 def _solver_declaration(spec: SolverSpec) -> str:

@@ -12,6 +12,7 @@ from scipy import sparse
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.spectrum import Spectrum, find_spectrum
 
@@ -74,6 +75,7 @@ def linearize(
     LINEARIZE_QUANTITIES or, with inputs, input_jacobian; InvalidValueError for a wrong shape,
     NonFiniteError for a state without finite derivatives.
     """
+    require_double(model.manifest, "linearization")
     inputs = model.manifest.input_name
     _check_functions(model, with_inputs=bool(inputs))
     q = _value(model, "coordinate", coordinate)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.manifest import FunctionSpec
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.trajectory import Schedule
@@ -53,6 +54,7 @@ def build_contact_margins(model: CompiledModel, arguments: Mapping[str, Any]) ->
 
     Raises FormulationError where the model lacks bar_distance or its Jacobian.
     """
+    require_double(model.manifest, "the search for events")
     _check(model, CONTACT_QUANTITIES)
     n, names = len(model.manifest.coordinate_name), model.manifest.bar_pair_name
 
@@ -82,6 +84,7 @@ def build_slack_margins(
 
     Raises FormulationError where the model lacks member_extension or has no such member.
     """
+    require_double(model.manifest, "the search for events")
     _check(model, SLACK_QUANTITIES)
     manifest, n = model.manifest, len(model.manifest.coordinate_name)
     if unknown := [name for name in members if name not in manifest.member_name]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.placement import place_nodes
@@ -37,6 +38,7 @@ class ModelPath:
     """
 
     def __init__(self, model: Model, pattern: ArrayLike, arguments: Mapping[str, Any] | None = None) -> None:
+        require_double(model.manifest, "a load path")
         self.model = model
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):

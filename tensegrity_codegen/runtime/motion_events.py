@@ -38,9 +38,9 @@ WORTH = 0.5  # of the smaller end value, that the tangents must fall to before t
 class MotionEvent:
     """Something that happens for the first time in a motion.
 
-    kind: "contact" or "slack"; names: all pairs of bars, or cables, that it happens to at once, as by
-    symmetry; time [s]; margin: distance or extension there [m], zero to rounding, negative where the motion
-    started beyond; coordinate, velocity (n_coordinates,): the state there.
+    kind: "contact", "slack" or "condition"; names: all pairs of bars, or cables, that it happens to at once,
+    as by symmetry; time [s]; margin: distance or extension there [m], zero to rounding, negative where the
+    motion started beyond; coordinate, velocity (n_coordinates,): the state there.
     """
 
     kind: str

@@ -32,7 +32,7 @@ def place_nodes(
     are no node coordinates; it must compute `node_position`, else UnknownNameError.
     """
     manifest = model.manifest
-    result = np.array(manifest.node_position, dtype=np.float64)
+    result = manifest.stated_position.copy()
     if not manifest.coordinate_node_axis:
         given = {**(arguments or {}), "coordinate": coordinate}
         result[:, list(manifest.axes)] = model.compute("node_position", **given)
@@ -41,7 +41,7 @@ def place_nodes(
     if anchor_position is not None and changeable is not None:
         rows = [manifest.node_name.index(name) for name in changeable.over]
         result[np.ix_(rows, list(manifest.axes))] = np.reshape(anchor_position, changeable.shape)
-    places = np.array(manifest.coordinate_node_axis)
+    places = manifest.coordinate_place
     result[places[:, 0], places[:, 1]] = coordinate
     return result
 
@@ -64,6 +64,6 @@ def place_velocities(
         given = {**(arguments or {}), "coordinate": coordinate, "velocity": velocity}
         result[:, list(manifest.axes)] = model.compute("node_velocity", **given)
         return result
-    places = np.array(manifest.coordinate_node_axis)
+    places = manifest.coordinate_place
     result[places[:, 0], places[:, 1]] = velocity
     return result

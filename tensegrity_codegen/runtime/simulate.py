@@ -12,13 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
-from tensegrity_codegen.runtime.consistency import check_consistent
+from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.condition import build_condition
+from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
+from tensegrity_codegen.runtime.event_log import Condition, Watch
 from tensegrity_codegen.runtime.flow import build_derivative
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
+from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
-from tensegrity_codegen.runtime.rk54 import integrate_rk54
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
 __all__ = ["METHODS", "check_options", "integrators_for", "simulate"]
@@ -30,12 +34,16 @@ Progress = Callable[[float], None]
 METHODS = {
     "auto": "rk54 with ever tighter steps until the estimated error at the samples meets rtol and atol",
     "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, each step's error within rtol and atol",
+    "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, each step's error within rtol and atol",
+    "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
     "rk4": "Runge-Kutta 4 in C with the fixed step `step`",
     "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
     "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
     "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
+ADAPTIVE = ("rk54", "rk853")
+AUTO = "rk54"  # what auto runs
 MOST_SAMPLES = 1_000_000
 LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
 SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
@@ -61,6 +69,8 @@ def simulate(
     arguments: Mapping[str, Any] | None = None,
     schedule: Schedule | None = None,
     until_contact: bool = False,
+    condition: str | Condition | None = None,
+    until_condition: bool = False,
     progress: Progress | None = None,
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
@@ -69,29 +79,40 @@ def simulate(
     name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
     methods; step [s]: for the method "rk4" only; progress: called with the fraction done. until_contact: end
     with the first contact of bars, as the last sample and in `events`, at t = 0 where they touch from the
-    start; needs bar_distance and bar_distance_jacobian, else FormulationError. A run that becomes
-    unstable or misses its tolerance comes back with that status and the samples it reached. Raises
-    InvalidValueError for values outside their range, UnknownNameError for an unknown method or argument,
-    FormulationError where the model lacks the integrator, NonFiniteError for values that are not finite.
+    start; needs bar_distance and bar_distance_jacobian, else FormulationError.
+
+    Methods in C with error control cut their steps where cables go slack or taut, if the library has that
+    event, and where the sign of a condition changes: an expression over quantities, see condition.py, or
+    (time, coordinate, velocity) -> number, for libraries with the event "condition"; `log` has all of them.
+    until_condition: end with the first such change, as with a contact.
+
+    A run that becomes unstable or misses its tolerance comes back with that status and the samples it
+    reached. Raises InvalidValueError for values outside their range, UnknownNameError for an unknown method
+    or argument, FormulationError where the model lacks the integrator, NonFiniteError for values that are
+    not finite.
     """
-    check_options(t_end, samples, method, step, rtol, atol)
+    check_options(t_end, samples, method, step, rtol, atol, until_contact=until_contact)
+    require_double(model.manifest, "a simulation from Python")
     arguments = dict(arguments or {})
     _check_arguments(model, arguments)
     if schedule is not None:
         _check_schedule(model, schedule, method)
     q0 = _initial(model, "coordinate", coordinate)
     v0 = _initial(model, "velocity", velocity)
-    check_consistent(model, q0, v0)
+    q0, v0 = make_consistent(model, q0, v0, arguments)
     state, sample_time = np.concatenate([q0, v0]), np.linspace(0.0, t_end, samples)
 
+    watch = None if condition is None else _watch(model, method, condition, until_condition, arguments)
+
     def integrate(time: FloatArray) -> RawTrajectory:
-        return _integrate(model, state, time, method, step, rtol, atol, arguments, schedule, progress)
+        return _integrate(model, state, time, method, step, rtol, atol, arguments, schedule, progress, watch)
 
     events: tuple[MotionEvent, ...] = ()
     if until_contact:
         raw, events = stop_at_contact(model, integrate, sample_time, arguments=arguments, schedule=schedule)
     else:
         raw = integrate(sample_time)
+        events = _end_event(raw, condition) if until_condition else ()
     return replace(evaluate_trajectory(model, raw, arguments, schedule), events=events)
 
 
@@ -99,7 +120,7 @@ def integrators_for(method: str) -> tuple[str, ...]:
     """Return the integrators that a library must hold for `method`, none for SciPy's methods."""
     if method in SCIPY_NAME:
         return ()
-    return ("rk4",) if method == "rk4" else ("rk54",)
+    return (AUTO,) if method == "auto" else (method,)
 
 
 def _integrate(
@@ -113,19 +134,56 @@ def _integrate(
     arguments: Mapping[str, Any],
     schedule: Schedule | None,
     progress: Progress | None,
+    watch: Watch | None,
 ) -> RawTrajectory:
     """Return the states at the sample times by one of METHODS."""
     if method == "rk4":
         return integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
-    if method == "rk54":
-        return integrate_rk54(model, state, sample_time, rtol, atol, arguments, progress)
+    if method == "radau":
+        return integrate_radau(model, state, sample_time, rtol, atol, arguments, progress)
+    if method in ADAPTIVE:
+        return integrate_adaptive(method, model, state, sample_time, rtol, atol, arguments, progress, watch)
     if method == "auto":
 
         def run(step_rtol: float, step_atol: float) -> RawTrajectory:
-            return integrate_rk54(model, state, sample_time, step_rtol, step_atol, arguments, progress)
+            return integrate_adaptive(
+                AUTO, model, state, sample_time, step_rtol, step_atol, arguments, progress, watch
+            )
 
         return tighten_until_converged(run, rtol, atol)
     return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
+
+
+def _watch(
+    model: CompiledModel,
+    method: str,
+    condition: str | Condition,
+    until_condition: bool,
+    arguments: Mapping[str, Any],
+) -> Watch:
+    """Return what the integrator shall watch: the condition, and the cables if it knows them."""
+    if method not in (*ADAPTIVE, "auto"):
+        raise InvalidValueError(
+            "this method watches no condition",
+            where="condition",
+            given=method,
+            allowed=", ".join(("auto", *ADAPTIVE)),
+        )
+    call = build_condition(condition, model, arguments) if isinstance(condition, str) else condition
+    name = AUTO if method == "auto" else method
+    known = next((spec.events for spec in model.manifest.integrators if spec.name == name), ())
+    kinds = (*(kind for kind in known if kind == "cable"), "condition")
+    return Watch(kinds, ("condition",) if until_condition else (), call)
+
+
+def _end_event(raw: RawTrajectory, condition: str | Condition | None) -> tuple[MotionEvent, ...]:
+    """Return the event of the condition that has ended a run, none if it went to its end."""
+    if not raw.log.count or raw.log.kind[-1] != "condition" or raw.time[-1] < raw.log.time[-1]:
+        return ()
+    n = raw.state.shape[1] // 2
+    name = condition if isinstance(condition, str) else "condition"
+    state = raw.state[-1]
+    return (MotionEvent("condition", (name,), float(raw.time[-1]), 0.0, state[:n], state[n:]),)
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
@@ -206,16 +264,38 @@ def _scipy(
 
 
 def check_options(
-    t_end: float, samples: int, method: str, step: float | None, rtol: float, atol: float
+    t_end: float,
+    samples: int,
+    method: str,
+    step: float | None,
+    rtol: float,
+    atol: float,
+    *,
+    until_contact: bool = False,
 ) -> None:
     """Raise InvalidValueError or UnknownNameError for options that `simulate` cannot work with."""
     if method not in METHODS:
         raise UnknownNameError(
             "unknown method", where="--method", given=method, hint=suggest(method, METHODS)
         )
+    if until_contact and method == "radau":
+        raise InvalidValueError(
+            "method 'radau' does not look for contacts",
+            where="--method",
+            given=method,
+            allowed="with --until contact: auto, rk54, rk853, rk4 or SciPy's methods",
+            hint="--method auto",
+        )
     for key, value in (("--t-end", t_end), ("--rtol", rtol), ("--atol", atol)):
         if not (np.isfinite(value) and value > 0):
             raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0")
+    if rtol >= 1.0:
+        raise InvalidValueError(
+            "a relative tolerance that allows any result",
+            where="--rtol",
+            given=rtol,
+            allowed="a number > 0 and < 1",
+        )
     if not 2 <= samples <= MOST_SAMPLES:
         few = "few" if samples < 2 else "many"
         raise InvalidValueError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
+from tensegrity_codegen.runtime.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure import Structure
 
@@ -40,7 +42,10 @@ Schedule = Callable[[float], Mapping[str, Any]]
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
 
 # Formulations whose coordinates are node coordinates.
-IN_NODE_COORDINATES = ("node_position",)
+IN_NODE_COORDINATES = ("node_position", "rigid_bar")
+
+# Bytes of the arrays of a result file that are compressed: zlib takes about 1 s for 20 MB of them.
+MOST_COMPRESSED = 64 * 2**20
 
 # The numeric arrays of a result file.
 RESULT_ARRAYS = (
@@ -72,7 +77,11 @@ ENERGY_TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class RawTrajectory:
-    """What an integrator returns: samples (n_t, n_states) that it reached, and how it ended."""
+    """What an integrator returns: samples (n_t, n_states) that it reached, and how it ended.
+
+    tension (n_t, len(tension_member)) [N]: of members whose tension is an unknown of its own; evidence: what
+    the method counted.
+    """
 
     time: FloatArray
     state: FloatArray
@@ -83,6 +92,10 @@ class RawTrajectory:
     n_evaluations: int
     step: float | None = None
     error_estimate: float | None = None
+    log: EventLog = EMPTY_LOG
+    tension: FloatArray | None = None
+    tension_member: tuple[int, ...] = ()
+    evidence: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -92,9 +105,11 @@ class Trajectory:
     time (n_t,) [s]; coordinate, velocity (n_t, n_coordinates); node_position, node_velocity
     (n_t, n_nodes, 3); member_tension (n_t, n_members) [N]; kinetic_energy, total_energy (n_t,) [J];
     energy_drift: largest change of the total energy over the largest kinetic energy, None with damping or a
-    schedule, which change energy rightly. status: "ok", "unstable", "inaccurate",
-    "at_pole" (a body of which the angles lost their meaning) or "not_converged"; message says why. events:
-    what ended the motion before its time, at the last sample; not read back from a file.
+    schedule, which change energy rightly. status: "ok", "unstable", "inaccurate", "not_converged",
+    "too_many_events" or "at_pole" (a body of which the angles lost their meaning); message says why.
+    events: what ended the motion before its time, at the last sample; log: events at which steps were cut,
+    such as cables that went slack or taut; evidence: what the method counted and found out; none of them is
+    read back from a file.
     """
 
     time: FloatArray
@@ -116,6 +131,8 @@ class Trajectory:
     step: float | None = None
     error_estimate: float | None = None
     events: tuple[MotionEvent, ...] = ()
+    log: EventLog = EMPTY_LOG
+    evidence: Mapping[str, float] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""
@@ -129,11 +146,13 @@ class Trajectory:
             "n_evaluations": self.n_evaluations,
             "step": self.step,
             "error_estimate": self.error_estimate,
+            "evidence": dict(self.evidence),
             "total_energy_start": float(self.total_energy[0]),
             "total_energy_end": float(self.total_energy[-1]),
             "energy_drift": self.energy_drift,
             "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
             "events": [event.as_dict() for event in self.events],
+            "n_events": self.log.count,
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -154,20 +173,26 @@ class Trajectory:
             "event_time": np.array([row[0] for row in rows], dtype=np.float64),
             "event_kind": np.array([row[1] for row in rows], dtype=np.str_),
             "event_name": np.array([row[2] for row in rows], dtype=np.str_),
+            **self.log.arrays(),
         }
 
     def write(self, path: str | Path) -> None:
-        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written.
+
+        Above MOST_COMPRESSED bytes they are not compressed, which would take longer than the simulation.
+        """
         arrays: dict[str, Any] = dict(self.arrays())
+        size = sum(np.asarray(array).nbytes for array in arrays.values())
+        save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
         with replaced(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            save(file, **arrays)
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:
     """Return what a simulation needs of a model in this formulation."""
     more = () if formulation in IN_NODE_COORDINATES else NODE_QUANTITIES
-    of_bodies = ("chart_margin", "energy_rate") if formulation == "bodies" else ()
-    return (*SIMULATION_QUANTITIES, *more, *of_bodies)
+    own = {"bodies": ("chart_margin", "energy_rate"), "rigid_bar": ("energy_rate", "rigidity_error")}
+    return (*SIMULATION_QUANTITIES, *more, *own.get(formulation, ()))
 
 
 def evaluate_trajectory(
@@ -208,6 +233,8 @@ def evaluate_trajectory(
         n_evaluations=raw.n_evaluations,
         step=raw.step,
         error_estimate=raw.error_estimate,
+        log=raw.log,
+        evidence=raw.evidence,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
     )
@@ -237,8 +264,10 @@ def _evaluate_samples(
                 raw = replace(raw, status="unstable", message=message)
             break
         rows.append(row)
-    columns = zip(*rows, strict=True)
-    return raw, {name: np.array(column) for name, column in zip(names, columns, strict=True)}
+    found = dict(zip(names, (np.array(column) for column in zip(*rows, strict=True)), strict=True))
+    if raw.tension is not None:
+        found = put_own_tensions(model, raw.state, raw.tension, raw.tension_member, found, arguments)
+    return raw, found
 
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:

@@ -60,8 +60,9 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     structure = structure.with_changes(interference=_watch_bars(scene, structure, where))
     check_structure(structure, where)
-    complete_options(scene.model.formulation, scene.model.options, key_path(where, "model", "options"))
-    return structure, _build_request(scene, structure, targets)
+    request = _build_request(scene, structure, targets)
+    complete_options(request.formulation, request.options, key_path(where, "model", "options"))
+    return structure, request
 
 
 def _of_nodes(scene: Scene, where: str) -> tuple[list[Load], list[RestLengthInput | ForceInput]]:
@@ -145,10 +146,21 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         parameters=parameters,
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
         solvers=tuple(dict.fromkeys(scene.model.solvers)),
-        formulation=scene.model.formulation,
+        formulation=_choose_formulation(scene, structure),
         emitter=scene.model.emitter,
+        precision=scene.model.precision,
+        events=scene.model.events,
+        flags=scene.model.flags,
+        batch_width=scene.model.batch_width,
         options=scene.model.options,
     )
+
+
+def _choose_formulation(scene: Scene, structure: Structure) -> str:
+    """Return the formulation that the scene names; where it names none, the one that has its bars."""
+    if "formulation" in scene.model.model_fields_set or not structure.is_rigid.any():
+        return scene.model.formulation
+    return "rigid_bar"
 
 
 def _massless(structure: Structure) -> NDArray[np.bool_]:

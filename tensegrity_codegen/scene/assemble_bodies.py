@@ -225,4 +225,8 @@ def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest
         solvers=tuple(dict.fromkeys(scene.model.solvers)),
         formulation="bodies",
         emitter=scene.model.emitter,
+        precision=scene.model.precision,
+        events=scene.model.events,
+        flags=scene.model.flags,
+        batch_width=scene.model.batch_width,
     )

@@ -101,6 +101,14 @@ def describe_request(
         "quantities": list(request.quantities),
         "integrators": list(request.integrators),
     }
+    if request.events is not None:
+        model["events"] = list(request.events)
+    if request.precision != "double":
+        model["precision"] = request.precision
+    if request.flags != "reference":
+        model["flags"] = request.flags
+    if request.batch_width:
+        model["batch_width"] = request.batch_width
     if request.solvers:
         model["solvers"] = list(request.solvers)
     if request.options:

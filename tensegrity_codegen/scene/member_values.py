@@ -58,6 +58,8 @@ def _class_index(
     """Return the class of each member, -1 for those that have none and name their kind themselves."""
     index = {name: row for row, name in enumerate(classes)}
     for name, row in zip(names, rows, strict=True):
+        if (row.class_name is None) != (row.kind is None) and (row.kind or row.class_name in index):
+            continue
         place = key_path(where, "members", name)
         if row.class_name is not None and row.class_name not in index:
             raise UnknownNameError(
@@ -67,14 +69,13 @@ def _class_index(
                 allowed="the name of a table [classes.<name>]",
                 hint=suggest(row.class_name, index),
             )
-        if (row.class_name is None) == (row.kind is None):
-            both = row.kind is not None
-            raise InvalidValueError(
-                "a member of a class takes its kind from the class" if both else "neither a class nor a kind",
-                where=f"{place}.kind" if both else place,
-                given=row.kind,
-                allowed="either class or kind",
-            )
+        both = row.kind is not None
+        raise InvalidValueError(
+            "a member of a class takes its kind from the class" if both else "neither a class nor a kind",
+            where=f"{place}.kind" if both else place,
+            given=row.kind,
+            allowed="either class or kind",
+        )
     return np.array([-1 if row.class_name is None else index[row.class_name] for row in rows], dtype=np.int64)
 
 

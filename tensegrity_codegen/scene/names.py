@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from tensegrity_codegen.errors import DuplicateNameError, InvalidNameError
@@ -59,17 +60,16 @@ def check_name(text: str, where: str = "") -> None:
 
 def check_names(names: Sequence[str], what: str, where: str = "") -> None:
     """Raise InvalidNameError or DuplicateNameError unless all `names` are valid and differ."""
-    seen: set[str] = set()
+    place = key_path(where, what)
     for name in names:
-        check_name(name, key_path(where, what))
-        if name in seen:
-            raise DuplicateNameError(
-                f"two {what} under one name",
-                where=key_path(where, what),
-                given=name,
-                allowed="each name once",
-            )
-        seen.add(name)
+        check_name(name, place)
+    if len(set(names)) < len(names):
+        raise DuplicateNameError(
+            f"two {what} under one name",
+            where=place,
+            given=next(name for name, count in Counter(names).items() if count > 1),
+            allowed="each name once",
+        )
 
 
 def key_path(where: str, *parts: str | int) -> str:

@@ -20,6 +20,7 @@ from tensegrity_codegen.errors import (
     suggest,
 )
 from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.schema import Scene
 from tensegrity_codegen.scene.translate import translate
 
@@ -79,16 +80,24 @@ def read_document(path: str | Path, *, known: frozenset[str] = frozenset()) -> d
     Raises SceneError (not readable), SceneSyntaxError (not TOML) or DuplicateNameError (a name twice).
     """
     where = str(path)
-    text = _read_text(Path(path), where)
+    whole = _read_text(Path(path), where)
+    text, plain = cut_plain_sections(whole)
     _refuse_nonsense(text, known, where)
     try:
-        return tomllib.loads(text)
+        return _join(tomllib.loads(text), plain) or tomllib.loads(whole)
     except tomllib.TOMLDecodeError as error:
-        raise _syntax_error(text.replace("\r\n", "\n"), str(error), where) from None
+        raise _syntax_error(whole.replace("\r\n", "\n"), str(error), where) from None
     except RecursionError:
         raise SceneSyntaxError("the file is nested too deeply to be a scene", where=where) from None
     except ValueError as error:  # an integer of thousands of digits
         raise SceneSyntaxError(f"not a scene: {error}", where=where) from None
+
+
+def _join(document: dict[str, Any], plain: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return the document with its plain sections; empty if one is there in another form too."""
+    if any(document[name] for name in plain):
+        return {}
+    return {key: plain.get(key, value) for key, value in document.items()}
 
 
 def _known_keys() -> frozenset[str]:
@@ -135,12 +144,17 @@ def _refuse_nonsense(text: str, known: frozenset[str], where: str) -> None:
             allowed=", ".join(sorted(known)),
             hint=suggest(key, known),
         )
-    for pattern, problem, allowed in (
-        (_LONG_KEY, "a dotted key has too many parts", "up to 32 parts"),
-        (_LONG_LIST, "a list of numbers is too long to be part of a scene", "vectors of up to 3 numbers"),
-        (_LONG_NUMBER, "a number has too many digits", "numbers of ordinary size"),
+    for pattern, mark, problem, allowed in (
+        (_LONG_KEY, ".", "a dotted key has too many parts", "up to 32 parts"),
+        (
+            _LONG_LIST,
+            ",",
+            "a list of numbers is too long to be part of a scene",
+            "vectors of up to 3 numbers",
+        ),
+        (_LONG_NUMBER, "", "a number has too many digits", "numbers of ordinary size"),
     ):
-        found = pattern.search(text)
+        found = pattern.search(text) if mark in text else None
         if found:
             line = text.count("\n", 0, found.start()) + 1
             raise SceneSyntaxError(problem, where=f"{where}: line {line}", allowed=allowed)

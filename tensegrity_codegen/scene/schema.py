@@ -13,7 +13,9 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import NullableSchema
 
+from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.request import BATCH_WIDTHS
 from tensegrity_codegen.scene.body_schema import (
     BodyTable,
     BodyTorque,
@@ -41,6 +43,8 @@ from tensegrity_codegen.scene.shapes import Shape
 
 __all__ = [
     "EMITTERS",
+    "EVENTS",
+    "FLAGS",
     "FORMULATIONS",
     "INTEGRATORS",
     "SOLVERS",
@@ -59,9 +63,11 @@ __all__ = [
 ]
 
 # What a scene may ask for. A new formulation, emitter, integrator or solver adds its name here.
-FORMULATIONS = ("node_position", "node_distance", "bodies")
-EMITTERS = ("unrolled",)
-INTEGRATORS = ("rk4", "rk54")
+FORMULATIONS = ("node_position", "node_distance", "rigid_bar", "bodies")
+EMITTERS = ("auto", "unrolled", "lanes", "table")
+FLAGS = ("reference", "native")
+INTEGRATORS = ("rk4", "rk54", "rk853", "radau")
+EVENTS = ("cable", "contact", "condition")
 SOLVERS = ("equilibrium",)
 
 
@@ -77,8 +83,23 @@ def _one_of(what: str, known: tuple[str, ...]) -> tuple[AfterValidator, WithJson
 _QUANTITY = _one_of("quantity", tuple(QUANTITIES))
 _FORMULATION = _one_of("formulation", FORMULATIONS)
 _EMITTER = _one_of("emitter", EMITTERS)
+_PRECISION = _one_of("precision", tuple(PRECISIONS))
+_FLAGS = _one_of("flags", FLAGS)
 _INTEGRATOR = _one_of("integrator", INTEGRATORS)
+_EVENT = _one_of("kind of event", EVENTS)
 _SOLVER = _one_of("solver", SOLVERS)
+
+
+def _check_batch_width(width: int) -> int:
+    if width not in BATCH_WIDTHS:
+        raise PydanticCustomError("batch_width", "not a batch width")
+    return width
+
+
+_BATCH_WIDTH = (
+    AfterValidator(_check_batch_width),
+    WithJsonSchema({"type": "integer", "enum": list(BATCH_WIDTHS)}),
+)
 
 
 class MemberClass(MemberValues):
@@ -143,12 +164,30 @@ class ModelOptions(Table):
     options: dict[str, str] = Field(
         default_factory=dict, description="The formulation's own choices, by name; see its documentation."
     )
-    emitter: Annotated[str, *_EMITTER] = Field(EMITTERS[0], description="Way of writing the C code.")
+    emitter: Annotated[str, *_EMITTER] = Field(
+        EMITTERS[0], description="Way of writing the C code; auto: by size and what is wanted."
+    )
+    batch_width: Annotated[int, *_BATCH_WIDTH] = Field(
+        0,
+        description="How many evaluations batch functions do side by side: a power of two from 2 to 64;"
+        " 0: no batch functions.",
+    )
+    precision: Annotated[str, *_PRECISION] = Field(
+        next(iter(PRECISIONS)), description="Precision of every number of the library."
+    )
+    flags: Annotated[str, *_FLAGS] = Field(
+        FLAGS[0], description="Way of compiling: the same on every machine, or for the machine that compiles."
+    )
     quantities: Annotated[tuple[Annotated[str, *_QUANTITY], ...], Strict(False)] = Field(
         (), description="Wanted quantities; none: tensions, accelerations and total energy."
     )
     integrators: Annotated[tuple[Annotated[str, *_INTEGRATOR], ...], Strict(False)] = Field(
         (), description="Time integrators to put into the library."
+    )
+    events: Annotated[tuple[Annotated[str, *_EVENT], ...], Strict(False)] | None = Field(
+        None,
+        description="Events at which integrators with error control cut their steps; "
+        "none: cables that can go slack, if there are any, and a condition of the caller's.",
     )
     solvers: Annotated[tuple[Annotated[str, *_SOLVER], ...], Strict(False)] = Field(
         (), description="Solvers to put into the library."

@@ -75,7 +75,7 @@ def _without_echoes(details: list[ErrorDetails]) -> list[ErrorDetails]:
 
 def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
     kind, loc, context = detail["type"], list(detail["loc"]), detail.get("ctx", {})
-    is_key = bool(loc) and loc[-1] == "[key]"
+    is_key = kind != "extra_forbidden" and bool(loc) and loc[-1] == "[key]"
     path = _path_without_tags(loc[:-1] if is_key else loc)
     place = key_path(where, *path)
     given = loc[-2] if is_key else _shown(detail["input"])

@@ -13,7 +13,7 @@ import numpy as np
 
 from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.files import replaced, write_folder
-from tensegrity_codegen.report.page import VERDICTS, Chapter, Page
+from tensegrity_codegen.report.page import Chapter, Page
 from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.studies.chapters.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.studies.chapters.lin import build_lin_chapter
@@ -153,7 +153,7 @@ def _lead(chapters: Sequence[Chapter]) -> str:
     verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
     counts = [
         WORDS[kind][verdicts.count(kind) > 1].format(verdicts.count(kind))
-        for kind in VERDICTS
+        for kind in WORDS
         if kind in verdicts
     ]
     return (

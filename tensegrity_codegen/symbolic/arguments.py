@@ -11,14 +11,16 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.model import ModelArgument
 
-__all__ = ["SymbolicArguments"]
+__all__ = ["SymbolicArguments", "check_parameters", "nominal_value"]
 
+FloatArray = NDArray[np.float64]
 Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 
@@ -30,14 +32,7 @@ class SymbolicArguments:
     """
 
     def __init__(self, structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> None:
-        for name in parameters:
-            if name not in PARAMETERS:
-                raise FormulationError(
-                    "unknown run-time parameter",
-                    where="parameters",
-                    given=name,
-                    hint=suggest(name, PARAMETERS),
-                )
+        check_parameters(parameters)
         self.structure = structure
         self.parameters = parameters
         self.symbols: dict[str, ca.SX] = {}
@@ -80,30 +75,7 @@ class SymbolicArguments:
                         load[column] = load[column] + u * item.direction[axis]
 
     def _argument(self, name: str) -> ModelArgument:
-        structure, axes, places = self.structure, list(self.structure.axes), self.free
-        nominal: Any
-        over: tuple[str, ...] = ()
-        if name == "coordinate":
-            nominal = structure.node_position[places[:, 0], places[:, 1]]
-        elif name == "velocity":
-            nominal = structure.node_velocity[places[:, 0], places[:, 1]]
-        elif name == "input":
-            nominal, over = np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
-        elif name == "gravity":
-            nominal = structure.gravity[axes]
-        else:
-            nominal, over = self._chosen(name)
-        return ModelArgument(self.symbols[name], nominal, over)
-
-    def _chosen(self, name: str) -> tuple[Any, tuple[str, ...]]:
-        """Return values and names of the nodes or members that keep `name` changeable."""
-        structure, chosen = self.structure, list(self.parameters[name])
-        of_nodes = name in ("node_mass", "node_load", "anchor_position")
-        names = structure.node_name if of_nodes else structure.member_name
-        values = getattr(structure, "node_position" if name == "anchor_position" else name)[chosen]
-        return values[:, list(structure.axes)] if values.ndim == 2 else values, tuple(
-            names[k] for k in chosen
-        )
+        return ModelArgument(self.symbols[name], *nominal_value(self.structure, self.parameters, name))
 
     def _symbol(self, name: str, rows: int, columns: int = 1) -> ca.SX:
         self.symbols[name] = ca.SX.sym(name, rows, columns)
@@ -145,3 +117,35 @@ class SymbolicArguments:
         for index, (node, axis) in enumerate(self.free):
             result[node][column[axis]] = self.symbols["velocity"][index]
         return result
+
+
+def check_parameters(parameters: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise FormulationError for a run-time parameter that no structure has."""
+    for name in parameters:
+        if name not in PARAMETERS:
+            raise FormulationError(
+                "unknown run-time parameter",
+                where="parameters",
+                given=name,
+                hint=suggest(name, PARAMETERS),
+            )
+
+
+def nominal_value(
+    structure: Structure, parameters: Mapping[str, tuple[int, ...]], name: str
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return an argument's value in the scene, in C order, and the names it runs over."""
+    axes, places = list(structure.axes), structure.coordinate_node_axis
+    if name == "coordinate":
+        return structure.node_position[places[:, 0], places[:, 1]], ()
+    if name == "velocity":
+        return structure.node_velocity[places[:, 0], places[:, 1]], ()
+    if name == "input":
+        return np.zeros(len(structure.inputs)), tuple(item.name for item in structure.inputs)
+    if name == "gravity":
+        return structure.gravity[axes], ()
+    chosen = list(parameters[name])
+    of_nodes = name in ("node_mass", "node_load", "anchor_position")
+    names = structure.node_name if of_nodes else structure.member_name
+    values = getattr(structure, "node_position" if name == "anchor_position" else name)[chosen]
+    return values[:, axes] if values.ndim == 2 else values, tuple(names[k] for k in chosen)

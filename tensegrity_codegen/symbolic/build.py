@@ -12,6 +12,7 @@ from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.formulations.bodies import build_bodies
 from tensegrity_codegen.symbolic.formulations.node_distance import build_node_distance
 from tensegrity_codegen.symbolic.formulations.node_position import build_node_position
+from tensegrity_codegen.symbolic.formulations.rigid_bar import build_rigid_bar
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
 __all__ = ["FORMULATIONS", "build_model"]
@@ -19,6 +20,7 @@ __all__ = ["FORMULATIONS", "build_model"]
 FORMULATIONS: dict[str, Callable[[Any, ModelRequest], SymbolicModel]] = {
     "node_position": build_node_position,
     "node_distance": build_node_distance,
+    "rigid_bar": build_rigid_bar,
     "bodies": build_bodies,
 }
 

@@ -34,12 +34,11 @@ class DistanceBlocks:
 
     def by_position(self) -> ca.SX:
         """Return df/ddelta, sparse (n_coordinates, n_coordinates) [N/m]."""
-        blocks = {e: self.members.position_block(e) for e in range(len(self.members.ends))}
-        return self._diagonal(blocks)
+        return self._diagonal({e: member.position_block() for e, member in enumerate(self.members.members)})
 
     def by_velocity(self) -> ca.SX:
         """Return df/ddelta', sparse (n_coordinates, n_coordinates) [N s/m]."""
-        return self._diagonal({e: self.members.rate_block(e) for e in self.members.damped})
+        return self._diagonal({e: self.members.members[e].rate_block() for e in self.members.damped})
 
     def by_rest_length(self) -> ca.SX:
         """Return df/drho = -(dt/drho) d / l, sparse (n_coordinates, n_members) [N/m]."""

@@ -11,11 +11,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.inertia_plan import InertiaPlan, refuse_bare
 from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symmetric_factor import SymmetricFactor, factorise
 
 __all__ = ["Inertia"]
 
@@ -30,45 +29,25 @@ class Inertia:
 
     def __init__(self, structure: Structure, node_mass: list[Scalar]) -> None:
         self.structure = structure
-        self.diagonal = list(node_mass)
-        self.coupling: dict[tuple[int, int], float] = {}
-        for member in np.flatnonzero(structure.member_mass):
-            i, j = (int(node) for node in structure.connectivity[member])
-            sixth = float(structure.member_mass[member]) / 6.0
-            self.diagonal[i] = self.diagonal[i] + 2.0 * sixth
-            self.diagonal[j] = self.diagonal[j] + 2.0 * sixth
-            pair = (min(i, j), max(i, j))
-            self.coupling[pair] = self.coupling.get(pair, 0.0) + sixth
+        self.node_mass = list(node_mass)
+        self.plan = InertiaPlan(structure)
+        shares = zip(node_mass, self.plan.diagonal_share, strict=True)
+        self.diagonal = [mass + float(share) for mass, share in shares]
+        self.coupling = {
+            (int(i), int(j)): float(mass)
+            for (i, j), mass in zip(self.plan.pair, self.plan.pair_mass, strict=True)
+        }
+        self._factors: dict[tuple[int, ...], SymmetricFactor] = {}
 
     def check(self) -> None:
         """Raise FormulationError if a free node has no mass."""
         free = np.any(~self.structure.node_anchored[:, list(self.structure.axes)], axis=1)
-        bare = [
-            self.structure.node_name[node] for node in np.flatnonzero(free) if self.diagonal[node].is_zero()
-        ]
-        if bare:
-            shown = ", ".join(bare[:5]) + (f" and {len(bare) - 5} more" if len(bare) > 5 else "")
-            raise FormulationError(
-                "a free node without mass has no acceleration",
-                where=f"{self.structure.name}: nodes.{bare[0]}.mass",
-                given=f"no mass at {shown}",
-                allowed="a mass > 0 [kg] at the node, or a bar with own mass that ends there",
-                hint="give the node a mass, or anchor it",
-            )
+        bare = [node for node in np.flatnonzero(free) if self.diagonal[node].is_zero()]
+        refuse_bare(self.structure, bare)
 
     def groups(self, axis: int) -> list[list[int]]:
         """Return the free nodes of `axis` in groups that share bars with own mass."""
-        free = np.flatnonzero(~self.structure.node_anchored[:, axis])
-        position = {int(node): index for index, node in enumerate(free)}
-        pairs = [pair for pair in self.coupling if pair[0] in position and pair[1] in position]
-        rows = [position[i] for i, _ in pairs]
-        columns = [position[j] for _, j in pairs]
-        graph = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(free), len(free)))
-        count, label = connected_components(graph, directed=False)
-        members: list[list[int]] = [[] for _ in range(count)]
-        for index, node in enumerate(free):
-            members[label[index]].append(int(node))
-        return members
+        return self.plan.groups(axis)
 
     def matrix(self, nodes: list[int]) -> ca.SX:
         """Return the mass matrix of a group of nodes, sparse (k, k) [kg]."""
@@ -86,16 +65,24 @@ class Inertia:
         """Return H^-1 f of a group of nodes [m/s2]; LDL^T without pivoting, H is positive definite."""
         if len(nodes) == 1:
             return [force[0] * (1.0 / self.diagonal[nodes[0]])]
-        factor, transposed, order = ca.ldl(self.matrix(nodes))
-        solution = ca.ldl_solve(ca.densify(ca.vertcat(*force)), factor, transposed, order)
-        return [solution[index] for index in range(len(nodes))]
+        return self.factor(tuple(nodes)).solve(force)
 
     def inverse(self, nodes: list[int]) -> ca.SX:
         """Return H^-1 of a group of nodes, dense (k, k) [1/kg]."""
         if len(nodes) == 1:
             return 1.0 / self.diagonal[nodes[0]]
-        factor, transposed, order = ca.ldl(self.matrix(nodes))
-        return ca.ldl_solve(ca.densify(ca.SX.eye(len(nodes))), factor, transposed, order)
+        unit = np.eye(len(nodes)).tolist()
+        columns = [self.factor(tuple(nodes)).solve(column) for column in unit]
+        return ca.horzcat(*[ca.vertcat(*column) for column in columns])
+
+    def factor(self, nodes: tuple[int, ...]) -> SymmetricFactor:
+        """Return the factors of the mass matrix of a group of nodes, numbers where all masses are."""
+        if nodes not in self._factors:
+            diagonal = [ca.SX(self.diagonal[node]) for node in nodes]
+            if all(mass.is_constant() for mass in diagonal):
+                diagonal = [float(mass) for mass in diagonal]
+            self._factors[nodes] = factorise(diagonal, self.plan.coupling_of(nodes))
+        return self._factors[nodes]
 
     def kinetic_energy(self, velocity: list[list[Scalar]]) -> Scalar:
         """Return v^T (H kron I) v / 2 [J] over all nodes."""
@@ -110,8 +97,5 @@ class Inertia:
 
     def weight_mass(self) -> list[Scalar]:
         """Return the mass whose weight each node carries [kg]: its own and half of each bar's."""
-        result = list(self.diagonal)
-        for (i, j), mass in self.coupling.items():
-            result[i] = result[i] + mass
-            result[j] = result[j] + mass
-        return result
+        shares = zip(self.node_mass, self.plan.weight_share, strict=True)
+        return [mass + float(share) for mass, share in shares]

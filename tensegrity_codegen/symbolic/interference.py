@@ -221,6 +221,7 @@ def pair_members(structure: Structure, position: Sequence[Vector]) -> BarPairs:
 
     Raises FormulationError if there are none, or too many.
     """
+    check_bar_pairs(structure.n_bar_pairs, structure.name)
     chosen = [(int(i), int(j)) for i, j in structure.bar_pairs]
     bars = sorted({bar for pair in chosen for bar in pair})
     row = {bar: k for k, bar in enumerate(bars)}

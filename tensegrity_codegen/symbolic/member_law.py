@@ -43,6 +43,12 @@ class MemberLaw:
         """Return l - rho [m]."""
         return self.length - self.rest_length
 
+    def margin(self) -> Scalar:
+        """Return l - rho [m], or l - rho + c l' / mu if that is less: a cable pulls while it is positive."""
+        if self.damping.is_zero():
+            return self.extension
+        return ca.fmin(self.extension, self.extension + self.damping * self.rate / self.mu)
+
     def static_tension(self) -> Scalar:
         """Return mu (l - rho) [N], zero when slack."""
         return self._if_taut(self.mu * self.extension)
@@ -78,8 +84,8 @@ class MemberLaw:
         return self._if_pulling(self.damping)
 
     def tension_by_rest_length(self) -> Scalar:
-        """Return dt/drho = -k - EA l / rho^2 [N/m]."""
-        axial = self.axial_stiffness * self.length / (self.rest_length * self.rest_length)
+        """Return dt/drho = -k - (EA / rho^2) l [N/m]."""
+        axial = self.axial_stiffness / (self.rest_length * self.rest_length) * self.length
         return self._if_pulling(-(self.spring_constant + axial))
 
     def _raw_tension(self) -> Scalar:

@@ -11,10 +11,10 @@ from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.assembly import plan_assembly
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import member_length, member_rate
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_blocks
+from tensegrity_codegen.symbolic.member import Member
 from tensegrity_codegen.symbolic.member_law import MemberLaw
 
 __all__ = ["MemberSet"]
@@ -42,43 +42,37 @@ class MemberSet:
         self.vectors = vectors
         self.vector_rates = vector_rates
         self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
+        self.plan = plan_assembly(structure, arguments.parameters)
+
+    @cached_property
+    def members(self) -> list[Member]:
+        """All members, in the order of the structure."""
+        return [self._member(e) for e in range(self.structure.n_members)]
 
     @cached_property
     def lengths(self) -> list[Scalar]:
         """Lengths l_e [m]."""
-        return [member_length(vector) for vector in self.vectors]
+        return [member.length for member in self.members]
 
     @cached_property
     def laws(self) -> list[MemberLaw]:
         """Laws of the members at their present lengths, rates and rest lengths."""
-        values = self.arguments
-        return [
-            MemberLaw(
-                length=self.lengths[e],
-                rate=self._rate(e),
-                rest_length=values.rest_length[e],
-                spring_constant=values.spring_constant[e],
-                axial_stiffness=values.axial_stiffness[e],
-                damping=values.damping[e],
-                tension_only=bool(self.structure.tension_only[e]),
-            )
-            for e in range(self.structure.n_members)
-        ]
+        return [member.law for member in self.members]
 
     @cached_property
     def densities(self) -> list[Scalar]:
         """Force densities t_e / l_e with damping [N/m]."""
-        return [law.force_density() for law in self.laws]
+        return [member.density for member in self.members]
 
     @cached_property
     def static_densities(self) -> list[Scalar]:
         """Force densities t_e / l_e without damping [N/m]."""
-        return [law.static_force_density() for law in self.laws]
+        return [member.static_density for member in self.members]
 
     @property
     def damped(self) -> list[int]:
         """Members that have damping."""
-        return [e for e in range(self.structure.n_members) if not self.arguments.damping[e].is_zero()]
+        return [e for e, member in enumerate(self.members) if member.is_damped]
 
     def member_vector(self) -> ca.SX:
         """Return the member vectors, (n_axes, n_members) [m]."""
@@ -96,13 +90,17 @@ class MemberSet:
         """Return the extensions l_e - rho_e, (n_members, 1) [m]."""
         return ca.vertcat(*[law.extension for law in self.laws])
 
+    def cable_margin(self) -> ca.SX:
+        """Return the margins of the members that pull only, (n_tension_only, 1) [m]."""
+        return ca.vertcat(ca.SX(0, 1), *[law.margin() for law in self.laws if law.tension_only])
+
     def force_density(self) -> ca.SX:
         """Return the force densities with damping, (n_members, 1) [N/m]."""
         return ca.vertcat(*self.densities)
 
     def elastic_energy(self) -> Scalar:
-        """Return the strain energy of all members [J]."""
-        return sum((law.energy() for law in self.laws), ca.SX(0.0))
+        """Return the strain energy of all members, summed in the order of the plan [J]."""
+        return sum((self.laws[e].energy() for e in self.plan.member), ca.SX(0.0))
 
     def node_load(self, weight_mass: list[Scalar]) -> list[Vector]:
         """Return weight and load on every node [N]; weight_mass: the mass whose weight each node carries."""
@@ -113,41 +111,27 @@ class MemberSet:
         ]
 
     def add_to(self, node_load: list[Vector], densities: list[Scalar]) -> list[Vector]:
-        """Return `node_load` plus the pull of all members with these force densities, node by node [N]."""
+        """Return `node_load` plus the pull of all members, in the order of the plan [N]."""
+        pulls = [member.pull(density) for member, density in zip(self.members, densities, strict=True)]
         force = list(node_load)
-        for (i, j), vector, density in zip(self.ends, self.vectors, densities, strict=True):
-            pull = [density * component for component in vector]
-            force[i] = [f - p for f, p in zip(force[i], pull, strict=True)]
-            force[j] = [f + p for f, p in zip(force[j], pull, strict=True)]
+        for e, end in self.plan.ends:
+            node, pull = self.ends[e][end], pulls[e]
+            if end == 0:
+                force[node] = [f - p for f, p in zip(force[node], pull, strict=True)]
+            else:
+                force[node] = [f + p for f, p in zip(force[node], pull, strict=True)]
         return force
 
-    def static_blocks(self, e: int) -> tuple[MemberBlocks, MemberBlocks]:
-        """Return material and geometric stiffness of member e without damping, (n_axes, n_axes) [N/m]."""
-        law, density = self.laws[e], self.static_densities[e]
-        return stiffness_blocks(self.vectors[e], law.length, law.static_tension_by_length(), density)
-
-    def rate_block(self, e: int) -> MemberBlocks:
-        """Return c d d^T / l^2 of member e while it pulls, (n_axes, n_axes) [N s/m]."""
-        law = self.laws[e]
-        return MemberBlocks.outer(
-            self.vectors[e], self.vectors[e], law.tension_by_rate() / (law.length * law.length)
+    def _member(self, e: int) -> Member:
+        values = self.arguments
+        return Member(
+            self.vectors[e],
+            self.vector_rates[e],
+            {
+                "rest_length": values.rest_length[e],
+                "spring_constant": values.spring_constant[e],
+                "axial_stiffness": values.axial_stiffness[e],
+                "damping": values.damping[e],
+            },
+            bool(self.structure.tension_only[e]),
         )
-
-    def position_block(self, e: int) -> MemberBlocks:
-        """Return -d(force of member e)/d(its vector), damping included, (n_axes, n_axes) [N/m]."""
-        law, d = self.laws[e], self.vectors[e]
-        material, geometric = stiffness_blocks(d, law.length, law.tension_by_length(), self.densities[e])
-        block = material.plus(geometric)
-        if self.arguments.damping[e].is_zero():
-            return block
-        # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.
-        slope = [
-            rate / law.length - law.rate / (law.length * law.length) * component
-            for rate, component in zip(self.vector_rates[e], d, strict=True)
-        ]
-        return block.plus(MemberBlocks.outer(d, slope, law.tension_by_rate() / law.length))
-
-    def _rate(self, e: int) -> Scalar:
-        if self.arguments.damping[e].is_zero():
-            return ca.SX(0.0)
-        return member_rate(self.vectors[e], self.vector_rates[e], self.lengths[e])

@@ -38,7 +38,8 @@ class Frame:
     """What a model's results run over: names of nodes, members, coordinates and inputs, and where nodes are.
 
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
-    bar_pair: names of the two bars of each pair whose distance can be asked for.
+    find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
+    since n bars make n (n - 1) / 2 pairs that few models need.
     """
 
     axes: tuple[int, ...]
@@ -50,12 +51,12 @@ class Frame:
     coordinate_name: tuple[str, ...]
     coordinate_node_axis: tuple[tuple[int, int], ...]
     input_name: tuple[str, ...]
-    bar_pair: tuple[tuple[str, str], ...] = ()
+    find_bar_pair: Callable[[], tuple[tuple[str, str], ...]] = tuple
 
 
 def frame_structure(structure: Structure) -> Frame:
     """Return the frame of a model whose coordinates are the structure's free node coordinates."""
-    places = tuple((int(node), int(axis)) for node, axis in structure.coordinate_node_axis)
+    places = _pairs(structure.coordinate_node_axis)
     name = structure.member_name
     return Frame(
         axes=structure.axes,
@@ -63,12 +64,16 @@ def frame_structure(structure: Structure) -> Frame:
         node_position=structure.node_position,
         node_velocity=structure.node_velocity,
         member_name=structure.member_name,
-        connectivity=tuple((int(i), int(j)) for i, j in structure.connectivity),
+        connectivity=_pairs(structure.connectivity),
         coordinate_name=tuple(f"{structure.node_name[node]}_{'xyz'[axis]}" for node, axis in places),
         coordinate_node_axis=places,
         input_name=tuple(item.name for item in structure.inputs),
-        bar_pair=tuple((name[i], name[j]) for i, j in structure.bar_pairs),
+        find_bar_pair=lambda: tuple((name[i], name[j]) for i, j in structure.bar_pairs),
     )
+
+
+def _pairs(table: NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
+    return tuple((i, j) for i, j in table.tolist())
 
 
 class SymbolicModel:
@@ -78,6 +83,7 @@ class SymbolicModel:
     builders: quantity name -> function without arguments that returns its SX, in the quantity's shape
     transposed where it is a table of vectors, so that CasADi's columns are the rows of a C array.
     words: quantity name -> unit and sentence, where they differ from the table of quantities.
+    parts: what the builders share, where an emitter can make something of it.
     """
 
     def __init__(
@@ -88,6 +94,7 @@ class SymbolicModel:
         arguments: Mapping[str, ModelArgument],
         builders: Mapping[str, Callable[[], Any]],
         words: Mapping[str, tuple[str, str]] = MappingProxyType({}),
+        parts: Any = None,
     ) -> None:
         self.formulation = formulation
         self.subject = subject
@@ -95,6 +102,7 @@ class SymbolicModel:
         self.frame = frame
         self.arguments = dict(arguments)
         self.words = dict(words)
+        self.parts = parts
         self._builders = builders
         self._built: dict[str, ca.SX] = {}
 

@@ -1,13 +1,20 @@
-"""Formulations in which every member is a spring refuse rigid bars, all in the same words."""
+"""Which bars may be rigid: none where every member is a spring, elsewhere those that do not contradict."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["check_no_rigid_bar"]
+__all__ = ["check_no_rigid_bar", "check_rigid_bars", "find_rigid_bars"]
+
+DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 
 
 def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
@@ -17,10 +24,77 @@ def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
         name = structure.member_name[rigid[0]]
         others = f" and {rigid.size - 1} more" if rigid.size > 1 else ""
         raise FormulationError(
-            f"formulation {formulation!r} has no rigid bars; rigid bars will be served by the formulation "
-            "'rigid_bar', which this version does not have yet",
+            f"formulation {formulation!r} has no rigid bars",
             where=f"{structure.name}: members.{name}",
             given=f"bar {name}{others} without axial_stiffness and spring_constant",
             allowed="axial_stiffness > 0 [N] or spring_constant > 0 [N/m] on every bar",
-            hint="give the bar a finite stiffness, 1,000 times that of the cables is nearly rigid",
+            hint='formulation = "rigid_bar", or give the bar a stiffness, 1,000 times that of the cables is '
+            "nearly rigid",
         )
+
+
+def find_rigid_bars(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
+    """Return (n_members,): the members that keep their length in the requested formulation."""
+    if request.formulation != "rigid_bar":
+        return np.zeros(structure.n_members, dtype=np.bool_)
+    which = complete_options("rigid_bar", request.options)["bars"]
+    rigid: NDArray[np.bool_] = structure.is_rigid | (structure.is_bar & (which == "all"))
+    return rigid
+
+
+def check_rigid_bars(
+    structure: Structure, rigid: NDArray[np.bool_], parameters: Mapping[str, tuple[int, ...]]
+) -> None:
+    """Raise FormulationError for rigid bars whose forces are not determined or whose stiffness may change.
+
+    rigid: (n_members,), the members that keep their length.
+    """
+    if not rigid.any():
+        raise FormulationError(
+            "formulation 'rigid_bar' needs a rigid bar",
+            where=f"{structure.name}: model.formulation",
+            given="no bar without stiffness",
+            allowed='bars without axial_stiffness and spring_constant, or options.bars = "all"',
+            hint='formulation = "node_position", or options = { bars = "all" }',
+        )
+    for name in ("spring_constant", "axial_stiffness", "damping"):
+        changed = [e for e in parameters.get(name, ()) if rigid[e]]
+        if changed:
+            raise FormulationError(
+                f"a rigid bar has no {name} that can change at run time",
+                where=f"{structure.name}: parameters.{name}",
+                given=structure.member_name[changed[0]],
+                allowed="members that are no rigid bars",
+                hint="name the cables, or a class of them, instead of all members",
+            )
+    members = np.flatnonzero(rigid)
+    redundant = find_redundant(structure, members)
+    if redundant.size:
+        names = [structure.member_name[e] for e in redundant]
+        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        raise FormulationError(
+            "rigid bars that repeat what the others hold already: their forces are not determined",
+            where=f"{structure.name}: members.{names[0]}",
+            given=shown,
+            allowed="bars of which none follows from the others and the anchors",
+            hint="give these bars a stiffness",
+        )
+
+
+def find_redundant(structure: Structure, members: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the bars whose constraints follow from those before them, at the stated node positions.
+
+    From the rank of the unit vectors along the bars, (n_coordinates, n_bars), by a pivoted QR factorisation.
+    """
+    places = {(int(n), int(a)): k for k, (n, a) in enumerate(structure.coordinate_node_axis)}
+    unit = np.zeros((len(places), len(members)))
+    for column, (i, j) in enumerate(structure.connectivity[members]):
+        d = structure.node_position[i] - structure.node_position[j]
+        for axis in structure.axes:
+            for node, sign in ((int(i), 1.0), (int(j), -1.0)):
+                if (node, axis) in places:
+                    unit[places[node, axis], column] = sign * d[axis] / np.linalg.norm(d)
+    factor, order = qr(unit, mode="r", pivoting=True)
+    size = np.abs(np.diag(factor))
+    rank = int(np.sum(size > DEPENDENT * max(1.0, size.max(initial=0.0))))
+    return np.sort(members[order[rank:]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -32,6 +32,13 @@ class CoordinateMap:
             if structure.node_anchored[node, axis]
         ]
 
+    def coordinate_nodes(self) -> dict[int, list[tuple[int, int]]]:
+        """Return node -> (coordinate, axis) of its free components, in ascending order."""
+        places: dict[int, list[tuple[int, int]]] = {}
+        for (node, axis), position in self.index.items():
+            places.setdefault(node, []).append((position, axis))
+        return places
+
     def indices(self, nodes: list[int], axis: int) -> list[int]:
         """Return the coordinates of free `nodes` along `axis`."""
         return [self.index[node, axis] for node in nodes]
@@ -40,6 +47,14 @@ class CoordinateMap:
         """Return the free components of one vector a node, (n_coordinates, 1)."""
         column = {axis: position for position, axis in enumerate(self.axes)}
         return ca.vertcat(*[vectors[node][column[axis]] for node, axis in self.index])
+
+    def place(self, coordinate: ca.SX, fixed: list[list[Scalar]]) -> list[list[Scalar]]:
+        """Return one vector a node: components of `coordinate` (n, 1) where free, else `fixed`."""
+        column = {axis: position for position, axis in enumerate(self.axes)}
+        result = [list(vector) for vector in fixed]
+        for (node, axis), position in self.index.items():
+            result[node][column[axis]] = coordinate[position]
+        return result
 
     def anchored(self, vectors: list[list[Scalar]]) -> ca.SX:
         """Return the anchored components of one vector a node, (n_anchored_coordinates, 1)."""
@@ -56,17 +71,26 @@ class CoordinateMap:
                         self._add(entries, row, column, block[r, c])
         return self._sparse(entries, self.n_coordinates)
 
-    def member_matrix(self, blocks: Iterable[tuple[MemberBlocks, tuple[int, int]]]) -> ca.SX:
-        """Return the sum of [S -S; -S S] over members (i, j), sparse (n_coordinates, n_coordinates)."""
+    def member_matrix(
+        self, blocks: Mapping[int, MemberBlocks], ends: list[tuple[int, int]], order: Iterable[Any]
+    ) -> ca.SX:
+        """Return the sum of [S -S; -S S] over members (i, j), sparse (n_coordinates, n_coordinates).
+
+        blocks: S of the members that have one; ends: (i, j) of all; order: (member, end) as forces are
+        added, where an end adds the columns of its node.
+        """
         entries: dict[tuple[int, int], Scalar] = {}
-        for block, (i, j) in blocks:
+        for e, end in order:
+            if e not in blocks:
+                continue
+            own, other = ends[e][end], ends[e][1 - end]
             for r, row_axis in enumerate(self.axes):
                 for c, column_axis in enumerate(self.axes):
-                    value = block.entries[r][c]
-                    for a, b, sign in ((i, i, 1), (i, j, -1), (j, i, -1), (j, j, 1)):
-                        row, column = self.index.get((a, row_axis)), self.index.get((b, column_axis))
+                    column = self.index.get((own, column_axis))
+                    for node, sign in ((own, 1), (other, -1)):
+                        row = self.index.get((node, row_axis))
                         if row is not None and column is not None:
-                            self._add(entries, row, column, value, sign)
+                            self._add(entries, row, column, blocks[e].entries[r][c], sign)
         return self._sparse(entries, self.n_coordinates)
 
     def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:

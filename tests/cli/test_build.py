@@ -145,3 +145,64 @@ def test_a_cache_entry_cut_short_is_rebuilt_silently(
     assert ended.data["from_cache"] is False
     assert library.read_bytes() == whole
     assert run(*words).data["from_cache"] is True
+
+
+def test_the_emitter_of_the_scene_can_be_overruled(run: Run, two_nodes: Path) -> None:
+    assert run("build", two_nodes, "--json").data["emitter"] == "unrolled"
+    data = run("build", two_nodes, "--emitter", "table", "--out", "tables", "--json").data
+    assert data["emitter"] == "table"
+    assert "for (e = 0;" in (Path("tables") / "two_nodes.c").read_text(encoding="utf-8")
+
+
+def test_an_unknown_emitter_is_refused_with_the_known_ones(run: Run, two_nodes: Path) -> None:
+    ended = run("build", two_nodes, "--emitter", "tabel")
+    assert ended.code == 2
+    assert "'table'" in ended.err
+
+
+def test_batch_functions_are_built_where_asked(run: Run, two_nodes: Path) -> None:
+    data = run("build", two_nodes, "--batch-width", "4", "--out", "library", "--json").data
+    assert data["batch_width"] == 4
+    loaded = ctypes.CDLL(str(Path(data["library"]).resolve()))
+    for symbol in data["functions"].values():
+        assert hasattr(loaded, f"{symbol}_batch")
+    plain = run("build", two_nodes, "--json").data
+    assert plain["batch_width"] == 0
+    assert not hasattr(ctypes.CDLL(plain["library"]), f"{data['functions']['acceleration']}_batch")
+
+
+def test_a_batch_width_that_is_no_power_of_two_is_refused(run: Run, two_nodes: Path) -> None:
+    failed = run("build", two_nodes, "--batch-width", "3", "--json")
+    assert failed.code == 2
+    assert failed.data["where"] == "--batch-width"
+    assert "power of two" in failed.data["allowed"]
+
+
+def test_auto_says_which_emitter_it_took_and_why(run: Run, prism: Path) -> None:
+    for _ in range(2):  # the second time from the cache
+        data = run("build", prism, "--emitter", "auto", "--json").data
+        assert data["emitter"] == "lanes"
+        assert "four members at a time" in data["why_emitter"]
+    assert run("build", prism, "--emitter", "unrolled", "--json").data["why_emitter"] == "asked for by name"
+
+
+def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, two_nodes: Path) -> None:
+    words = ("build", two_nodes, "--tune", "--json")
+    first, again = run(*words).data, run(*words).data
+    rows = [row for row in first["tuned"]["candidates"] if row["total"] is not None]
+    best = min(rows, key=lambda row: row["total"])
+    assert {row["emitter"] for row in rows} == {"unrolled", "table"}
+    assert all(row["total"] == pytest.approx(sum(row["ns"].values())) for row in rows)
+    assert all(set(row["ns"]) == set(first["functions"]) for row in rows)
+    assert (first["emitter"], first["compiler"]) == (best["emitter"], best["version"])
+    assert (first["tuned"]["from_cache"], again["tuned"]["from_cache"]) == (False, True)
+    assert again["tuned"]["candidates"] == first["tuned"]["candidates"]
+    assert again["library"] == first["library"]
+    assert "candidates" in run("build", two_nodes, "--tune").out
+
+
+@pytest.mark.parametrize("words", [["--tune-for", "speed"], ["--any-flags"]])
+def test_a_tuning_that_makes_no_sense_is_refused(words: list[str], run: Run, two_nodes: Path) -> None:
+    ended = run("build", two_nodes, *words, "--json")
+    assert ended.code == 2
+    assert ended.data["where"] == words[0]

@@ -14,7 +14,18 @@ from tensegrity_codegen.version import VERSION
 from tests.cli.conftest import Run
 
 VERBS = ["build", "check", "doctor", "equilibrium", "examples", "import"]
-VERBS += ["linearize", "load-path", "new", "reconfigure", "reproduce", "schema", "show", "simulate"]
+VERBS += [
+    "linearize",
+    "load-path",
+    "new",
+    "reconfigure",
+    "report",
+    "reproduce",
+    "schema",
+    "show",
+    "simulate",
+    "stability",
+]
 # A good call of each verb.
 GOOD_CALLS = {
     "build": ["build", "two_nodes.toml"],
@@ -25,8 +36,20 @@ GOOD_CALLS = {
     "import": ["import", "nodes.csv", "members.csv", "-o", "new.toml", "--gravity", "-1,0,0"],
     "linearize": ["linearize", "two_nodes.toml", "--settle"],
     "new": ["new", "fresh.toml"],
+    "report": [
+        "report",
+        "two_nodes.toml",
+        "--t-end",
+        "0.1",
+        "--samples",
+        "2",
+        "--no-peers",
+        "--longest",
+        "0.01",
+    ],
     "schema": ["schema", "--out", "scene.json"],
     "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
+    "stability": ["stability", "two_nodes.toml", "--t-end", "0.1", "--no-peers", "--limit", "0.5"],
 }
 WRONG_USE = {
     "no verb": [],

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.precision import find_precision
 
 __all__ = ["format_driver"]
 
-VALUES = ("NAN", "INFINITY", "-INFINITY", "0.0", "1e308", "-1e308", "5e-324")
+VALUES = {
+    "double": ("NAN", "INFINITY", "-INFINITY", "0.0", "1e308", "-1e308", "5e-324"),
+    "single": ("NAN", "INFINITY", "-INFINITY", "0.0f", "3e38f", "-3e38f", "1e-45f"),
+}
 # End, rtol, atol, most steps and number of samples of runs with error control, good and bad.
 TOLERANCES = (
     ("2e-3", "1e-6", "1e-9", "1000", "3"),
     ("2e-3", "1e-6", "1e-9", "3", "3"),
     ("2e-3", "1e-300", "1e-300", "1000", "0"),
+    ("1e-300", "1e-6", "1e-9", "1000", "3"),
+    ("1e300", "1e-6", "1e-9", "1000", "3"),
     ("0.0", "1e-6", "1e-9", "1000", "3"),
     ("NAN", "1e-6", "1e-9", "1000", "3"),
     ("2e-3", "-1.0", "1e-9", "1000", "3"),
@@ -22,6 +28,7 @@ STEPS = (
     ("0.0", "1e-4", "0", "50", "3"),
     ("0.0", "1e-4", "0", "0", "0"),
     ("0.0", "1e300", "0", "3", "3"),
+    ("0.0", "1e-300", "0", "3", "3"),
     ("1e308", "1e308", "3", "2", "3"),
     ("0.0", "1e-4", "LLONG_MAX", "2", "3"),
     ("0.0", "1e-4", "-1", "2", "3"),
@@ -39,18 +46,22 @@ def format_driver(manifest: Manifest) -> str:
     body = [_function_calls(manifest, spec) for spec in manifest.functions]
     body += [_reset(manifest)] if manifest.integrators else []
     body += [_integrator_calls(manifest, spec) for spec in manifest.integrators]
-    body += [_casadi_calls(manifest, spec) for spec in manifest.functions]
+    double = manifest.precision == "double"
+    body += [_casadi_calls(manifest, spec) for spec in manifest.functions if double]
     return "\n".join(
         [
-            *(f"#include <{name}.h>" for name in ("limits", "math", "stddef", "stdio", "stdlib")),
+            *(f"#include <{name}.h>" for name in ("limits", "math", "stddef", "stdio", "stdlib", "string")),
             f'#include "{manifest.name}.h"',
             f"enum {{ LARGEST = {largest} }};",
-            "static const double bad[] = {" + ", ".join(VALUES) + "};",
+            f"typedef {find_precision(manifest.precision).c_type} real;",
+            "static const real bad[] = {" + ", ".join(VALUES[manifest.precision]) + "};",
             "static int worst = 0;",
-            "static void note(int status) { if (status < 0 || status > 4) { worst = 1; } }",
+            f"enum {{ LAST_STATUS = {len(STATUS) - 1} }};",
+            "static void note(int status) { if (status < 0 || status > LAST_STATUS) { worst = 1; } }",
             *body,
             "int main(void)\n{",
-            *(f"  call_{spec.quantity}();\n  external_{spec.quantity}();" for spec in manifest.functions),
+            *(f"  call_{spec.quantity}();" for spec in manifest.functions),
+            *(f"  external_{spec.quantity}();" for spec in manifest.functions if double),
             *(f"  integrate_{spec.name}();" for spec in manifest.integrators),
             '  puts(worst ? "bad status" : "done");\n  return worst;\n}\n',
         ]
@@ -74,12 +85,12 @@ def _function_calls(manifest: Manifest, spec: FunctionSpec) -> str:
         others = [*nominal[:place], "NULL", *nominal[place + 1 :]]
         calls.append(f"note({spec.symbol}({', '.join([*others, 'out'])}));")
     whole = [f"note({spec.symbol}({', '.join(['value'] * len(nominal) + ['out'])}));"] if nominal else []
-    return _with_bad_values(f"call_{spec.quantity}", f"double out[{_size(manifest, spec)}];", calls, whole)
+    return _with_bad_values(f"call_{spec.quantity}", f"real out[{_size(manifest, spec)}];", calls, whole)
 
 
 def _with_bad_values(name: str, declarations: str, calls: list[str], whole: list[str]) -> str:
     """A function that makes the calls, then `whole` with `value` filled with each bad value."""
-    lines = [f"static void {name}(void)\n{{", f"  {declarations}", "  double value[LARGEST];"]
+    lines = [f"static void {name}(void)\n{{", f"  {declarations}", "  real value[LARGEST];"]
     lines += ["  size_t k, i;", *(f"  {call}" for call in calls)]
     lines += ["  for (k = 0; k < sizeof bad / sizeof bad[0]; ++k) {"]
     lines += ["    for (i = 0; i < LARGEST; ++i) { value[i] = bad[k]; }"]
@@ -89,7 +100,7 @@ def _with_bad_values(name: str, declarations: str, calls: list[str], whole: list
 def _reset(manifest: Manifest) -> str:
     n = len(manifest.coordinate_name)
     return (
-        "static void reset(double *state, long long *sampled)\n{\n  int i;\n  *sampled = 0;\n"
+        "static void reset(real *state, long long *sampled)\n{\n  int i;\n  *sampled = 0;\n"
         f"  for (i = 0; i < {n}; ++i) {{\n    state[i] = {manifest.name}_nominal_coordinate[i];\n"
         f"    state[{n} + i] = {manifest.name}_nominal_velocity[i];\n  }}\n}}\n"
     )
@@ -99,6 +110,8 @@ def _integrator_calls(manifest: Manifest, spec: IntegratorSpec) -> str:
     n_states = 2 * len(manifest.coordinate_name)
     nominal = [f"{manifest.name}_nominal_{name}" for name in spec.arguments]
 
+    tensions = ["tensions"] if spec.name == "radau" else []
+
     def call(values: tuple[str, ...], passed: list[str], state: str = "state", work: str = "work") -> str:
         *head, samples = values
         if spec.name == "rk4":
@@ -106,19 +119,27 @@ def _integrator_calls(manifest: Manifest, spec: IntegratorSpec) -> str:
         else:
             before, after = [*head, "&time", "&step", state], ["&done", "&rejected"]
             ready = "time = 0.0; step = 0.0; "
-        given = ", ".join([*before, *passed, samples, "times", "samples", "&sampled", *after, work])
+        if spec.name == "radau":
+            after, ready = ["count", "vibration"], ready + "memset(count, 0, sizeof count); "
+        sampled = ["times", "samples", *tensions, "&sampled"]
+        given = ", ".join([*before, *passed, samples, *sampled, *after, work])
         return f"reset(state, &sampled); {ready}note({spec.symbol}({given}));"
 
     runs = STEPS if spec.name == "rk4" else TOLERANCES
+    if spec.name == "radau":  # steps are long under sanitizers
+        runs = tuple((*row[:3], row[3].replace("1000", "20"), row[4]) for row in runs)
     calls = [call(values, nominal) for values in runs]
     calls += [call(runs[0], nominal, state="NULL"), call(runs[0], nominal, work="NULL")]
     for place in range(len(nominal)):
         calls.append(call(runs[0], [*nominal[:place], "NULL", *nominal[place + 1 :]]))
     declarations = (
-        f"static const double times[3] = {{0.0, 1e-4, 2e-3}};\n  double state[{n_states}], time = 0.0, "
-        f"step = 0.0, samples[{3 * n_states}], work[{spec.work_size}];\n"
+        "static const double times[3] = {0.0, 1e-4, 2e-3};\n  double time = 0.0, step = 0.0;\n"
+        f"  real state[{n_states}], samples[{3 * n_states}], work[{spec.work_size}];\n"
         "  long long sampled, done, rejected = 0;\n  (void)time; (void)step; (void)rejected;"
     )
+    if spec.name == "radau":
+        size = f"{manifest.name.upper()}_RADAU_N_TENSIONS"
+        declarations += f"\n  long long count[6];\n  double vibration[3], tensions[3 * {size}];"
     whole = [call(runs[0], ["value"] * len(nominal))]
     return _with_bad_values(f"integrate_{spec.name}", declarations, calls, whole)
 

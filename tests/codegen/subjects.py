@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
@@ -11,7 +14,7 @@ from tensegrity_codegen.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tests.runtime.build import bar, cable, make_structure, spring
 
-__all__ = ["all_parameters", "bare", "everything", "offered"]
+__all__ = ["all_parameters", "bare", "everything", "in_single_precision", "offered"]
 
 
 def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
@@ -68,8 +71,21 @@ def everything() -> tuple[Structure, ModelRequest]:
     )
     velocity = np.where(structure.node_anchored, 0.0, np.linspace(-0.5, 0.7, 12).reshape(4, 3))
     structure = structure.with_changes(name="braced", node_velocity=velocity)
-    request = ModelRequest((), parameters=all_parameters(structure), integrators=("rk4", "rk54"))
-    return structure, request.wanting(*offered(structure, request), integrators=("rk4", "rk54"))
+    request = ModelRequest(
+        (), parameters=all_parameters(structure), integrators=("rk4", "rk54", "rk853", "radau")
+    )
+    return structure, request.wanting(
+        *offered(structure, request), integrators=("rk4", "rk54", "rk853", "radau")
+    )
+
+
+def in_single_precision(
+    subject: Callable[[], tuple[Structure, ModelRequest]],
+) -> tuple[Structure, ModelRequest]:
+    """The subject in single precision, without what needs double precision."""
+    structure, request = subject()
+    integrators = tuple(name for name in request.integrators if name != "radau")
+    return structure, replace(request, precision="single", integrators=integrators)
 
 
 def bare() -> tuple[Structure, ModelRequest]:

@@ -39,7 +39,7 @@ def test_names_and_sparsities_are_those_of_the_manifest(subject: Any) -> None:
         ]
         assert found.sparsity_out(0) == own.sparsity_out(0)
         if spec.pattern is not None:
-            assert tuple(found.sparsity_out(0).row()) == spec.pattern.row
+            assert list(found.sparsity_out(0).row()) == spec.pattern.row.tolist()
 
 
 def test_values_are_those_of_the_c_interface_to_the_last_bit(subject: Any) -> None:

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from tensegrity_codegen.codegen import child
-from tensegrity_codegen.codegen.child import run_limited
+from tensegrity_codegen.codegen.child import run_limited, run_several
 from tests.codegen.compilers import POSIX, hanging_body, is_running, read_pids, wait_until, write_script
 
 WAITING = """
@@ -41,6 +41,69 @@ def test_a_word_is_never_read_by_a_shell(tmp_path):
     outcome = run(tmp_path, sys.executable, "-I", "-c", "import sys; print(sys.argv[1])", word)
     assert outcome.log.strip() == word
     assert list(tmp_path.iterdir()) == []
+
+
+def run_all(tmp_path, commands, **options):
+    return run_several(commands, folder=tmp_path, environment=os.environ, timeout=20.0, **options)
+
+
+def test_several_outcomes_come_in_the_order_of_their_commands(tmp_path):
+    words = "time.sleep(float(sys.argv[2])); print('said', sys.argv[1]); sys.exit(int(sys.argv[1]))"
+    code = f"import sys, time; {words}"
+    commands = [
+        [sys.executable, "-I", "-c", code, str(k), delay] for k, delay in enumerate(("0.5", "0", "0"))
+    ]
+    for workers in (1, 2, 5):
+        outcomes = run_all(tmp_path, commands, workers=workers)
+        assert [outcome.number for outcome in outcomes] == [0, 1, 2]
+        assert [outcome.log.strip() for outcome in outcomes] == ["said 0", "said 1", "said 2"]
+    assert run_all(tmp_path, []) == []
+
+
+# Each tells that it has started, then waits for the other for as long as the second argument says.
+MEETING = """
+import pathlib, sys, time
+mine, other = sys.argv[1:3]
+pathlib.Path(mine).touch()
+end = time.monotonic() + float(sys.argv[3])
+while time.monotonic() < end and not pathlib.Path(other).exists():
+    time.sleep(0.01)
+met = pathlib.Path(other).exists()
+pathlib.Path(mine).unlink() if sys.argv[4] == "leaves" else None
+sys.exit(0 if met else 7)
+"""
+
+
+@POSIX
+def test_as_many_commands_as_workers_run_at_once(tmp_path):
+    def meet(patience, habit):
+        ends = (("a", "b"), ("b", "a"))
+        return [[sys.executable, "-I", "-c", MEETING, *pair, patience, habit] for pair in ends]
+
+    assert [outcome.number for outcome in run_all(tmp_path, meet("15", "stays"), workers=2)] == [0, 0]
+    for name in "ab":
+        (tmp_path / name).unlink()
+    assert [outcome.number for outcome in run_all(tmp_path, meet("0.3", "leaves"), workers=1)] == [7, 7]
+
+
+@POSIX
+def test_when_one_cannot_be_run_the_others_are_ended(tmp_path, monkeypatch):
+    script = write_script(tmp_path / "hang", hanging_body(tmp_path / "pids"))
+    start = subprocess.Popen
+    started = []
+
+    def refuse_second(*arguments, **options):
+        if started:
+            read_pids(tmp_path / "pids")
+            raise OSError("no more processes")
+        started.append(start(*arguments, **options))
+        return started[0]
+
+    monkeypatch.setattr(child.subprocess, "Popen", refuse_second)
+    with pytest.raises(OSError, match="no more processes"):
+        run_all(tmp_path, [[str(script)], [str(script)]], workers=2)
+    for pid in read_pids(tmp_path / "pids"):
+        wait_until(lambda pid=pid: not is_running(pid), "the command ended")
 
 
 def test_a_long_log_is_cut(tmp_path, monkeypatch):

@@ -67,6 +67,34 @@ def test_a_library_is_compiled_and_runs(family, flags, scratch, tmp_path):
     assert result.value == 3.0
 
 
+SEVERAL = {
+    "code.c": "extern const int table[3];\nint pick(int k);\nint pick(int k) { return table[k]; }\n",
+    "table.c": "extern const int table[3];\nconst int table[3] = {5, 7, 11};\n",
+}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_several_sources_become_one_library(family, scratch, tmp_path):
+    compiler = require_compiler(family)
+    first, second = (
+        compile_library(SEVERAL, name="several", compiler=compiler, flags=REFERENCE) for _ in range(2)
+    )
+    pick = load(first, tmp_path).pick
+    assert [pick(k) for k in range(3)] == [5, 7, 11]
+    assert first.library == second.library
+    assert first.log == ""
+    assert list(scratch.iterdir()) == []
+
+
+@pytest.mark.parametrize("bad", SEVERAL)
+def test_of_several_sources_the_bad_one_is_named(bad, scratch):
+    sources = SEVERAL | {bad: "int f( {\n"}
+    with pytest.raises(CompileError, match="exit code") as caught:
+        compile_library(sources, name="bad", compiler=require_compiler("gcc"), flags=REFERENCE)
+    assert f"{bad}:1:" in caught.value.log
+    assert list(scratch.iterdir()) == []
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_same_source_gives_the_same_bytes(family):
     compiler = require_compiler(family)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +15,51 @@ import pytest
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.codegen.flags import FLAG_SETS
 from tensegrity_codegen.codegen.toolchain import find_compiler, find_compilers
-from tensegrity_codegen.manifest import FunctionSpec
+from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec
 from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.structure import Structure
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
 from tests.codegen.drive_c import format_driver
-from tests.codegen.subjects import bare, everything
+from tests.codegen.subjects import bare, everything, in_single_precision
+from tests.codegen.table.subjects import served
 from tests.compare import dense
 
 REFERENCE = FLAG_SETS["reference"].options
-SUBJECTS = {"everything": everything, "bare": bare}
+
+
+def everything_in_lanes() -> tuple[Structure, ModelRequest]:
+    structure, request = everything()
+    return structure, replace(request, emitter="lanes")
+
+
+def everything_in_single() -> tuple[Structure, ModelRequest]:
+    return in_single_precision(everything)
+
+
+def bare_in_batches() -> tuple[Structure, ModelRequest]:
+    structure, request = bare()
+    return structure, replace(request, batch_width=8)
+
+
+def everything_in_tables() -> tuple[Structure, ModelRequest]:
+    structure, request = everything()
+    structure = structure.with_changes(member_mass=0 * structure.member_mass)
+    integrators = tuple(name for name in request.integrators if name != "radau")
+    request = replace(request, emitter="table", integrators=integrators)
+    return structure, replace(request, quantities=served(structure, request))
+
+
+SUBJECTS = {
+    "everything": everything,
+    "bare": bare,
+    "single": everything_in_single,
+    "lanes": everything_in_lanes,
+    "batches": bare_in_batches,
+    "tables": everything_in_tables,
+}
 both = pytest.mark.parametrize("subject", SUBJECTS)
 
 
@@ -85,12 +120,12 @@ def test_the_header_may_be_included_twice(sources: Any, subject: str, tmp_path: 
 
 
 def test_two_scenes_go_into_one_program(sources: Any, tmp_path: Path) -> None:
-    compiler = find_compiler()
-    folder = write_files(tmp_path / "source", {n: t for s in sources.values() for n, t in s.files.items()})
-    names = [source.manifest.name for source in sources.values()]
+    compiler, chosen = find_compiler(), (sources["everything"], sources["bare"])
+    folder = write_files(tmp_path / "source", {n: t for s in chosen for n, t in s.files.items()})
+    names = [source.manifest.name for source in chosen]
     includes = "".join(f'#include "{name}.h"\n' for name in names)
     sizes = " + ".join(f"{name}_descriptor.abi_version" for name in names)
-    write_files(folder, {"main.c": f"{includes}int main(void) {{ return {sizes} - 2; }}\n"})
+    write_files(folder, {"main.c": f"{includes}int main(void) {{ return {sizes} - {2 * ABI_VERSION}; }}\n"})
     units = ["main.c", *(f"{name}.c" for name in names)]
     run([*compiler.command, "-std=c99", *units, "-o", "main", "-lm"], folder, compiler)
     run([str(folder / "main")], folder)
@@ -129,7 +164,9 @@ def test_the_example_prints_what_python_computes(
     run(["make", "example", f"CC={' '.join(compiler.command)}"], folder, compiler)
     printed = parse_printed(run([str(folder / "example")], folder).stdout)
     for spec in models[subject].manifest.functions:
-        np.testing.assert_array_equal(printed[spec.quantity], stored_values(models[subject], spec))
+        stored = stored_values(models[subject], spec)
+        read = np.array(printed[spec.quantity], dtype=models[subject].dtype)
+        np.testing.assert_array_equal(read, stored)
     run(["make", "clean"], folder)
     assert not (folder / "example").exists()
 
@@ -201,7 +238,7 @@ def test_it_allocates_nothing_and_has_no_writable_data(sources: Any, subject: st
     rows = [line.split()[-2:] for line in run(["nm", "scene.o"], folder).stdout.splitlines()]
     assert [symbol for kind, symbol in rows if kind in "dDbBcC"] == []
     needed = {symbol for kind, symbol in rows if kind == "U"}
-    mathematics = {"sqrt", "pow", "fmax", "fmin"}
+    mathematics = {"sqrt", "pow", "fmax", "fmin", "sqrtf", "fmaxf", "fminf"}
     assert needed <= mathematics | {"memset", "memcpy", "memmove", "_GLOBAL_OFFSET_TABLE_"}
     exported = {symbol for kind, symbol in rows if kind in "TR"}
     assert all(symbol.startswith(f"{name}_") for symbol in exported)

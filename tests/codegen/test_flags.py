@@ -57,6 +57,7 @@ def test_zig_gets_a_portable_cpu_that_native_overrides():
 def test_unknown_flags_list_the_known_ones():
     with pytest.raises(FormulationError, match="unknown compile flags") as caught:
         find_flags("natve")
+    assert (caught.value.where, caught.value.given) == ("model.flags", "natve")
     assert "'native'" in caught.value.hint
     assert caught.value.allowed == "reference, native"
 
@@ -74,7 +75,7 @@ def test_the_description_tells_toolchains_apart():
 
 def test_native_code_is_tied_to_the_cpu(monkeypatch):
     before = {name: describe_toolchain(GCC, flags) for name, flags in FLAG_SETS.items()}
-    monkeypatch.setattr("tensegrity_codegen.codegen.flags._describe_cpu", lambda: "another")
+    monkeypatch.setattr("tensegrity_codegen.codegen.flags.describe_cpu", lambda: "another")
     after = {name: describe_toolchain(GCC, flags) for name, flags in FLAG_SETS.items()}
     assert after["reference"] == before["reference"]
     assert after["native"] != before["native"]

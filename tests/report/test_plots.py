@@ -172,3 +172,11 @@ def test_bad_status_stands_in_the_heading(tmp_path, figures):
 def test_trajectory_of_another_structure_is_refused(tmp_path):
     with pytest.raises(InvalidValueError, match="another structure"):
         plot_trajectory(frame(), make_trajectory(prism()), tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("stretch", [(1, 1, 1e4), (1, 1e4, 1), (1e4, 1e4, 1)], ids=str)
+def test_a_mast_or_a_sheet_is_drawn_without_a_warning(stretch, tmp_path):
+    structure = prism()
+    slender = structure.with_changes(node_position=structure.node_position * stretch)
+    plot_structure(slender, tmp_path / "slender.png")
+    assert ink(tmp_path / "slender.png") > 100

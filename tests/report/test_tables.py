@@ -14,7 +14,8 @@ from tensegrity_codegen.report.tables import (
 from tests.report.samples import frame, make_trajectory, prism
 
 MANIFEST = Manifest(
-    abi_version=1, name="toy", scene_hash="", formulation="node_position", emitter="unrolled", made_by={},
+    abi_version=2, name="toy", scene_hash="", formulation="node_position", emitter="unrolled",
+    precision="double", flags="reference", made_by={},
     axes=(0, 1, 2), node_name=(), member_name=(), connectivity=(), coordinate_node_axis=(),
     coordinate_name=(), node_position=(), node_velocity=(), input_name=(), arguments=(),
     functions=(

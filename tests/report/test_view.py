@@ -36,6 +36,17 @@ def test_a_single_point_has_a_box_with_room(place):
     assert np.all(np.isfinite(box.corners()))
 
 
+@pytest.mark.parametrize("thin", [(0, 1), (0, 2), (1, 2), (2,), (0,)])
+@pytest.mark.parametrize("shift", [0.0, 0.499, -0.7])
+def test_a_thin_scene_has_a_box_with_room(thin, shift):
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]) * 4000.0
+    points[:, thin] = np.array([shift, shift + 1.0])[:, None]
+    box = find_box(points, (0, 1, 2))
+    assert np.all(box.high > box.low)
+    assert all(len(box.ticks(axis)) for axis in range(3))
+    assert all(len(box.ticks(axis)) > 1 for axis in (0, 1))
+
+
 def test_perspective_magnifies_what_is_nearer_and_keeps_up_up():
     structure = prism()
     box = find_box(structure.node_position, structure.axes)

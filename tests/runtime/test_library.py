@@ -147,7 +147,7 @@ def test_a_manifest_cut_short_is_refused(folder: Path, part: float) -> None:
     assert caught.value.where == str(path)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"[]", b"5", b"{}", b'{"abi_version": 1}', b"null"])
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"[]", b"5", b"{}", b'{"abi_version": 2}', b"null"])
 def test_a_manifest_of_something_else_is_refused(folder: Path, content: bytes) -> None:
     (folder / "manifest.json").write_bytes(content)
     with pytest.raises(LibraryError, match="the manifest is damaged"):

@@ -105,6 +105,13 @@ def test_a_scalar_is_a_float(model: CompiledModel) -> None:
     assert type(model.compute("total_energy")) is float
 
 
+def test_a_sparse_result_belongs_to_the_caller(model: CompiledModel) -> None:
+    found, again = model.compute("tangent_stiffness"), model.compute("tangent_stiffness")
+    found.indices[:] = 0
+    found.indptr[:] = 0
+    np.testing.assert_array_equal(model.compute("tangent_stiffness").toarray(), again.toarray())
+
+
 def test_a_sparse_result_has_the_pattern_of_the_manifest(model: CompiledModel) -> None:
     found = model.compute("tangent_stiffness")
     assert isinstance(found, sparse.csc_array)

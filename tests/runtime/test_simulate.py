@@ -24,7 +24,7 @@ SCIPY = [name for name in METHODS if name.startswith("scipy_")]
 
 
 def build(structure: Structure, **parameters: tuple[int, ...]) -> CompiledModel:
-    request = ModelRequest(SIMULATION_QUANTITIES, parameters=parameters, integrators=("rk4", "rk54"))
+    request = ModelRequest(SIMULATION_QUANTITIES, parameters=parameters, integrators=("rk4", "rk54", "rk853"))
     return build_library(structure, request).load()
 
 

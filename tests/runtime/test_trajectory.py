@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from tensegrity_codegen.errors import OutputError, SceneError, SceneSyntaxError, StructureError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime import trajectory
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, Trajectory, read_trajectory
 from tensegrity_codegen.structure import Structure
@@ -60,6 +62,19 @@ def test_what_is_written_reads_back_to_the_last_bit(written: Written, tmp_path: 
         np.testing.assert_array_equal(getattr(found, name), getattr(run, name), err_msg=name)
     for name in ("status", "message", "method", "node_name", "member_name"):
         assert getattr(found, name) == getattr(run, name)
+
+
+@pytest.mark.parametrize(("most", "method"), [(10**9, zipfile.ZIP_DEFLATED), (0, zipfile.ZIP_STORED)])
+def test_a_long_result_is_not_compressed_and_reads_back_alike(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, method: int
+) -> None:
+    monkeypatch.setattr(trajectory, "MOST_COMPRESSED", most)
+    written[0].write(tmp_path / "run.npz")
+    with zipfile.ZipFile(tmp_path / "run.npz") as file:
+        assert {item.compress_type for item in file.infolist()} == {method}
+    with np.load(tmp_path / "run.npz") as found:
+        for name, array in written[0].arrays().items():
+            np.testing.assert_array_equal(found[name], array)
 
 
 def test_the_file_opens_without_this_package(written: Written, tmp_path: Path) -> None:

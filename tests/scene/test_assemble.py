@@ -34,7 +34,7 @@ def test_the_arch():
     assert structure.member_mass.tolist() == [0.1, 0, 0]
     assert structure.coordinate_node_axis.tolist() == [[1, 1], [2, 0], [2, 1], [2, 2]]
     assert request.formulation == "node_position"
-    assert request.emitter == "unrolled"
+    assert request.emitter == "auto"
     check_structure(structure)
 
 

@@ -55,3 +55,20 @@ def test_wrong_options_are_refused(
         build(asking(options, formulation))
     assert caught.value.where == f"{WHERE}: {where}"
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("width", [0, 2, 8, 64])
+def test_a_batch_width_reaches_the_request_and_comes_back(width: int) -> None:
+    structure, request = build(changed("model", to={"batch_width": width}))
+    assert request.batch_width == width
+    again = assemble(parse_scene(describe_structure(structure, request), WHERE))[1]
+    assert again == request
+    assert build(ARCH)[1].batch_width == 0
+
+
+@pytest.mark.parametrize("width", [1, 3, 12, 128, -8, 8.0, "8", True])
+def test_a_batch_width_that_is_no_power_of_two_is_refused(width: object) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        build(changed("model", to={"batch_width": width}))
+    assert caught.value.where == f"{WHERE}: model.batch_width"
+    assert "a power of two from 2 to 64" in caught.value.allowed

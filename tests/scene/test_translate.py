@@ -156,6 +156,10 @@ def test_input_name_that_is_no_c_identifier():
         ("integrators", ["rk5"], "rk4"),
         ("formulation", "node_positions", "node_position"),
         ("emitter", "rolled", "unrolled"),
+        ("precision", "singel", "single"),
+        ("precision", "float32", "double"),
+        ("flags", "natve", "native"),
+        ("flags", "-O3", "reference"),
     ],
 )
 def test_unknown_words_of_the_model_list_the_known_ones(key, value, known):
@@ -189,6 +193,13 @@ def test_other_wrong_values_name_place_and_range(document, place, allowed):
     assert type(error) is InvalidValueError
     assert error.where == f"{WHERE}: {place}"
     assert allowed in error.allowed
+
+
+@pytest.mark.parametrize("path", [("[key]",), ("nodes", "c", "[key]")])
+def test_a_key_called_as_the_validator_marks_keys_is_an_unknown_key(path):
+    error = refused_document(changed(*path, to=None))
+    assert type(error) is UnknownKeyError
+    assert error.given == "[key]"
 
 
 def test_several_errors_report_the_first_and_list_five_others():

@@ -33,7 +33,7 @@ Vector = list[Scalar]
 
 QUANTITIES = (
     "node_position", "node_velocity", "node_jacobian", "chart_margin",
-    "member_vector", "member_length", "member_extension", "member_tension", "force_density",
+    "member_vector", "member_length", "member_extension", "cable_margin", "member_tension", "force_density",
     "elastic_energy", "potential_energy", "kinetic_energy", "total_energy", "energy_rate",
     "coordinate_force", "unpotential_force", "coriolis_force", "acceleration", "state_derivative",
     "mass_matrix", "equilibrium_matrix", "damping_matrix", "load_matrix", "tangent_stiffness",
@@ -113,7 +113,9 @@ class _Bodies:
             coordinate_name=system.coordinate_name,
             coordinate_node_axis=(),
             input_name=tuple(item.name for item in system.inputs),
-            bar_pair=tuple((system.bodies[i].name, system.bodies[j].name) for i, j in system.bar_pairs),
+            find_bar_pair=lambda: tuple(
+                (system.bodies[i].name, system.bodies[j].name) for i, j in system.bar_pairs
+            ),
         )
 
     def bar_pairs(self) -> BarPairs:
@@ -185,6 +187,9 @@ class _Bodies:
 
     def member_extension(self) -> ca.SX:
         return ca.vertcat(ca.SX(0, 1), *[law.extension for law in self.laws])
+
+    def cable_margin(self) -> ca.SX:
+        return ca.vertcat(ca.SX(0, 1), *[law.margin() for law in self.laws if law.tension_only])
 
     def member_tension(self) -> ca.SX:
         return ca.vertcat(ca.SX(0, 1), *[law.tension() for law in self.laws])

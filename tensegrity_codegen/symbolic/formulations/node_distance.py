@@ -155,6 +155,7 @@ class _NodeDistance:
             "rest_length_jacobian": self.rest_length_jacobian,
             "parameter_jacobian": self.parameter_jacobian,
             "member_extension": members.member_extension,
+            "cable_margin": members.cable_margin,
             **build_bar_quantities(lambda: pair_members(self.structure, self.positions), self.coordinate),
         }
 

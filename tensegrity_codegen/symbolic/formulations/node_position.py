@@ -6,7 +6,7 @@ K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -15,17 +15,15 @@ import casadi as ca
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
-from tensegrity_codegen.symbolic.geometry import dot, member_vector
-from tensegrity_codegen.symbolic.inertia import Inertia
-from tensegrity_codegen.symbolic.interference import BarPairs, build_bar_quantities, pair_members
+from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
+from tensegrity_codegen.symbolic.member import Member
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
-from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
+from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
-from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
-__all__ = ["build_node_position"]
+__all__ = ["NodePosition", "build_node_position"]
 
 Scalar = Any
 Vector = list[Scalar]
@@ -39,20 +37,12 @@ def build_node_position(structure: Structure, request: ModelRequest) -> Symbolic
     check_no_rigid_bar(structure, "node_position")
     parts = _NodePosition(structure, SymbolicArguments(structure, request.parameters))
     arguments = parts.arguments.ordered()
-    return SymbolicModel("node_position", structure, frame_structure(structure), arguments, parts.builders())
+    frame = frame_structure(structure)
+    return SymbolicModel("node_position", structure, frame, arguments, parts.builders(), parts=parts)
 
 
-class _NodePosition:
+class _NodePosition(NodeCoordinates):
     """All expressions of one structure; every intermediate is built once, when first needed."""
-
-    def __init__(self, structure: Structure, arguments: SymbolicArguments) -> None:
-        self.structure = structure
-        self.arguments = arguments
-        self.map = CoordinateMap(structure)
-        self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
-        self.members = MemberSet(
-            structure, arguments, self._differences(arguments.position), self._differences(arguments.velocity)
-        )
 
     def builders(self) -> dict[str, Any]:
         """Return quantity name -> builder."""
@@ -64,6 +54,8 @@ class _NodePosition:
             "force_density": members.force_density,
             "node_force": self.node_force,
             "node_residual": self.node_residual,
+            "cable_force": self.cable_force,
+            "member_law": self.member_law,
             "support_reaction": self.support_reaction,
             "elastic_energy": members.elastic_energy,
             "potential_energy": self.potential_energy,
@@ -82,29 +74,17 @@ class _NodePosition:
             "rest_length_jacobian": self.rest_length_jacobian,
             "parameter_jacobian": self.parameter_jacobian,
             "member_extension": members.member_extension,
+            "cable_margin": members.cable_margin,
             **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
         }
 
-    def bar_pairs(self) -> BarPairs:
-        return pair_members(self.structure, self.arguments.position)
+    def with_net_force(self, force: list[Vector]) -> _NodePosition:
+        """Return the same expressions with `force` for the net force on each node [N], damped and static."""
+        result = _NodePosition(self.structure, self.arguments)
+        vars(result).update(net_force=force, net_static_force=force)
+        return result
 
-    def _differences(self, vectors: list[Vector]) -> list[Vector]:
-        return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]
-
-    # Nodes
-
-    @cached_property
-    def inertia(self) -> Inertia:
-        return Inertia(self.structure, self.arguments.node_mass)
-
-    @cached_property
-    def external_force(self) -> list[Vector]:
-        """Weight and load on every node [N]."""
-        return self.members.node_load(self.inertia.weight_mass())
-
-    @cached_property
-    def net_force(self) -> list[Vector]:
-        return self.members.add_to(self.external_force, self.members.densities)
+    # Forces on nodes
 
     @cached_property
     def net_static_force(self) -> list[Vector]:
@@ -119,49 +99,10 @@ class _NodePosition:
     def support_reaction(self) -> ca.SX:
         return -self.map.anchored(self.net_static_force)
 
-    # Energies
-
-    def potential_energy(self) -> Scalar:
-        work = ca.SX(0.0)
-        for force, position in zip(self.external_force, self.arguments.position, strict=True):
-            work = work + dot(force, position)
-        return self.members.elastic_energy() - work
-
-    def kinetic_energy(self) -> Scalar:
-        return self.inertia.kinetic_energy(self.arguments.velocity)
-
-    def total_energy(self) -> Scalar:
-        return self.kinetic_energy() + self.potential_energy()
-
     # Dynamics
 
-    def mass_matrix(self) -> ca.SX:
-        self.inertia.check()
-        return self.map.assemble(
-            (self.inertia.matrix(nodes), self.map.indices(nodes, axis))
-            for axis in self.structure.axes
-            for nodes in self.inertia.groups(axis)
-        )
-
-    @cached_property
-    def inverse_mass(self) -> ca.SX:
-        self.inertia.check()
-        return self.map.assemble(
-            (self.inertia.inverse(nodes), self.map.indices(nodes, axis))
-            for axis in self.structure.axes
-            for nodes in self.inertia.groups(axis)
-        )
-
     def acceleration(self) -> ca.SX:
-        self.inertia.check()
-        result: list[Scalar] = [None] * self.map.n_coordinates
-        for column, axis in enumerate(self.structure.axes):
-            for nodes in self.inertia.groups(axis):
-                force = [self.net_force[node][column] for node in nodes]
-                solution = self.inertia.solve(nodes, force)
-                for index, value in zip(self.map.indices(nodes, axis), solution, strict=True):
-                    result[index] = value
-        return ca.vertcat(*result)
+        return self.free_acceleration()
 
     def state_derivative(self) -> ca.SX:
         return ca.vertcat(self.arguments.symbols["velocity"], self.acceleration())
@@ -169,22 +110,21 @@ class _NodePosition:
     # Stiffness and Jacobians, member block by member block
 
     def material_stiffness(self) -> ca.SX:
-        return self._assembled(self.members.static_blocks(e)[0] for e in self._all())
+        return self._assembled({e: member.static_blocks()[0] for e, member in self._all()})
 
     def geometric_stiffness(self) -> ca.SX:
-        return self._assembled(self.members.static_blocks(e)[1] for e in self._all())
+        return self._assembled({e: member.static_blocks()[1] for e, member in self._all()})
 
     def tangent_stiffness(self) -> ca.SX:
-        blocks = [self.members.static_blocks(e) for e in self._all()]
-        return self._assembled(material.plus(geometric) for material, geometric in blocks)
+        blocks = {e: member.static_blocks() for e, member in self._all()}
+        return self._assembled({e: material.plus(geometric) for e, (material, geometric) in blocks.items()})
 
     def damping_matrix(self) -> ca.SX:
-        damped = self.members.damped
-        return self.map.member_matrix((self.members.rate_block(e), self.ends[e]) for e in damped)
+        return self._assembled({e: member.rate_block() for e, member in self._all() if member.is_damped})
 
     def state_jacobian(self) -> ca.SX:
         n = self.map.n_coordinates
-        stiffness = self._assembled(self.members.position_block(e) for e in self._all())
+        stiffness = self._assembled({e: member.position_block() for e, member in self._all()})
         lower = [
             -ca.mtimes(self.inverse_mass, stiffness),
             -ca.mtimes(self.inverse_mass, self.damping_matrix()),
@@ -192,13 +132,11 @@ class _NodePosition:
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
     def equilibrium_matrix(self) -> ca.SX:
-        vectors, lengths = self.members.vectors, self.members.lengths
-        directions = [[c / length for c in vector] for vector, length in zip(vectors, lengths, strict=True)]
-        return self.map.member_columns(directions, self.ends)
+        return self.map.member_columns([member.direction() for _, member in self._all()], self.ends)
 
     def rest_length_jacobian(self) -> ca.SX:
-        slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.members.laws]))
-        return below_zeros(ca.mtimes(self.inverse_mass, ca.mtimes(-self.equilibrium_matrix(), slope)))
+        pull = self.map.member_columns([member.rest_pull() for _, member in self._all()], self.ends)
+        return below_zeros(ca.mtimes(self.inverse_mass, pull))
 
     def input_jacobian(self) -> ca.SX:
         return by_inputs(self.acceleration(), self.arguments)
@@ -206,8 +144,12 @@ class _NodePosition:
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(self.acceleration(), self.arguments)
 
-    def _assembled(self, blocks: Iterable[MemberBlocks]) -> ca.SX:
-        return self.map.member_matrix(zip(blocks, self.ends, strict=True))
+    def _assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
+        return self.map.member_matrix(blocks, self.ends, self.members.plan.ends)
 
-    def _all(self) -> range:
-        return range(self.structure.n_members)
+    def _all(self) -> Iterable[tuple[int, Member]]:
+        return enumerate(self.members.members)
+
+
+# What emitters may know: the class by its public name.
+NodePosition = _NodePosition

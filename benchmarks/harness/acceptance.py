@@ -1,0 +1,205 @@
+"""What issue 4 asks of speed and size, what was measured, and whether it holds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from peers import casadi_c, casadi_vm
+
+from harness.floor import Floor
+from harness.ours import BATCH
+from harness.session import Row, Session
+from harness.sizes import LARGEST
+
+__all__ = ["Evidence", "Line", "judge"]
+
+FORCE, JACOBIAN = "node_force", "tangent_stiffness"
+UNROLLED, MAP = f"{casadi_c.UNROLLED} (gcc)", f"{casadi_c.MAP} (gcc)"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line: what is asked, what was measured, whether it holds (None: not measured, see `measured`)."""
+
+    asked: str
+    measured: str
+    holds: bool | None
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """All that lines are judged by.
+
+    large: stages -> what large_scene.py printed.
+    """
+
+    session: Session
+    floor: Floor | None
+    large: Mapping[int, Mapping[str, Any]]
+
+    def own(self, structure: str, quantity: str, *, batch: bool = False) -> list[Row]:
+        """Return our timed rows by native flags: of the emitter that `auto` takes where there is one."""
+        rows = [
+            row
+            for row in self.session.rows
+            if (row.structure, row.quantity, row.side) == (structure, quantity, "ours")
+            and row.ns is not None
+            and "native" in row.name
+            and (", batch of" in row.name) == batch
+        ]
+        emitter = self.session.chosen.get((structure, quantity))
+        of_auto = [row for row in rows if row.name.split(" (")[0].split(",")[0] == emitter]
+        return rows if batch or not of_auto else of_auto
+
+    def best(self, structure: str, quantity: str, *, batch: bool = False) -> Row | None:
+        """Return the fastest of them."""
+        rows = self.own(structure, quantity, batch=batch)
+        return min(rows, key=lambda row: row.ns or 0.0) if rows else None
+
+    def missing(self, text: str, structure: str) -> Line:
+        """Return the line for what none of our emitters did at that structure, if it was measured at all."""
+        measured = any(row.structure == structure for row in self.session.rows)
+        return Line(text, "no emitter of ours serves it" if measured else "", False if measured else None)
+
+    def times(self, structure: str, quantity: str, name: str, other: str) -> float | None:
+        """Return how many times faster `name` is than `other`, median over rounds."""
+        timing = self.session.timings.get((structure, quantity), {})
+        if name not in timing or other not in timing:
+            return None
+        return timing[name].times_faster_than(timing[other])
+
+
+def judge(evidence: Evidence) -> list[Line]:
+    """Return all lines, in the order of the issue."""
+    return [line for part in PARTS for line in part(evidence)]
+
+
+def _ratios(e: Evidence) -> Iterator[Line]:
+    asked = (
+        ("prism", FORCE, UNROLLED, 3, False),
+        ("icosahedron", FORCE, UNROLLED, 3, False),
+        ("tower100", FORCE, UNROLLED, 20, False),
+        ("tower1000", FORCE, MAP, 10, False),
+        ("prism", FORCE, UNROLLED, 8, True),
+        ("prism", JACOBIAN, UNROLLED, 2, False),
+        ("tower100", JACOBIAN, casadi_vm.UNROLLED, 40, False),
+    )
+    for structure, quantity, other, wanted, batch in asked:
+        members = next((r.members for r in e.session.rows if r.structure == structure), 0)
+        what = f"batch of {BATCH}, a structure" if batch else quantity
+        size = f"{members:,} members, " if members else ""
+        text = f"{structure.rstrip('0123456789')}, {size}{what}: {wanted} times {other}"
+        line = _ratio(e, text, (structure, quantity, other, wanted, batch))
+        yield line if members else Line(text, "", None)
+
+
+def _ratio(e: Evidence, text: str, asked: tuple[str, str, str, float, bool]) -> Line:
+    structure, quantity, other, wanted, batch = asked
+    own = e.best(structure, quantity, batch=batch)
+    if own is None:
+        return Line(text, "no emitter of ours serves it", False)
+    names = [row.name for row in e.own(structure, quantity, batch=batch)]
+    found = {name: e.times(structure, quantity, name, other) for name in names}
+    known = {name: times for name, times in found.items() if times is not None}
+    if not known:
+        return Line(text, f"{other} was not measured", None)
+    shown = "; ".join(f"{times:.1f} {name}" for name, times in sorted(known.items(), key=lambda i: -i[1])[:2])
+    return Line(text, shown, max(known.values()) >= wanted)
+
+
+def _floor_share(e: Evidence) -> Iterator[Line]:
+    own = e.best("prism", FORCE, batch=True)
+    if own is None or own.ns is None or e.floor is None or not e.floor.member:
+        text = "prism, batch of 8: at least 60 % of the measured floor"
+        yield Line(text, "no batch or no floor measured", None if own else False)
+        return
+    kinds = (("level 1 cache", e.floor.cached), ("registers alone", e.floor.member))
+    for kind, floors in kinds:
+        shares = {way: 100 * ns * own.members / own.ns for way, ns in floors.items()}
+        text = f"prism, batch of 8: at least 60 % of the floor, {kind}"
+        shown = ", ".join(
+            f"{shares[way]:.0f} % of {way} ({ns:.2f} ns a member)" for way, ns in floors.items()
+        )
+        yield Line(text, f"{shown}; {own.ns:.1f} ns by {own.name}", min(shares.values()) >= 60)
+
+
+def _jacobian_a_member(e: Evidence) -> Iterator[Line]:
+    own = e.best("tower100", JACOBIAN)
+    text = "tower, 903 members, Jacobian: at most 25 ns a member"
+    if own is None or own.ns_member is None:
+        yield e.missing(text, "tower100")
+    else:
+        yield Line(text, f"{own.ns_member:.1f} ns by {own.name}", own.ns_member <= 25)
+
+
+def _largest(e: Evidence) -> Iterator[Line]:
+    sizes = sorted(e.large)
+    asked = (
+        "scene to loaded library within 15 s",
+        "at most 1.5 GB, all processes",
+        "code within 10 % of 1,000's",
+    )
+    if len(sizes) < 2 or any("error" in e.large[k] for k in sizes):
+        reason = next((e.large[k]["error"] for k in sizes if "error" in e.large[k]), "not measured")
+        yield from (Line(f"100,002 members: {text}", reason, None if not sizes else False) for text in asked)
+    else:
+        small, large = e.large[sizes[0]], e.large[sizes[-1]]
+        wanted = ", ".join(large["quantities"])
+        peak = (large["own_peak"] + (os.cpu_count() or 1) * large["child_peak"]) / 1e9
+        code = large["code_bytes"] / small["code_bytes"] - 1
+        yield Line(
+            f"100,002 members: {asked[0]}", f"{large['seconds']:.1f} s for {wanted}", large["seconds"] <= 15
+        )
+        yield Line(f"100,002 members: {asked[1]}", f"below {peak:.2f} GB", peak <= 1.5)
+        shown = f"{large['code_bytes']} against {small['code_bytes']} bytes, {100 * code:+.1f} %"
+        yield Line(f"100,002 members: {asked[2]}", shown, abs(code) <= 0.1)
+    yield _constant_time(e)
+
+
+def _constant_time(e: Evidence) -> Line:
+    text = "100,002 members: time a member within 2 times that of 903 members"
+    small, large = e.best("tower100", FORCE), e.best(LARGEST, FORCE)
+    if small is None or large is None or not small.ns_member or not large.ns_member:
+        return e.missing(text, LARGEST)
+    ratio = large.ns_member / small.ns_member
+    return Line(text, f"{small.ns_member:.2f} to {large.ns_member:.2f} ns, {ratio:.2f} times", ratio <= 2)
+
+
+def _compile(e: Evidence) -> Iterator[Line]:
+    rows = [
+        row for quantity in (FORCE, JACOBIAN) for row in e.own("tower1000", quantity) if row.compile_seconds
+    ]
+    text = "tower, 9,003 members: compiled in 2 s"
+    if not rows:
+        yield e.missing(text, "tower1000")
+        return
+    worst = max(rows, key=lambda row: row.compile_seconds or 0.0)
+    shown = f"at most {worst.compile_seconds:.2f} s ({worst.quantity}, {worst.name})"
+    yield Line(text, shown, (worst.compile_seconds or 0.0) <= 2)
+
+
+def _agreement(e: Evidence) -> Iterator[Line]:
+    text = "all emitters, builds and batches within 4 units in the last place of the largest term, node_force"
+    found = {key[0]: units for key, units in e.session.units.items()}
+    if not found:
+        yield Line(text, "not measured", None)
+        return
+    shown = ", ".join(f"{units:.1f} {name}" for name, units in found.items())
+    yield Line(text, shown, max(found.values()) <= 4)
+    unequal = e.session.unequal
+    text = "reference builds of all emitters equal to CasADi's virtual machine, bit for bit"
+    shown = f"{sum(unequal.values())} values differ, {len(unequal)} comparisons of structure and quantity"
+    yield Line(text, shown, not any(unequal.values()) if unequal else None)
+
+
+PARTS: Sequence[Callable[[Evidence], Iterator[Line]]] = (
+    _ratios,
+    _floor_share,
+    _jacobian_a_member,
+    _largest,
+    _compile,
+    _agreement,
+)

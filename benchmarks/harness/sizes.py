@@ -1,0 +1,81 @@
+"""From a small structure to a large one: every candidate at every size and quantity."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from peers import casadi_c, casadi_vm, jax_arrays, mujoco_tendons, numba_loops, numpy_arrays
+
+from harness.agreement import count_unequal, largest_disagreement
+from harness.ours import BATCH, Build, Ours, list_emitters
+from harness.problem import QUANTITIES, Problem
+from harness.session import Session
+from harness.structures import LEVELS, SHIPPED, make_problem
+from harness.tools import Tools, Way
+
+__all__ = ["BASELINES", "LARGEST", "PEERS", "STRUCTURES", "list_builds", "list_ways", "run_sizes"]
+
+PEERS = (casadi_c, casadi_vm, numpy_arrays, numba_loops, jax_arrays, mujoco_tendons)
+STRUCTURES = (*SHIPPED, *(f"tower{levels}" for levels in LEVELS))
+LARGEST = STRUCTURES[-1]
+AT_LARGEST = QUANTITIES[:3]
+
+BASELINES = (f"{casadi_c.UNROLLED} (gcc)", f"{casadi_c.MAP} (gcc)", casadi_vm.UNROLLED, casadi_vm.MAP)
+NATIVE, REFERENCE = "native", "reference"
+SMALL = 30
+IN_REFERENCE = ("node_force", "tangent_stiffness")  # beyond small structures
+MOST_IN_VM = 1000  # members that the package's own expression is evaluated for
+
+
+def run_sizes(session: Session, tools: Tools, ours: Ours, structures: tuple[str, ...], full: bool) -> None:
+    """Time all candidates at these structures; full: every quantity at the largest size too."""
+    for name in structures:
+        problem = make_problem(name)
+        for quantity in AT_LARGEST if name == LARGEST and not full else QUANTITIES:
+            ways = list_ways(problem, quantity, tools, ours)
+            session.compare(name, problem.n_members, quantity, ways, BASELINES)
+            session.chosen[name, quantity] = ours.chosen(problem, quantity)
+            _compare_own(session, problem, quantity)
+            ours.forget()
+
+
+def _compare_own(session: Session, problem: Problem, quantity: str) -> None:
+    """Note how far our own results are apart, and from CasADi's virtual machine with the reference flags."""
+    own = {row.name for row in session.rows if row.structure == problem.name and row.side == "ours"}
+    values = {name: v for name, v in session.values[problem.name, quantity].items() if name in own}
+    if quantity == "node_force" and len(values) > 1:
+        session.units[problem.name, quantity] = largest_disagreement(problem, list(values.values()))
+    reference = [value for name, value in values.items() if REFERENCE in name]
+    if reference and problem.n_members <= MOST_IN_VM:
+        session.unequal[problem.name, quantity] = count_unequal(problem, quantity, reference)
+
+
+def list_builds(tools: Tools) -> list[Build]:
+    """Return how our C is compiled: native by every compiler, and the reference flags by the first."""
+    return [*(Build(c, NATIVE) for c in tools.compilers), Build(tools.compilers[0], REFERENCE)]
+
+
+def _is_worth_it(problem: Problem, quantity: str, build: Build, batch: int) -> bool:
+    """Return whether to measure that: reference flags and batches are left out where they tell little new."""
+    if batch:
+        return build.flags == NATIVE and quantity in AT_LARGEST
+    if build.flags == REFERENCE:
+        small = problem.n_members <= SMALL
+        return small or (quantity in IN_REFERENCE and problem.n_members <= MOST_IN_VM)
+    return True
+
+
+def list_ways(problem: Problem, quantity: str, tools: Tools, ours: Ours) -> list[tuple[str, Way]]:
+    """Return (side, (title, maker)) of all candidates, ours first."""
+    own = [
+        (
+            f"{emitter}{f', batch of {batch}' if batch else ''} ({build.title})",
+            partial(ours.make, problem, quantity, emitter, build, batch),
+        )
+        for emitter in list_emitters()
+        for build in list_builds(tools)
+        for batch in (0, BATCH)
+        if _is_worth_it(problem, quantity, build, batch)
+    ]
+    others = [way for peer in PEERS for way in peer.ways(problem, quantity, tools)]
+    return [*(("ours", way) for way in own), *(("peer", way) for way in others)]

@@ -1,0 +1,126 @@
+"""In which order the members of a structure are worked through, and in which order they add up on nodes.
+
+Sums of floating-point numbers depend on their order. It is decided here once, from the structure: who adds
+forces, energies or matrix blocks of members, as unrolled expressions or in loops over tables, follows this
+plan, so that all of them return the same bits.
+
+Members of one class obey the same law with the same of its values changeable at run time: one loop, one
+kernel. Within a class, members whose nodes are all free come apart from those that an anchor holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
+
+IntArray = NDArray[np.int64]
+
+# How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
+ABSENT, CONSTANT, ARGUMENT = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class MemberClass:
+    """The law of some members, and where its values come from: ABSENT, CONSTANT or ARGUMENT.
+
+    n_inputs: number of inputs that change the rest length of each of them.
+    """
+
+    tension_only: bool
+    spring_constant: int
+    axial_stiffness: int
+    rest_length: int
+    damping: int
+    n_inputs: int
+
+    @property
+    def is_rest_length_constant(self) -> bool:
+        """Whether rest lengths are baked in and no input changes them."""
+        return self.rest_length == CONSTANT and self.n_inputs == 0
+
+    @property
+    def is_stiffness_constant(self) -> bool:
+        """Whether mu = k + EA / rho is known when the code is made."""
+        if ARGUMENT in (self.spring_constant, self.axial_stiffness):
+            return False
+        return self.axial_stiffness == ABSENT or self.is_rest_length_constant
+
+
+@dataclass(frozen=True)
+class MemberGroup:
+    """Members that one loop works through, in its order.
+
+    is_interior: whether all their nodes are free on all modelled axes.
+    """
+
+    member_class: MemberClass
+    member: IntArray
+    is_interior: bool
+
+    @property
+    def ends(self) -> IntArray:
+        """(2 n, 2): (member, end) in the order in which forces are added; end 0 is node i, 1 is node j."""
+        member = np.repeat(self.member, 2)
+        return np.stack([member, np.tile([0, 1], len(self.member))], axis=1)
+
+
+@dataclass(frozen=True)
+class AssemblyPlan:
+    """All members of a structure in groups, one loop each."""
+
+    groups: tuple[MemberGroup, ...]
+
+    @cached_property
+    def member(self) -> IntArray:
+        """(n_members,): members in the order in which energies are summed."""
+        return np.concatenate([np.zeros(0, dtype=np.int64), *[group.member for group in self.groups]])
+
+    @cached_property
+    def ends(self) -> IntArray:
+        """(2 n_members, 2): (member, end) in the order in which they add to their nodes."""
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *[group.ends for group in self.groups]])
+
+
+def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> AssemblyPlan:
+    """Return the plan of a structure that keeps `parameters` (argument name -> indices) changeable.
+
+    Groups come in the order of their first members, members in the order of the scene.
+    """
+    features = _features(structure, parameters)
+    kinds, first, kind_of = np.unique(features, axis=0, return_index=True, return_inverse=True)
+    groups = []
+    for kind in np.argsort(first):
+        member = np.flatnonzero(kind_of.reshape(-1) == kind)
+        *values, interior = (int(value) for value in kinds[kind])
+        groups.append(MemberGroup(MemberClass(bool(values[0]), *values[1:]), member, bool(interior)))
+    return AssemblyPlan(tuple(groups))
+
+
+def _features(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> IntArray:
+    """Return (n_members, 7): the values of MemberClass, and whether a member is interior."""
+    anchored = np.any(structure.node_anchored[:, list(structure.axes)], axis=1)
+    n_inputs = np.zeros(structure.n_members, dtype=np.int64)
+    for item in structure.inputs:
+        if item.kind == "rest_length":
+            np.add.at(n_inputs, list(item.targets), 1)
+    sources = [
+        _source(getattr(structure, name), parameters.get(name, ()))
+        for name in ("spring_constant", "axial_stiffness", "rest_length", "damping")
+    ]
+    interior = ~np.any(anchored[structure.connectivity.reshape(-1, 2)], axis=1)
+    columns = [structure.tension_only, *sources, n_inputs, interior]
+    return np.stack([np.asarray(column, dtype=np.int64) for column in columns], axis=1)
+
+
+def _source(values: NDArray[np.float64], changeable: tuple[int, ...]) -> IntArray:
+    source = np.where(values == 0, ABSENT, CONSTANT)
+    source[list(changeable)] = ARGUMENT
+    return source

@@ -1,0 +1,54 @@
+"""`tensegrity-codegen report`: error against run time of every method, for some scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption
+from tensegrity_codegen.cli.output import Output
+
+__all__ = ["report"]
+
+
+def report(
+    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")],
+    t_end: Annotated[float, typer.Option("--t-end", help="End of each motion [s].")] = 1.0,
+    samples: Annotated[int, typer.Option("--samples", help="Times at which positions are compared.")] = 11,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for report.html, report.csv, report.json, a journal.")
+    ] = Path("work_precision"),
+    peers: Annotated[
+        bool, typer.Option("--peers/--no-peers", help="Also MuJoCo, SUNDIALS and SciPy, where installed.")
+    ] = True,
+    longest: Annotated[
+        float, typer.Option("--longest", help="A method is not tightened after a run of this time [s].")
+    ] = 3.0,
+    compiler: CompilerOption = None,
+    flags: Annotated[str, typer.Option("--flags", help="reference or native.")] = "native",
+    json: JsonOption = False,
+) -> None:
+    """Measure error against run time and say what to use.
+
+    Every formulation, method and tolerance that a scene allows, against a reference that two methods certify.
+    Asked again after an interruption, it goes on where it was.
+
+    Example: tensegrity-codegen report prism.toml tower.toml --t-end 2 --out work_precision
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.pipeline import load_nodes
+        from tensegrity_codegen.studies.work_precision.report import write_report
+        from tensegrity_codegen.studies.work_precision.scene_report import Options
+
+        structures = [load_nodes(path) for path in scenes]
+        options = Options(flags=flags, compiler=compiler, peers=peers, longest=longest)
+        with output.progress("measuring") as progress:
+            made = write_report(
+                structures, out, t_end=t_end, samples=samples, options=options, progress=progress
+            )
+        files = {"html": str(made.html), "csv": str(made.csv), "data": str(made.data)}
+        wrote = "\n".join(f"wrote {path}" for path in files.values())
+        output.result({"status": "ok", "files": files, **made.as_dict()}, "\n".join(made.sentences()), wrote)

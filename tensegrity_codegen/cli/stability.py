@@ -1,0 +1,57 @@
+"""`tensegrity-codegen stability`: stiff and extreme cases of some scenes, with every method and peer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import UnstableError
+
+__all__ = ["stability"]
+
+
+def stability(
+    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")],
+    t_end: Annotated[float, typer.Option("--t-end", help="End of each motion [s].")] = 0.5,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for stability.html and stability.json.")
+    ] = Path("stability"),
+    peers: Annotated[
+        bool, typer.Option("--peers/--no-peers", help="Also MuJoCo, SUNDIALS and SciPy, where installed.")
+    ] = True,
+    limit: Annotated[float, typer.Option("--limit", help="Seconds that one run may take.")] = 10.0,
+    compiler: CompilerOption = None,
+    flags: Annotated[str, typer.Option("--flags", help="reference or native.")] = "reference",
+    json: JsonOption = False,
+) -> None:
+    """Run stiff and extreme cases made from each scene, and hold every method to what it calls good.
+
+    Exit code 3 if one of our methods calls a wrong result good.
+
+    Example: tensegrity-codegen stability prism.toml --out stability
+    """
+    output = Output(json)
+    with output.guard():
+        from tensegrity_codegen.pipeline import load_nodes
+        from tensegrity_codegen.studies.stability.judge import VERDICTS
+        from tensegrity_codegen.studies.stability.report import write_stability
+        from tensegrity_codegen.studies.stability.run import Limits
+
+        structures = [load_nodes(path) for path in scenes]
+        limits = Limits(run=limit, reference=2 * limit, peers=peers)
+        with output.progress("running cases") as progress:
+            made = write_stability(
+                structures, out, t_end=t_end, limits=limits, compiler=compiler, flags=flags, progress=progress
+            )
+        counts = {word: made.count(word, own=True) for word in VERDICTS}
+        status = "unstable" if counts["wrong"] else "ok"
+        said = "ours: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        files = {"html": str(made.html), "data": str(made.data)}
+        wrote = "\n".join(f"wrote {path}" for path in files.values())
+        output.result({"status": status, "files": files, "counts": counts, **made.as_dict()}, said, wrote)
+        if counts["wrong"]:
+            raise typer.Exit(UnstableError.exit_code)

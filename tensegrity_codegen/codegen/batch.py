@@ -1,0 +1,46 @@
+"""Batch functions: which quantities get a body over lanes, and what their templates read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tensegrity_codegen.codegen.lane_printer import PrintedLanes, print_lanes
+from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.precision import Precision
+
+__all__ = ["MOST_OPERATIONS", "MOST_STACK", "batch_context", "write_lanes"]
+
+# Bytes of stack and operations that a body over lanes may have; a longer one evaluates one by one.
+MOST_STACK = 200_000
+MOST_OPERATIONS = 20_000
+
+# Rows of lanes that registers of 512 bits hold: the fast square roots serve whole multiples of it.
+REGISTER_LANES = 8
+
+
+def write_lanes(
+    functions: Sequence[PrunedFunction], width: int, precision: Precision
+) -> dict[str, PrintedLanes]:
+    """Return the bodies in `width` lanes, by quantity, of functions short enough for compiler and stack."""
+    found: dict[str, PrintedLanes] = {}
+    for function in functions:
+        if not function.arguments or function.operations > MOST_OPERATIONS:
+            continue
+        name = function.quantity.name
+        lanes = print_lanes(function.function, list(function.arguments), [name], width, precision)
+        rows = function.function.nnz_in() + function.function.nnz_out() + lanes.n_spare + 2 * lanes.n_roots
+        if rows * width * precision.dtype.itemsize <= MOST_STACK:
+            found[name] = lanes
+    return found
+
+
+def batch_context(width: int, lanes: Mapping[str, PrintedLanes], precision: Precision) -> dict[str, Any]:
+    """Return what all batch functions share; roots: whether there are any, and whether AVX-512 helps them."""
+    has_roots = any(item.n_roots for item in lanes.values())
+    return {
+        "width": width,
+        "has_lanes": bool(lanes),
+        "has_roots": has_roots,
+        "has_avx512": bool(lanes) and precision.name == "double" and width % REGISTER_LANES == 0,
+    }

@@ -1,0 +1,129 @@
+"""Which emitter writes a library where the scene leaves it open: `model.emitter = "auto"`.
+
+The rule is a function of a few facts; where its numbers come from: docs/decisions/0014-auto-emitter.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from tensegrity_codegen.body_system import BodySystem
+from tensegrity_codegen.codegen.integrators import EVENT_QUANTITIES, needed_quantities
+from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
+from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
+from tensegrity_codegen.codegen.table.emitter import TABLE
+from tensegrity_codegen.codegen.tableaus import TABLEAUS
+from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.subject import Subject
+
+__all__ = [
+    "AUTO",
+    "EmitterChoice",
+    "EmitterFacts",
+    "choose_emitter",
+    "find_facts",
+    "has_vectors",
+    "list_candidates",
+    "settle_emitter",
+]
+
+AUTO = "auto"
+LEAST_VECTORS = 4  # members that fill the vectors of the emitter lanes
+MOST_STRAIGHT = 100  # members up to which straight-line code is faster than loops and compiles quickly
+LOOPS = "node_position"  # the formulation that the emitters lanes and table know
+
+
+@dataclass(frozen=True)
+class EmitterFacts:
+    """What the choice depends on.
+
+    has_vectors: whether the emitter lanes writes one of the wanted functions in vectors; lacking: what is
+    wanted and the emitter table does not serve; most_members: that the emitter unrolled takes.
+    """
+
+    formulation: str
+    n_members: int
+    has_vectors: bool = False
+    lacking: tuple[str, ...] = ()
+    most_members: int = MOST_MEMBERS
+
+
+@dataclass(frozen=True)
+class EmitterChoice:
+    """The name of an emitter, and a sentence that says why it."""
+
+    name: str
+    why: str
+
+
+def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
+    """Return the emitter for these facts."""
+    count = facts.n_members
+    if facts.formulation != LOOPS:
+        return EmitterChoice("unrolled", f"the only one that knows the formulation {facts.formulation!r}")
+    if count <= MOST_STRAIGHT and facts.has_vectors:
+        why = f"{count} members, forces or stiffness wanted: four members at a time are fastest"
+        return EmitterChoice("lanes", why)
+    if count <= MOST_STRAIGHT:
+        why = f"{count} members, nothing to do four members at a time: straight-line code is fastest"
+        return EmitterChoice("unrolled", why)
+    if facts.lacking and count <= facts.most_members:
+        why = f"{count} members, and loops over tables do not serve {', '.join(facts.lacking)}"
+        return EmitterChoice("unrolled", why)
+    return EmitterChoice(
+        "table", f"{count} members, more than {MOST_STRAIGHT}: loops whose code does not grow"
+    )
+
+
+def settle_emitter(structure: Subject, request: ModelRequest) -> tuple[ModelRequest, str]:
+    """Return the request with the emitter's own name in place of "auto", and why it is this one."""
+    if request.emitter != AUTO:
+        return request, "asked for by name"
+    choice = choose_emitter(find_facts(structure, request))
+    return replace(request, emitter=choice.name), choice.why
+
+
+def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
+    """Return what the choice depends on; what makes no difference stays at its default."""
+    facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
+    if request.formulation == LOOPS and MOST_STRAIGHT < facts.n_members <= MOST_MEMBERS:
+        return replace(facts, lacking=_find_lacking(structure, request))
+    return facts
+
+
+def has_vectors(structure: Subject, request: ModelRequest) -> bool:
+    """Return whether the emitter lanes writes more than unrolled does: see lanes.emitter."""
+    return (
+        request.formulation == LOOPS
+        and len(structure.axes) == 3
+        and request.precision == "double"
+        and structure.n_members >= LEAST_VECTORS
+        and any(name in FORCE_QUANTITIES or name in BLOCKS for name in request.quantities)
+    )
+
+
+def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
+    """Return the emitters worth a measurement: the one named, or all that write different code."""
+    if request.emitter != AUTO:
+        return (request.emitter,)
+    return ("unrolled", *(("lanes",) if has_vectors(structure, request) else ()), "table")
+
+
+def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
+    """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
+    called = [item for name in request.integrators for item in needed_quantities(name)]
+    wanted = [*request.quantities, *called]
+    if any(name in TABLEAUS for name in request.integrators):
+        wanted += _watched(structure, request)
+    model = TABLE.build(structure, request)
+    return tuple(name for name in dict.fromkeys(wanted) if not TABLE.is_offered(model, name))
+
+
+def _watched(structure: Subject, request: ModelRequest) -> list[str]:
+    """Return the quantities behind the events that integrators watch, see integrators.find_events."""
+    kinds = request.events
+    if kinds is None:
+        slack = not isinstance(structure, BodySystem) and bool(structure.tension_only.any())
+        kinds = ("cable",) if slack and request.precision == "double" else ()
+    return [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]

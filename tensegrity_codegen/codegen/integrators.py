@@ -1,0 +1,218 @@
+"""Integrators that a library can hold: what each needs, what it passes on, how much work memory it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.codegen.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
+from tensegrity_codegen.codegen.tableaus import TABLEAUS, Row, Tableau
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.manifest import EVENT_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.request import ModelRequest
+
+__all__ = [
+    "EVENT_QUANTITIES",
+    "INTEGRATORS",
+    "PROJECTION",
+    "find_events",
+    "integrator_context",
+    "integrator_spec",
+    "needed_quantities",
+]
+
+INTEGRATORS = ("rk4", *TABLEAUS, RADAU)
+
+# What each kind of event needs, besides the condition, which is the caller's.
+EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
+MARGIN_ARRAYS = 11  # in the memory of the search for events
+MOST_IN_SUCCESSION = 200  # events, each within a thousandth of a step of the one before
+
+# Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
+PROJECTION = ("consistent_coordinate", "consistent_velocity")
+
+TITLES = {
+    "rk54": ("Dormand and Prince's Runge-Kutta 5(4)", "quintic Hermite interpolation"),
+    "rk853": ("Dormand and Prince's Runge-Kutta 8(5,3)", "a polynomial of order 7"),
+}
+
+
+def find_events(
+    request: ModelRequest, is_offered: Callable[[str], bool]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the kinds of events that integrators shall watch, and the quantities that these take.
+
+    Where the request says nothing: cables, if any can go slack, and with them a condition of the caller's.
+    is_offered: whether the model has a quantity. Raises FormulationError for an unknown kind.
+    """
+    if not any(name in TABLEAUS for name in request.integrators):
+        return (), ()
+    kinds = request.events
+    if kinds and request.precision != "double":
+        raise FormulationError(
+            "events need double precision",
+            where="model.events",
+            given=f"{', '.join(kinds)} with precision {request.precision!r}",
+            allowed="no events in single precision",
+        )
+    if kinds is None and request.precision != "double":
+        kinds = ()
+    elif kinds is None:
+        kinds = ("cable", "condition") if is_offered(EVENT_QUANTITIES["cable"]) else ()
+    for kind in kinds:
+        if kind not in EVENT_KINDS:
+            raise FormulationError(
+                "unknown kind of event", where="model.events", given=kind, hint=suggest(kind, EVENT_KINDS)
+            )
+    ordered = tuple(kind for kind in EVENT_KINDS if kind in kinds)
+    return ordered, tuple(EVENT_QUANTITIES[kind] for kind in ordered if kind in EVENT_QUANTITIES)
+
+
+def needed_quantities(name: str) -> tuple[str, ...]:
+    """Return the quantities that an integrator adds to those that the scene wants."""
+    return RADAU_QUANTITIES if name == RADAU else ()
+
+
+def integrator_spec(
+    model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...], events: tuple[str, ...]
+) -> IntegratorSpec:
+    """Return what a library says of an integrator that watches these kinds of events, if it can.
+
+    Raises FormulationError for an unknown one, and for a model that lacks the acceleration.
+    """
+    if name not in INTEGRATORS:
+        raise FormulationError(
+            "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
+        )
+    if name == RADAU:
+        return radau_spec(name, model.name, model.subject, model.frame, functions)
+    acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
+    if acceleration is None:
+        raise FormulationError(
+            "an integrator needs the acceleration",
+            where="model.integrators",
+            given=name,
+            hint='add "acceleration" to the wanted quantities',
+        )
+    quantities = [EVENT_QUANTITIES[kind] for kind in events if kind in EVENT_QUANTITIES]
+    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *quantities)]
+    used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
+    passed = tuple(a for a in model.arguments if a in used)
+    watched = events if name in TABLEAUS else ()
+    cables = tuple(int(e) for e in np.flatnonzero(model.subject.tension_only)) if "cable" in watched else ()
+    n = len(model.frame.coordinate_name)
+    margins = 1 + sum(f.shape[0] for f in called if f.quantity in quantities)
+    work = _work(name) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
+    return IntegratorSpec(name, f"{model.name}_integrate_{name}", passed, work, watched, cables)
+
+
+def _work(name: str) -> int:
+    """Return the doubles of work memory, in multiples of n_coordinates."""
+    if name == "rk4":  # acceleration, old (q, v, a), trial (q, v), stages
+        return 1 + 3 + 2 + 7
+    # rates (v, a), trial (q, v), old (q, v, a), what rounding took, change of the state, spare, dense output
+    return 2 * TABLEAUS[name].rates + 2 + 3 + 2 + 2 + 2 + _dense(name)
+
+
+def _dense(name: str) -> int:
+    table = TABLEAUS[name]
+    return 2 * (3 + len(table.dense)) if table.dense else 0
+
+
+def integrator_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return what the templates of integrators read: all, the first with error control, and its events."""
+    functions = {spec.quantity: spec for spec in manifest.functions}
+    adaptive = [spec for spec in manifest.integrators if spec.name in TABLEAUS]
+    return {
+        "integrators": [_context(spec, manifest, functions, arguments) for spec in manifest.integrators],
+        "first_explicit": next((spec.name for spec in manifest.integrators if spec.name != RADAU), ""),
+        "first_adaptive": adaptive[0].name if adaptive else "",
+        "events": _events_context(manifest, adaptive[0], functions)
+        if adaptive and adaptive[0].events
+        else None,
+    }
+
+
+def _events_context(
+    manifest: Manifest, spec: IntegratorSpec, functions: Mapping[str, FunctionSpec]
+) -> dict[str, Any]:
+    first = 0
+    kinds: list[dict[str, Any]] = []
+    for word in spec.events:
+        if word in EVENT_QUANTITIES:
+            function = functions[EVENT_QUANTITIES[word]]
+            kinds.append(
+                {
+                    "word": word,
+                    "quantity": function.quantity,
+                    "arguments": function.arguments,
+                    "first": first,
+                    "count": function.shape[0],
+                }
+            )
+            first += function.shape[0]
+    position = np.array(manifest.node_position).reshape(-1, 3)
+    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
+    return {
+        "kinds": kinds,
+        "cables": list(spec.cables),
+        "n_margins": first + 1,
+        "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
+        "is_smooth": all("velocity" not in kind["arguments"] for kind in kinds),
+        "most_in_succession": MOST_IN_SUCCESSION,
+    }
+
+
+def _context(
+    spec: IntegratorSpec,
+    manifest: Manifest,
+    functions: Mapping[str, FunctionSpec],
+    arguments: Mapping[str, dict[str, Any]],
+) -> dict[str, Any]:
+    if spec.name == RADAU:
+        return {
+            "name": spec.name,
+            "template": spec.name,
+            "symbol": spec.symbol,
+            "work_size": spec.work_size,
+            "arguments": [arguments[name] for name in spec.arguments],
+            "saddle": radau_context(spec, manifest, functions),
+        }
+    kernel = functions["acceleration"].arguments
+    table = TABLEAUS.get(spec.name)
+    return {
+        "name": spec.name,
+        "template": "rk4" if table is None else "adaptive",
+        "symbol": spec.symbol,
+        "work_size": spec.work_size,
+        "arguments": [arguments[name] for name in spec.arguments],
+        "kernel_arguments": kernel,
+        "uses_velocity": "velocity" in kernel,
+        "keeps_constraints": all(name in functions for name in PROJECTION),
+        "projection": [functions[name] for name in PROJECTION if name in functions],
+        "dense_size": 0 if table is None else _dense(spec.name) * len(manifest.coordinate_name),
+        "tableau": None if table is None else _tableau_context(spec.name, table),
+    }
+
+
+def _tableau_context(name: str, table: Tableau) -> dict[str, Any]:
+    title, dense_title = TITLES[name]
+    return {
+        "title": title,
+        "dense_title": dense_title,
+        "source": table.source,
+        "stages": table.stages,
+        "rates": table.rates,
+        "error_order": table.error_order,
+        "rows": [_numbers(row) for row in table.rows],
+        "errors": [_numbers(row) for row in table.errors],
+        "dense_rows": [_numbers(row) for row in table.dense_rows],
+        "dense": [_numbers(row) for row in table.dense],
+    }
+
+
+def _numbers(row: Row) -> list[tuple[int, str]]:
+    return [(stage, repr(float(value))) for stage, value in row.items()]

@@ -1,0 +1,67 @@
+"""C statements of stiffness matrices: blocks of four members at a time, then plain sums of their entries."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from tensegrity_codegen.codegen.lanes.force import ForceLines, Kernels
+from tensegrity_codegen.codegen.printer import print_body
+from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
+
+__all__ = ["BlockLines"]
+
+# Where the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
+SAFE = "1e300"
+TRIANGLE = 6  # entries of the upper triangle of a block, row by row
+
+
+class BlockLines(ForceLines):
+    """The statements of one matrix that adds symmetric blocks of the members."""
+
+    def __init__(self, parts: NodePosition, function: PrunedFunction, kernels: Kernels) -> None:
+        nodes = list(parts.map.coordinate_nodes())
+        super().__init__(parts, nodes, function.arguments, True, kernels, has_forces=False)
+        self.function = function
+
+    def lines(self) -> list[str]:
+        """Return all statements."""
+        self._nodes()
+        place: dict[int, tuple[int, int]] = {}
+        for number, quad in enumerate(quad for kind in self._kinds() for quad in kind):
+            kernel = self._lanes(number, quad, self.function.quantity.name)
+            low, high = (
+                f"{kernel.name}({self._passed(number, kernel, half)}, block{number}{shift})"
+                for half, shift in (("LOW", ""), ("HIGH", " + 2"))
+            )
+            self._lines += [
+                f"double block{number}[{4 * TRIANGLE}];",
+                f"total = total + LANES_SUM({low}, {high});",
+            ]
+            place |= {e: (number, lane) for lane, e in enumerate(quad)}
+        start = "lanes_pack total = pack_all(0.0);"
+        finite = f"return pack_is_below(total, {SAFE}) || all_finite({self.function.quantity.name}, "
+        end = f"{finite}{self.function.sparsity.nnz()});"
+        return [*self._tables, *self.given.lines(), start, *self._lines, *self._sums(place), end]
+
+    def _sums(self, place: dict[int, tuple[int, int]]) -> list[str]:
+        members = list(place)
+        entry = ca.SX.sym("entry", TRIANGLE, len(members))
+        blocks = {e: _symmetric(entry[:, k]) for k, e in enumerate(members)}
+        matrix = self.parts.map.member_matrix(blocks, self.parts.ends, self.parts.members.plan.ends)
+        wanted = ca.project(matrix, self.function.sparsity)
+
+        def text(name: str, k: int) -> str:
+            if name != "entry":
+                return f"{name}[{k}]"
+            number, lane = place[members[k // TRIANGLE]]
+            return f"block{number}[{4 * (k % TRIANGLE) + lane}]"
+
+        sums = ca.Function("sums", [entry], [wanted])
+        return list(print_body(sums, ["entry"], [self.function.quantity.name], place=text).lines)
+
+
+def _symmetric(entry: ca.SX) -> MemberBlocks:
+    a, b, c, d, e, f = ca.vertsplit(entry)
+    return MemberBlocks(((a, b, c), (b, d, e), (c, e, f)))

@@ -1,0 +1,140 @@
+"""Emitter `lanes`: the code of `unrolled`, with a second form of forces and stiffness, for vectors.
+
+Both forms stand in one function, behind #if; the compiler takes the one that its target has. They do the same
+operations in the same order on every node, so they return the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from tensegrity_codegen.codegen.batch import write_lanes
+from tensegrity_codegen.codegen.emitter import Bodies, Emitter
+from tensegrity_codegen.codegen.lanes.blocks import BlockLines
+from tensegrity_codegen.codegen.lanes.force import ForceLines
+from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, DensityKernel, KernelKind, build_kernel
+from tensegrity_codegen.codegen.printer import print_body
+from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
+from tensegrity_codegen.codegen.render import render
+from tensegrity_codegen.codegen.unrolled import UNROLLED
+from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
+from tensegrity_codegen.symbolic.model import SymbolicModel
+
+__all__ = ["FORCE_QUANTITIES", "LANES"]
+
+# What depends on members through the net forces alone, and whether these are without damping.
+FORCE_QUANTITIES: Mapping[str, bool] = {
+    "node_residual": True,
+    "support_reaction": True,
+    "node_force": False,
+    "acceleration": False,
+    "state_derivative": False,
+}
+
+# Those that are node forces as they are: their vectors are looked at before they are stored.
+CHECKED = frozenset({"node_residual", "node_force", *BLOCKS})
+
+
+def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precision: Precision) -> Bodies:
+    """Return the statements of `unrolled`, with lanes before those of forces in space, in doubles."""
+    plain = UNROLLED.write(model, functions, precision)
+    parts = model.parts
+    if not isinstance(parts, NodePosition) or len(parts.structure.axes) != 3 or precision.name != "double":
+        return plain
+    kernels = _Kernels()
+    statements = dict(plain.statements)
+    for function in functions:
+        name = function.quantity.name
+        if name in FORCE_QUANTITIES or name in BLOCKS:
+            lanes, scalar = _force_function(parts, function, kernels), list(plain.statements[name])
+            if name in CHECKED:
+                scalar.append(f"return all_finite({name}, {function.sparsity.nnz()});")
+            statements[name] = ["#if defined(TENSEGRITY_LANES)", *lanes, "#else", *scalar, "#endif"]
+    if not kernels.made:
+        return plain
+    preamble = render("lanes.c", {"kernels": list(kernels.made.values()), "has_blocks": False}).splitlines()
+    return Bodies(statements, [*plain.preamble, *preamble], plain.checked | CHECKED.intersection(statements))
+
+
+class _Kernels:
+    """The kernels of one library, each made once."""
+
+    def __init__(self) -> None:
+        self.made: dict[KernelKind, DensityKernel] = {}
+
+    def __call__(self, kind: KernelKind) -> DensityKernel:
+        if kind not in self.made:
+            self.made[kind] = build_kernel(kind, f"lanes_density{len(self.made)}")
+        return self.made[kind]
+
+
+def _force_function(parts: NodePosition, function: PrunedFunction, kernels: _Kernels) -> list[str]:
+    name, n_nodes = function.quantity.name, parts.structure.n_nodes
+    if name in BLOCKS:
+        return BlockLines(parts, function, kernels).lines()
+    if name == "node_residual":
+        places = parts.map.coordinate_nodes()
+        nodes, rest = list(places), _store(name, places)
+    elif name == "node_force":
+        nodes = list(range(n_nodes))
+        rest = _store(name, {node: [(3 * node + k, k) for k in range(3)] for node in nodes})
+    else:
+        nodes, rest = _from_force(parts, function)
+    return [*ForceLines(parts, nodes, function.arguments, FORCE_QUANTITIES[name], kernels).lines(), *rest]
+
+
+def _store(result: str, places: Mapping[int, list[tuple[int, int]]]) -> list[str]:
+    """Return statements that hand out node forces; places: node -> (place in the result, axis), ascending.
+
+    A node's vector of four is stored whole where the next node's follows and overwrites the fourth.
+    """
+    size = sum(len(entries) for entries in places.values())
+    lines = []
+    for node, entries in places.items():
+        first = entries[0][0]
+        if len(entries) == 3:
+            last = "_last" if first + 4 > size else ""
+            lines.append(f"xyz_store{last}({result} + {first}, force{node});")
+            continue
+        lines += [f"double part{node}[4];", f"xyz_store(part{node}, force{node});"]
+        lines += [f"{result}[{place}] = part{node}[{axis}];" for place, axis in entries]
+    return [*lines, *_check_finite(places)]
+
+
+def _check_finite(places: Mapping[int, list[tuple[int, int]]]) -> list[str]:
+    """Return statements that return whether all entries are finite: x - x is 0 then; in two sums."""
+    lines, sums = [], ["finite0", "finite1"][: len(places)]
+    for k, (node, entries) in enumerate(places.items()):
+        axes = sum(1 << axis for _, axis in entries)
+        vector = f"force{node}" if axes == 7 else f"XYZ_ONLY(force{node}, {axes})"
+        zero = f"xyz_minus({vector}, {vector})"
+        name = sums[k % len(sums)]
+        lines.append(
+            f"lanes_xyz {name} = {zero};" if k < len(sums) else f"{name} = xyz_plus({name}, {zero});"
+        )
+    total = sums[0] if len(sums) == 1 else f"xyz_plus({', '.join(sums)})"
+    return [*lines, f"return xyz_is_zero({total});"]
+
+
+def _from_force(parts: NodePosition, function: PrunedFunction) -> tuple[list[int], list[str]]:
+    """Return the nodes whose force a quantity needs, and its statements from these."""
+    n_nodes, names = parts.structure.n_nodes, function.arguments
+    force = ca.SX.sym("force", 3, n_nodes)
+    vectors = [[force[k, node] for k in range(3)] for node in range(n_nodes)]
+    expression = ca.densify(ca.cse(parts.with_net_force(vectors).builders()[function.quantity.name]()))
+    nodes = [node for node in range(n_nodes) if ca.depends_on(expression, ca.vertcat(*vectors[node]))]
+    symbols = [parts.arguments.symbols[name] for name in names]
+    body = print_body(
+        ca.Function("rest", [force, *symbols], [expression]),
+        ["force", *names],
+        [function.quantity.name],
+        place=lambda name, k: f"force[{k // 3 * 4 + k % 3}]" if name == "force" else f"{name}[{k}]",
+    )
+    stores = [f"xyz_store(force + {4 * node}, force{node});" for node in nodes]
+    return nodes, [f"double force[{4 * n_nodes}];", *stores, *body.lines]
+
+
+LANES = Emitter("lanes", UNROLLED.build, is_offered, prune, _write, write_lanes)

@@ -1,0 +1,168 @@
+"""C statements of the net force on all nodes, four members at a time.
+
+d_e = r_i - r_j         a node's x, y, z in one vector: one subtraction a member
+s_e = t_e / l_e         four members turned into lanes: one root and one division for all of them
+f_i -= s_e d_e, f_j += s_e d_e, in the order of the assembly plan
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, VALUES, DensityKernel, KernelKind
+from tensegrity_codegen.codegen.lanes.values import GivenValues
+from tensegrity_codegen.codegen.printer import print_number
+from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
+
+__all__ = ["ForceLines"]
+
+Scalar = Any
+Kernels = Callable[[KernelKind], DensityKernel]
+
+
+@dataclass
+class ForceLines:
+    """The statements of one function up to node vectors force0, force1, ...
+
+    parts: expressions of the structure; nodes: those whose force is wanted; arguments: names of what the
+    function takes; is_static: forces without damping; kernels: gives the C function of a kind of members.
+    """
+
+    parts: NodePosition
+    nodes: Sequence[int]
+    arguments: Sequence[str]
+    is_static: bool
+    kernels: Kernels
+    has_forces: bool = True
+    _tables: list[str] = field(default_factory=list)
+    _lines: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.structure = self.parts.structure
+        self.given = GivenValues(self.parts.arguments, self.arguments)
+        self.wanted = np.isin(np.arange(self.structure.n_nodes), list(self.nodes))
+        values = self.parts.arguments
+        self.values: dict[str, list[Scalar]] = {
+            "spring_constant": list(values.spring_constant),
+            "axial_stiffness": list(values.axial_stiffness),
+            "rest_length": list(values.rest_length),
+            "damping": [ca.SX(0.0)] * self.structure.n_members if self.is_static else list(values.damping),
+        }
+        for e in range(self.structure.n_members):
+            self._fold_stiffness(e)
+
+    def lines(self) -> list[str]:
+        """Return all statements."""
+        self._nodes()
+        quads = {e: quad for kind in self._kinds() for quad in kind for e in quad}
+        done: set[tuple[int, ...]] = set()
+        plan = self.parts.members.plan
+        for e, end in plan.ends.tolist():
+            node = int(self.structure.connectivity[e, end])
+            if not self.wanted[node]:
+                continue
+            quad = quads[e]
+            if quad not in done:
+                self._quad(len(done), quad)
+                done.add(quad)
+            self._lines.append(f"force{node} = xyz_{'plus' if end else 'minus'}(force{node}, pull{e});")
+        return [*self._tables, *self.given.lines(), *self._lines]
+
+    def _fold_stiffness(self, e: int) -> None:
+        """Let mu = k + EA / rho stand for both where it is a number."""
+        values = [self.values[name][e] for name in ("spring_constant", "axial_stiffness", "rest_length")]
+        if all(value.is_constant() for value in values):
+            self.values["spring_constant"][e] = values[0] + values[1] / values[2]
+            self.values["axial_stiffness"][e] = ca.SX(0.0)
+
+    def _kinds(self) -> list[list[tuple[int, ...]]]:
+        """Return fours of members that take the same values, in the order of the plan."""
+        by_kind: dict[tuple[str, ...], list[int]] = {}
+        for e in self.parts.members.plan.member.tolist():
+            if not self.wanted[self.structure.connectivity[e]].any():
+                continue
+            used = tuple(name for name in VALUES if not self.values[name][e].is_zero())
+            by_kind.setdefault(used, []).append(e)
+        return [
+            [tuple(members[k : k + 4]) for k in range(0, len(members), 4)] for members in by_kind.values()
+        ]
+
+    def _nodes(self) -> None:
+        arguments = self.parts.arguments
+        moving = not self.is_static and any(not c.is_zero() for c in arguments.damping)
+        ends = self.structure.connectivity
+        for node in np.unique(ends[self.wanted[ends].any(axis=1)]).tolist():
+            self._vector(f"position{node}", arguments.position[node], "coordinate")
+            if moving:
+                self._vector(f"velocity{node}", arguments.velocity[node], "velocity")
+        for node in self.nodes if self.has_forces else ():
+            force = self.parts.external_force[node]
+            self._lines.append(f"lanes_xyz force{node} = xyz_of({self._three(force)});")
+
+    def _vector(self, name: str, vector: Sequence[Scalar], argument: str) -> None:
+        places = [self.given.place(value) for value in vector]
+        first = places[0]
+        value = f"xyz_of({self._three(vector)})"
+        if first is not None and places == [(argument, first[1] + k) for k in range(3)]:
+            last = "_last" if first[1] + 4 > self.parts.arguments.symbols[argument].numel() else ""
+            value = f"xyz_load{last}({argument} + {first[1]})"
+        self._lines.append(f"const lanes_xyz {name} = {value};")
+
+    def _three(self, vector: Sequence[Scalar]) -> str:
+        return ", ".join(self.given.text(value) for value in vector)
+
+    def _quad(self, number: int, quad: tuple[int, ...]) -> None:
+        """Work out the pulls of up to four members."""
+        self._density(number, self._lanes(number, quad, "density"))
+        for k, e in enumerate(quad):
+            self._lines.append(f"const lanes_xyz pull{e} = XYZ_TIMES(density_{number}, {k}, d{e});")
+
+    def _lanes(self, number: int, quad: tuple[int, ...], result: str) -> DensityKernel:
+        """Bring what a kernel takes into lanes; the last member stands in for those that are missing."""
+        members = [*quad, *[quad[-1]] * (4 - len(quad))]
+        used = tuple(name for name in VALUES if not self.values[name][quad[0]].is_zero())
+        only = [bool(self.structure.tension_only[e]) for e in members]
+        kind = KernelKind(used, self.is_static, any(only), any(only) and not all(only), result)
+        kernel = self.kernels(kind)
+        for e in quad:
+            i, j = self.structure.connectivity[e]
+            self._lines.append(f"const lanes_xyz d{e} = xyz_minus(position{i}, position{j});")
+            if RATES[0] in kernel.parameters:
+                self._lines.append(f"const lanes_xyz rate{e} = xyz_minus(velocity{i}, velocity{j});")
+        self._split(number, AXES, "d", members)
+        if RATES[0] in kernel.parameters:
+            self._split(number, RATES, "rate", members)
+        for name in kernel.parameters:
+            if name in VALUES:
+                self._value(f"{name}_{number}", [self.values[name][e] for e in members])
+            elif name == "two_sided":
+                # Zero is less than one, not than zero: a comparison makes the mask.
+                self._value(f"{name}_{number}", [ca.SX(0.0 if one else 1.0) for one in only])
+        return kernel
+
+    def _split(self, number: int, names: Sequence[str], what: str, members: Sequence[int]) -> None:
+        fours = [f"{name}_{number}" for name in names]
+        self._lines.append(f"lanes_four {', '.join(fours)};")
+        vectors = ", ".join(f"{what}{e}" for e in members)
+        self._lines.append(f"four_split({vectors}, {', '.join(f'&{four}' for four in fours)});")
+
+    def _value(self, name: str, values: list[Scalar]) -> None:
+        value = f"four_load({name}_table)"
+        if all(item.is_constant() for item in values):
+            numbers = ", ".join(print_number(float(item)) for item in values)
+            self._tables.append(f"static const double {name}_table[4] = {{{numbers}}};")
+        else:
+            value = self.given.four(values)
+        self._lines.append(f"const lanes_four {name} = {value};")
+
+    def _density(self, number: int, kernel: DensityKernel) -> None:
+        low, high = (f"{kernel.name}({self._passed(number, kernel, half)})" for half in ("LOW", "HIGH"))
+        self._lines.append(f"const lanes_four density_{number} = LANES_BOTH({low}, {high});")
+
+    def _passed(self, number: int, kernel: DensityKernel, half: str) -> str:
+        return ", ".join(f"LANES_{half}({name}_{number})" for name in kernel.parameters)

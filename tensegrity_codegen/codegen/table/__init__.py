@@ -1,0 +1,1 @@
+"""Emitter `table`: kernels of one member in loops over constant tables; its code does not grow."""

@@ -1,0 +1,72 @@
+"""The emitter `table`: which scenes and quantities it serves, and how their bodies come about."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.body_system import BodySystem
+from tensegrity_codegen.codegen.emitter import Bodies, Emitter
+from tensegrity_codegen.codegen.prune import refuse_empty
+from tensegrity_codegen.codegen.table.function import TableFunction
+from tensegrity_codegen.codegen.table.model import TableModel
+from tensegrity_codegen.codegen.table.quantities import BUILDERS
+from tensegrity_codegen.codegen.table.writer import Writer
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.quantities import find_quantity
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
+
+__all__ = ["TABLE"]
+
+FORMULATION = "node_position"
+
+
+def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableModel:
+    if isinstance(structure, BodySystem) or request.formulation != FORMULATION:
+        raise FormulationError(
+            "the emitter 'table' has no loops for this formulation",
+            where=f"{structure.name}: model.emitter",
+            given=f"formulation {request.formulation!r}",
+            allowed=f"formulation {FORMULATION!r}",
+            hint='emitter = "unrolled"',
+        )
+    check_no_rigid_bar(structure, FORMULATION)
+    return TableModel(structure, request)
+
+
+def _prune(model: TableModel, quantities: tuple[str, ...]) -> tuple[TableFunction, ...]:
+    return tuple(_prune_one(model, name) for name in quantities)
+
+
+def _prune_one(model: TableModel, name: str) -> TableFunction:
+    quantity = find_quantity(name)
+    if name not in BUILDERS:
+        raise FormulationError(
+            "the emitter 'table' does not serve this quantity",
+            where=f"{model.name}: model.quantities",
+            given=name,
+            allowed=", ".join(BUILDERS),
+            hint=f'{suggest(name, BUILDERS)}; or emitter = "unrolled"',
+        )
+    function = TableFunction(quantity, BUILDERS[name](model))
+    if 0 in function.shape or function.recipe.is_empty:
+        raise refuse_empty(model.name, name)
+    return function
+
+
+def _is_offered(model: TableModel, name: str) -> bool:
+    try:
+        _prune_one(model, name)
+    except FormulationError:
+        return False
+    return True
+
+
+def _write(model: TableModel, functions: tuple[TableFunction, ...], precision: Precision) -> Bodies:
+    writer = Writer(model, precision)
+    statements = {function.quantity.name: function.write(writer) for function in functions}
+    checked = frozenset(function.quantity.name for function in functions if function.recipe.is_checked)
+    return Bodies(statements, writer.preamble(), checked)
+
+
+TABLE = Emitter("table", _build, _is_offered, _prune, _write)

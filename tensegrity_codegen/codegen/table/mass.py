@@ -1,0 +1,266 @@
+"""Masses of nodes and bars: forces to accelerations, kinetic energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.codegen.table.external import mass_text
+from tensegrity_codegen.codegen.table.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.stage import loop
+from tensegrity_codegen.codegen.table.writer import Writer
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.inertia_plan import refuse_bare
+
+__all__ = [
+    "DivideByMass",
+    "KineticEnergy",
+    "MassDiagonal",
+    "ScaleRows",
+    "check_mass",
+    "coupled_coordinates",
+    "pairs_of_coordinates",
+    "refuse_coupling",
+]
+
+
+def check_mass(model: TableModel) -> None:
+    """Raise FormulationError if a free node has no mass, which is no argument either."""
+    mass = model.structure.node_mass + model.inertia.diagonal_share
+    bare = model.free.any(axis=1) & (mass == 0) & (model.argument_index("node_mass") < 0)
+    refuse_bare(model.structure, np.flatnonzero(bare).tolist())
+
+
+def refuse_coupling(model: TableModel, quantity: str) -> None:
+    """Raise FormulationError if bars with own mass couple nodes, for a quantity that then has no loops."""
+    if len(model.inertia.pair):
+        raise FormulationError(
+            f"the emitter 'table' has no {quantity} of nodes that bars with own mass couple",
+            where=f"{model.name}: model.emitter",
+            given=f"{len(model.inertia.pair)} pairs of coupled nodes",
+            hint='give the mass to the nodes, or emitter = "unrolled"',
+        )
+
+
+@dataclass(frozen=True)
+class DivideByMass:
+    """Turns the forces in `target`, on the coordinates of nodes that no bar couples, into accelerations."""
+
+    model: TableModel
+    target: str
+
+    @cached_property
+    def _coordinate(self) -> IntArray:
+        """Coordinates of nodes that are coupled to no other."""
+        return np.setdiff1d(np.arange(self.model.n_coordinates), coupled_coordinates(self.model))
+
+    @cached_property
+    def _chosen(self) -> NDArray[np.bool_]:
+        """Whether the node of each of these has its mass as an argument."""
+        node = np.nonzero(self.model.free)[0][self._coordinate]
+        return np.asarray(self.model.argument_index("node_mass")[node] >= 0)
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        return frozenset({"node_mass"} if self._chosen.any() else ())
+
+    @property
+    def operations(self) -> int:
+        """One multiplication or division a coordinate."""
+        return len(self._coordinate)
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loops over coordinates of constant and of changeable mass."""
+        model, node = self.model, np.nonzero(self.model.free)[0]
+        constant, changeable = self._coordinate[~self._chosen], self._coordinate[self._chosen]
+        lines = []
+        if len(constant):
+            mass = (model.structure.node_mass + model.inertia.diagonal_share)[node[constant]]
+            at = writer.index_at("constant_mass_coordinate", constant, "k")
+            inverse = writer.real_at("inverse_mass", 1.0 / mass, "k")
+            lines += loop("k", len(constant), [f"{self.target}[{at}] *= {inverse};"])
+        if len(changeable):
+            at = writer.index_at("changeable_mass_coordinate", changeable, "k")
+            text = changeable_mass(writer, node[changeable], "k")
+            lines += loop("k", len(changeable), [f"{self.target}[{at}] /= {text};"])
+        return lines
+
+
+def coupled_coordinates(model: TableModel) -> IntArray:
+    """Return the coordinates that bars with own mass couple to others, rising."""
+    first, second, _ = pairs_of_coordinates(model)
+    return np.unique(np.concatenate([first, second]))
+
+
+@dataclass(frozen=True)
+class KineticEnergy:
+    """Adds v^T H v / 2 to the variable `target`: nodes in order, then what bars couple."""
+
+    model: TableModel
+    target: str
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        node = np.nonzero(self.model.free)[0]
+        changeable = self.model.argument_index("node_mass")[node] >= 0
+        mass = (self.model.structure.node_mass + self.model.inertia.diagonal_share)[node]
+        used = {"velocity"} if (changeable | (mass != 0)).any() else set()
+        return frozenset(used | ({"node_mass"} if changeable.any() else set()))
+
+    @property
+    def operations(self) -> int:
+        """Three operations a coordinate and for each coupled pair."""
+        return 3 * self.model.n_coordinates + 3 * len(pairs_of_coordinates(self.model)[0])
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loops over coordinates and coupled pairs of them."""
+        model = self.model
+        node = np.nonzero(model.free)[0]
+        if not len(node):
+            return []
+        if "node_mass" in self.arguments:
+            which = writer.index_at("coordinate_node", node, "k")
+            mass = mass_text(writer, "node", model.inertia.diagonal_share, "diagonal", True)
+            lines = [f"const int node = {which};"] if "node" in mass else []
+            half = f"{writer.number(0.5)} * {mass}"
+        else:
+            values = 0.5 * (model.structure.node_mass + model.inertia.diagonal_share)[node]
+            lines, half = [], writer.real_at("half_mass", values, "k")
+        result = loop("k", len(node), [*lines, f"{self.target} += {half} * velocity[k] * velocity[k];"])
+        first, second, coupling = pairs_of_coordinates(model)
+        if len(first):
+            one = f"velocity[{writer.index_at('pair_first', first, 'k')}]"
+            other = f"velocity[{writer.index_at('pair_second', second, 'k')}]"
+            between = writer.real_at("pair_mass", coupling, "k")
+            result += loop("k", len(first), [f"{self.target} += {between} * {one} * {other};"])
+        return result
+
+
+def pairs_of_coordinates(model: TableModel) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return both coordinates and the mass of each pair of free coordinates that bars couple."""
+    entry = model.coordinate[model.inertia.pair]  # (n_pairs, 2, n_axes)
+    both = np.all(entry >= 0, axis=1)
+    mass = np.repeat(model.inertia.pair_mass, model.n_axes).reshape(both.shape)
+    return entry[:, 0][both], entry[:, 1][both], mass[both]
+
+
+@dataclass(frozen=True)
+class MassDiagonal:
+    """Writes the mass matrix: constants, then the entries on the diagonal that are arguments.
+
+    key: column times n_coordinates plus row of each entry of `target`, rising.
+    """
+
+    model: TableModel
+    target: str
+    key: IntArray
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        return frozenset({"node_mass"} if len(self._changeable) else ())
+
+    @property
+    def _changeable(self) -> IntArray:
+        node = np.nonzero(self.model.free)[0]
+        return np.flatnonzero(self.model.argument_index("node_mass")[node] >= 0)
+
+    @property
+    def operations(self) -> int:
+        """One addition for each changeable mass at the end of a bar."""
+        node = np.nonzero(self.model.free)[0][self._changeable]
+        return int((self.model.inertia.diagonal_share[node] != 0).sum())
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loops over all entries, and over changeable ones."""
+        model, count = self.model, self.model.n_coordinates
+        node = np.nonzero(model.free)[0]
+        first, second, between = pairs_of_coordinates(model)
+        values = np.empty(len(self.key))
+        for row, column, mass in (
+            (
+                np.arange(count),
+                np.arange(count),
+                (model.structure.node_mass + model.inertia.diagonal_share)[node],
+            ),
+            (first, second, between),
+            (second, first, between),
+        ):
+            values[np.searchsorted(self.key, column * count + row)] = mass
+        lines = loop("k", len(values), [f"{self.target}[k] = {writer.real_at('mass_value', values, 'k')};"])
+        chosen = self._changeable
+        if not len(chosen):
+            return lines
+        at = writer.index_at("mass_diagonal", np.searchsorted(self.key, chosen * (count + 1)), "k")
+        text = changeable_mass(writer, node[chosen], "k")
+        return [*lines, *loop("k", len(chosen), [f"{self.target}[{at}] = {text};"])]
+
+
+def changeable_mass(writer: Writer, node: IntArray, counter: str) -> str:
+    """Return the C expression of the diagonal mass of nodes[counter]: an argument, plus the bars' share."""
+    model = writer.model
+    at = writer.index_at("changeable_mass_at", model.argument_index("node_mass")[node], counter)
+    share = model.inertia.diagonal_share[node]
+    if not share.any():
+        return f"node_mass[{at}]"
+    return f"(node_mass[{at}] + {writer.real_at('changeable_mass_share', share, counter)})"
+
+
+@dataclass(frozen=True)
+class ScaleRows:
+    """Divides the rows of accelerations in some columns of a sparse Jacobian by their masses.
+
+    target: the Jacobian, of which the first n_coordinates rows are rates of coordinates; column: first and
+    last; skip: entries at the beginning of each column that stay; turn: change the sign.
+    """
+
+    model: TableModel
+    target: str
+    column: tuple[int, int]
+    turn: bool = False
+    skip: int = 0
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        node = np.nonzero(self.model.free)[0]
+        chosen = self.model.argument_index("node_mass")[node] >= 0
+        return frozenset({"node_mass"} if chosen.any() else ())
+
+    @property
+    def operations(self) -> int:
+        """One operation an entry of a node with about a dozen neighbours."""
+        return (2 if self.turn else 1) * self.model.n_axes * (self.column[1] - self.column[0])
+
+    def write(self, writer: Writer) -> list[str]:
+        """Return the loop over columns and their entries."""
+        model, count = self.model, self.model.n_coordinates
+        node = np.nonzero(model.free)[0]
+        index = model.argument_index("node_mass")[node]
+        entry, sign = f"{self.target}[k]", "-" if self.turn else ""
+        mass = (model.structure.node_mass + model.inertia.diagonal_share)[node]
+        fixed = changed = ""
+        if (index < 0).any():
+            inverse = 1.0 / np.where(index < 0, mass, 1.0)
+            fixed = f"{entry} = {sign}({entry} * {writer.real_at('inverse_mass', inverse, 'row')});"
+        if (index >= 0).any():
+            changed = f"{entry} = {sign}({entry} / {changeable_mass(writer, node, 'row')});"
+        at = writer.index_at("changeable_mass_at", index, "row")
+        both = f"if ({at} >= 0) {{ {changed} }} else {{ {fixed} }}"
+        start = f"{model.name}_{self.target}_column_start"
+        return [
+            "{",
+            "  int c, k;",
+            f"  for (c = {self.column[0]}; c < {self.column[1]}; ++c) {{",
+            f"    for (k = {start}[c]{f' + {self.skip}' if self.skip else ''}; k < {start}[c + 1]; ++k) {{",
+            f"      const int row = {model.name}_{self.target}_row[k] - {count};",
+            f"      {both if fixed and changed else fixed or changed}",
+            "    }",
+            "  }",
+            "}",
+        ]

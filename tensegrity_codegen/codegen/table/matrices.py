@@ -1,0 +1,140 @@
+"""Sparse matrices: stiffness, damping, equilibrium, mass, and Jacobians of the state derivative."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from tensegrity_codegen.assembly import ABSENT
+from tensegrity_codegen.codegen.table.block_pattern import BlockPattern, make_pattern
+from tensegrity_codegen.codegen.table.blocks import AddBlocks
+from tensegrity_codegen.codegen.table.clear import ClearBlocks
+from tensegrity_codegen.codegen.table.columns import MemberColumns, StoreColumns
+from tensegrity_codegen.codegen.table.function import Recipe
+from tensegrity_codegen.codegen.table.loops import member_loops
+from tensegrity_codegen.codegen.table.mass import (
+    MassDiagonal,
+    ScaleRows,
+    check_mass,
+    pairs_of_coordinates,
+    refuse_coupling,
+)
+from tensegrity_codegen.codegen.table.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.stage import Stage, loop
+from tensegrity_codegen.codegen.table.text import Statements
+from tensegrity_codegen.manifest import Pattern
+
+__all__ = ["MATRICES"]
+
+
+def _damped(model: TableModel) -> IntArray:
+    groups = [group.member for group in model.plan.groups if group.member_class.damping != ABSENT]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *groups])
+
+
+def _fill_zero(target: str, count: Callable[[], int]) -> Statements:
+    return Statements(lambda: loop("k", count(), [f"{target}[k] = @ZERO@;"]))
+
+
+def _is_finite(target: str, pattern: BlockPattern) -> Statements:
+    """Return what is returned: where the sizes of all blocks are small, no sum of some of them overflows."""
+    return Statements(lambda: [f"return size < @SAFE@ || all_finite({target}, {len(pattern.key)});"])
+
+
+def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable[[TableModel], Recipe]:
+    """Return the builder of a sum of member blocks, of the damped members alone or of all."""
+
+    def build(model: TableModel) -> Recipe:
+        count = model.n_coordinates
+        pattern = BlockPattern(model, _damped(model) if damped else model.plan.member)
+        sink = AddBlocks(quantity, pattern, size="size")
+        loops = member_loops(
+            model, kernel, sink, lambda group: not damped or group.member_class.damping != ABSENT
+        )
+        return Recipe(
+            (count, count),
+            (ClearBlocks(sink, tuple(loops)), *loops, _is_finite(quantity, pattern)),
+            before=("@REAL@ size = @ZERO@;",),
+            is_checked=True,
+            find_pattern=lambda: make_pattern((count, count), pattern.row, pattern.column_start),
+            is_empty=not loops,
+        )
+
+    return build
+
+
+def _equilibrium_matrix(model: TableModel) -> Recipe:
+    columns = MemberColumns(model)
+    loops = member_loops(model, "direction", StoreColumns("equilibrium_matrix", columns))
+    shape = (model.n_coordinates, model.structure.n_members)
+    return Recipe(
+        shape,
+        tuple(loops),
+        find_pattern=lambda: make_pattern(shape, columns.row, columns.start),
+        is_empty=not loops,
+    )
+
+
+def _rest_length_jacobian(model: TableModel) -> Recipe:
+    check_mass(model)
+    refuse_coupling(model, "rest_length_jacobian")
+    name, count, columns = "rest_length_jacobian", model.n_coordinates, MemberColumns(model)
+    loops = member_loops(model, "rest_pull", StoreColumns(name, columns))
+    shape = (2 * count, model.structure.n_members)
+    scale = ScaleRows(model, name, (0, shape[1]))
+    return Recipe(
+        shape,
+        (*loops, scale) if loops else (),
+        find_pattern=lambda: make_pattern(shape, columns.row + count, columns.start),
+        is_empty=not loops,
+    )
+
+
+def _mass_matrix(model: TableModel) -> Recipe:
+    check_mass(model)
+    count = model.n_coordinates
+    first, second, _ = pairs_of_coordinates(model)
+    here = np.arange(count)
+    row = np.concatenate([here, first, second])
+    column = np.concatenate([here, second, first])
+    key = np.sort(column * count + row)
+    pattern = make_pattern((count, count), key % count, np.searchsorted(key, np.arange(count + 1) * count))
+    return Recipe((count, count), (MassDiagonal(model, "mass_matrix", key),), find_pattern=lambda: pattern)
+
+
+def _state_jacobian(model: TableModel) -> Recipe:
+    check_mass(model)
+    refuse_coupling(model, "state_jacobian")
+    name, count = "state_jacobian", model.n_coordinates
+    stiff, damped = BlockPattern(model, model.plan.member), BlockPattern(model, _damped(model))
+    rates = AddBlocks(name, damped, before=stiff)
+
+    def pattern() -> Pattern:
+        identity = np.insert(damped.row + count, damped.column_start[:-1], np.arange(count))
+        late = len(stiff.key) + damped.column_start + np.arange(count + 1)
+        start = np.concatenate([stiff.column_start[:-1], late])
+        return make_pattern((2 * count, 2 * count), np.concatenate([stiff.row + count, identity]), start)
+
+    one = f"{name}[{model.name}_{name}_column_start[{count} + k]] = @ONE@;"
+    stages: tuple[Stage, ...] = (
+        _fill_zero(name, lambda: len(stiff.key) + len(damped.key) + count),
+        *member_loops(model, "position_block", AddBlocks(name, stiff)),
+        *member_loops(model, "rate_block", rates, lambda group: group.member_class.damping != ABSENT),
+        ScaleRows(model, name, (0, count), turn=True),
+        ScaleRows(model, name, (count, 2 * count), turn=True, skip=1),
+        Statements.loop("k", count, [one]),
+    )
+    return Recipe((2 * count, 2 * count), stages, find_pattern=pattern)
+
+
+MATRICES: Mapping[str, Callable[[TableModel], Recipe]] = {
+    "mass_matrix": _mass_matrix,
+    "material_stiffness": _member_matrix("material_stiffness", "material_block"),
+    "geometric_stiffness": _member_matrix("geometric_stiffness", "geometric_block"),
+    "tangent_stiffness": _member_matrix("tangent_stiffness", "tangent_block"),
+    "damping_matrix": _member_matrix("damping_matrix", "rate_block", damped=True),
+    "equilibrium_matrix": _equilibrium_matrix,
+    "state_jacobian": _state_jacobian,
+    "rest_length_jacobian": _rest_length_jacobian,
+}

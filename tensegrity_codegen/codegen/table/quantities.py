@@ -1,0 +1,132 @@
+"""Which quantities loops over tables serve, and of which stages each is made.
+
+To add one: a builder here, from stages that exist or a new one (see stage.Stage); where members contribute
+something new, a kernel in symbolic/member_kernel.py and a sink (see loops.Sink).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
+from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
+from tensegrity_codegen.codegen.table.function import Recipe
+from tensegrity_codegen.codegen.table.loops import AddToNodes, AddUp, StoreForMembers, member_loops
+from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
+from tensegrity_codegen.codegen.table.matrices import MATRICES
+from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
+from tensegrity_codegen.codegen.table.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.stage import Stage
+from tensegrity_codegen.codegen.table.text import Statements
+from tensegrity_codegen.codegen.table.work import ExternalWork
+
+__all__ = ["BUILDERS"]
+
+
+def _of_members(kernel: str, quantity: str, size: int | None = None) -> Callable[[TableModel], Recipe]:
+    def build(model: TableModel) -> Recipe:
+        count = model.structure.n_members
+        shape = (count, 1) if size else (model.n_axes, count)
+        return Recipe(shape, tuple(member_loops(model, kernel, StoreForMembers(quantity))))
+
+    return build
+
+
+def _forces(model: TableModel, index: IntArray, target: str, pull: str) -> list[Stage]:
+    """Return the stages that fill `target` with the net force on the components `index` >= 0."""
+    return [
+        FillForces(ExternalForce(model, index), target),
+        *member_loops(model, pull, AddToNodes(target, index)),
+    ]
+
+
+def _node_force(model: TableModel) -> Recipe:
+    count, n_axes = model.structure.n_nodes, model.n_axes
+    index = np.arange(count * n_axes).reshape(count, n_axes)
+    return Recipe((n_axes, count), tuple(_forces(model, index, "node_force", "pull")))
+
+
+def _node_residual(model: TableModel) -> Recipe:
+    stages = _forces(model, model.coordinate, "node_residual", "static_pull")
+    return Recipe((model.n_coordinates, 1), tuple(stages))
+
+
+def _support_reaction(model: TableModel) -> Recipe:
+    count = int((~model.free).sum())
+    if not count:
+        return Recipe((0, 1), ())
+    name = "support_reaction"
+    turn = Statements.loop("k", count, [f"{name}[k] = -{name}[k];"])
+    return Recipe((count, 1), (*_forces(model, model.anchored, name, "static_pull"), turn))
+
+
+def _accelerations(model: TableModel, target: str) -> list[Stage]:
+    check_mass(model)
+    return [
+        *_forces(model, model.coordinate, target, "pull"),
+        DivideByMass(model, target),
+        SolveCoupled(model, target),
+    ]
+
+
+def _acceleration(model: TableModel) -> Recipe:
+    return Recipe((model.n_coordinates, 1), tuple(_accelerations(model, "acceleration")))
+
+
+def _state_derivative(model: TableModel) -> Recipe:
+    count = model.n_coordinates
+    copy = Statements.loop("k", count, ["state_derivative[k] = velocity[k];"], arguments=("velocity",))
+    slope = f"@REAL@ *TENSEGRITY_RESTRICT const slope = state_derivative + {count};"
+    return Recipe((2 * count, 1), (copy, *_accelerations(model, "slope")), before=(slope,))
+
+
+def _energy(*parts: str) -> Callable[[TableModel], Recipe]:
+    """Return the builder of an energy whose parts are elastic, kinetic or work, which is taken off."""
+
+    def build(model: TableModel) -> Recipe:
+        stages: list[Stage] = []
+        for part in parts:
+            stages += PARTS[part](model)
+        before = tuple(f"@REAL@ {part} = @ZERO@;" for part in parts)
+        text = {
+            ("elastic",): "elastic",
+            ("kinetic",): "kinetic",
+            ("elastic", "work"): "elastic - work",
+            ("kinetic", "elastic", "work"): "kinetic + (elastic - work)",
+        }[parts]
+        return Recipe((1, 1), tuple(stages), before, (f"*{QUANTITY_OF[parts]} = {text};",))
+
+    return build
+
+
+QUANTITY_OF = {
+    ("elastic",): "elastic_energy",
+    ("kinetic",): "kinetic_energy",
+    ("elastic", "work"): "potential_energy",
+    ("kinetic", "elastic", "work"): "total_energy",
+}
+
+PARTS: Mapping[str, Callable[[TableModel], list[Stage]]] = {
+    "elastic": lambda model: list(member_loops(model, "energy", AddUp("elastic"))),
+    "kinetic": lambda model: [KineticEnergy(model, "kinetic")],
+    "work": lambda model: [ExternalWork(model, "work")],
+}
+
+BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
+    "member_vector": _of_members("vector", "member_vector"),
+    "member_length": _of_members("length", "member_length", 1),
+    "member_tension": _of_members("tension", "member_tension", 1),
+    "force_density": _of_members("density", "force_density", 1),
+    "node_force": _node_force,
+    "node_residual": _node_residual,
+    "support_reaction": _support_reaction,
+    "cable_force": cable_force,
+    "member_law": member_law,
+    **{name: _energy(*parts) for parts, name in QUANTITY_OF.items()},
+    "acceleration": _acceleration,
+    "state_derivative": _state_derivative,
+    **MATRICES,
+    "member_extension": _of_members("extension", "member_extension", 1),
+}

@@ -1,0 +1,69 @@
+"""Peers on a case, each in a process of its own, since some do not come back."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.studies.stability.cases import Case
+from tensegrity_codegen.studies.stability.own import SAMPLES, Ending
+from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.work_precision.peers import peer_contenders
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+
+__all__ = ["PEER_STEP", "list_peers", "run_peer"]
+
+PEER_STEP = 1e-3  # of the time span, for those who take a step and no tolerance
+
+
+def list_peers() -> bool:
+    """Return whether processes can be made as peers need them."""
+    return "fork" in multiprocessing.get_all_start_methods()
+
+
+def run_peer(case: Case, name: str, limit: float) -> Ending:
+    """Return how the peer of that name ends on a case; states are node coordinates (n_t, n_coordinates)."""
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_answer, args=(case, name, sender))
+    started = time.monotonic()
+    child.start()
+    sender.close()
+    try:
+        status, message, state = receiver.recv() if receiver.poll(limit) else _over_time(limit)
+    except EOFError:
+        status, message, state = "crashed", "its process ended without a word", np.zeros((0, 0))
+    seconds = time.monotonic() - started
+    child.kill()
+    child.join()
+    return Ending(status, message, state, seconds)
+
+
+def _over_time(limit: float) -> tuple[str, str, NDArray[np.float64]]:
+    return "over time", f"stopped after {limit:g} s", np.zeros((0, 0))
+
+
+def _answer(case: Case, name: str, sender: Any) -> None:
+    try:
+        run = _run(case, name)
+        places = case.structure.coordinate_node_axis
+        state = run.node_position[:, places[:, 0], places[:, 1]]
+        sender.send((run.status, run.message, state))
+    except Unavailable as error:
+        sender.send(("not able", str(error), np.zeros((0, 0))))
+    except Exception as error:  # whatever a peer raises is its way to stop
+        sender.send(("error", f"{type(error).__name__}: {error}"[:200], np.zeros((0, 0))))
+
+
+def _run(case: Case, name: str) -> Run:
+    problem = MotionProblem(case.structure, np.linspace(0.0, case.t_end, SAMPLES), False)
+    makers: dict[str, Callable[[], Contender]] = dict(peer_contenders(problem))
+    contender = makers[name]()
+    setting = PEER_STEP if contender.kind == "step" else min(case.rtol, 0.1)
+    contender.prepare(setting)
+    return contender.run(setting)()

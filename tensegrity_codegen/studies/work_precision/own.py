@@ -1,0 +1,120 @@
+"""Our own contenders: every formulation that a structure allows, every integrator that it can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory, simulation_quantities
+from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+
+__all__ = ["ADAPTIVE", "STEPS", "TOLERANCES", "compile_problem", "own_contenders", "place_samples"]
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCES = tuple(10.0**-k for k in range(2, 13))
+STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
+ADAPTIVE = ("rk54", "rk853")
+FIXED = ("rk4",)
+ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
+
+# Name -> formulation and options. The last two are for bars that have a stiffness.
+FORMULATIONS: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "node_position": ("node_position", {}),
+    "node_distance": ("node_distance", {}),
+    "rigid_bar": ("rigid_bar", {}),
+    "rigid_bar, all bars": ("rigid_bar", {"bars": "all"}),
+    "rigid_bar, corrected": ("rigid_bar", {"bars": "all", "correction": "first_order"}),
+}
+
+
+def own_contenders(
+    problem: MotionProblem, *, flags: str, compiler: str | None
+) -> Iterator[tuple[str, Callable[[], Contender]]]:
+    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""
+    for title in FORMULATIONS:
+        for method in (*ADAPTIVE, *FIXED):
+            yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
+
+
+def compile_problem(
+    problem: MotionProblem, title: str, integrator: str, flags: str, compiler: str | None
+) -> CompiledModel:
+    """Return the model of a problem in one of FORMULATIONS; Unavailable where the structure has it not."""
+    formulation, options = FORMULATIONS[title]
+    rigid = problem.structure.is_rigid
+    if rigid.any() != (title == "rigid_bar") and not options:
+        raise Unavailable("has rigid bars" if rigid.any() else "has no rigid bars")
+    if options and not problem.structure.is_bar.any():
+        raise Unavailable("has no bars")
+    extra = ("consistent_coordinate", "consistent_velocity") if formulation == "rigid_bar" else ()
+    request = ModelRequest(
+        (*simulation_quantities(formulation), *extra),
+        formulation=formulation,
+        integrators=(integrator,),
+        options=options,
+    )
+    try:
+        return build_library(problem.structure, request, compiler=compiler, flags=flags).load()
+    except TensegrityError as error:
+        raise Unavailable(error.problem) from error
+
+
+def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler: str | None) -> Contender:
+    model = compile_problem(problem, title, method, flags, compiler)
+    state = initial_state(model)
+    fixed = method in FIXED
+
+    def run(setting: float) -> Callable[[], Run]:
+        step = setting * problem.t_end if fixed else None
+        raw = _integrate(model, method, state, problem.sample_time, setting, step)
+        return lambda: _look(model, raw)
+
+    settings = STEPS if fixed else TOLERANCES
+    kind = "step" if fixed else "tolerance"
+    return Contender(f"{title}, {method}", "own", title, method, kind, settings, run)
+
+
+def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
+    """Return a run with the status that a simulation gives it, which looks at the energy too."""
+    found = evaluate_trajectory(model, raw, {})
+    return Run(
+        node_position=found.node_position,
+        status=found.status,
+        message=found.message,
+        n_steps=raw.n_steps,
+        n_evaluations=raw.n_evaluations,
+        energy_drift=None if found.energy_drift is None else float(np.ptp(found.total_energy)),
+    )
+
+
+def _integrate(
+    model: CompiledModel, method: str, state: FloatArray, times: FloatArray, rtol: float, step: float | None
+) -> RawTrajectory:
+    """Return the samples of one of our methods, without what `simulate` computes from them."""
+    if step is not None:
+        return integrate_rk4(model, state, times, step)
+    return integrate_adaptive(method, model, state, times, rtol, ATOL_OF_RTOL * rtol)
+
+
+def initial_state(model: CompiledModel) -> FloatArray:
+    """Return the scene's own state (n_states,), brought onto the constraints of the model."""
+    return np.concatenate(make_consistent(model, model.nominal("coordinate"), model.nominal("velocity"), {}))
+
+
+def place_samples(model: CompiledModel, raw: RawTrajectory) -> FloatArray:
+    """Return node positions (n_t, n_nodes, 3) [m] of the samples that a run reached."""
+    n = raw.state.shape[1] // 2
+    return np.stack([place_nodes(model, state[:n]) for state in raw.state])

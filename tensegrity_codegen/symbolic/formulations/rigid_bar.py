@@ -1,0 +1,257 @@
+"""Formulation `rigid_bar`: free node coordinates, bars that keep their length exactly.
+
+H q'' = f - J^T lambda,  g_b = (d_b . d_b - l_b^2) / 2 = 0,  J = dg/dq
+S lambda = J H^-1 f + |d_b'|^2 - (l_b l_b'' + l_b'^2),  S = J H^-1 J^T;  t_b = lambda_b |d_b|
+
+H is constant. S is diagonal in class-1 structures, so that every multiplier is a closed form; elsewhere its
+sparse LDL^T is part of the code. Lengths are constant (l' = 0), or follow the tension to first order.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from tensegrity_codegen.request import ModelRequest, complete_options
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.bar_constraints import BarConstraints
+from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.symbolic.interference import build_bar_quantities
+from tensegrity_codegen.symbolic.jacobians import by_inputs, by_parameters
+from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
+from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
+from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, find_rigid_bars
+
+__all__ = ["build_rigid_bar"]
+
+Scalar = Any
+Vector = list[Scalar]
+
+
+def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicModel:
+    """Return the symbolic model of `structure` with rigid bars.
+
+    Options: bars "without_stiffness" or "all"; correction "none" or "first_order" (of bars that have a
+    stiffness). Raises FormulationError where no bar is rigid, where bars' lengths contradict or repeat each
+    other, or where the stiffness of a rigid bar shall change at run time.
+    """
+    options = complete_options("rigid_bar", request.options)
+    rigid = find_rigid_bars(structure, request)
+    check_rigid_bars(structure, rigid, request.parameters)
+    values = {name: np.where(rigid, 0.0, getattr(structure, name)) for name in ELASTIC}
+    arguments = SymbolicArguments(structure.with_changes(**values), request.parameters)
+    parts = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
+    words = {"constraint_residual": ("m", "Lengths of the rigid bars minus what they are kept at.")}
+    return SymbolicModel(
+        "rigid_bar", structure, frame_structure(structure), arguments.ordered(), parts.builders(), words
+    )
+
+
+ELASTIC = ("spring_constant", "axial_stiffness", "damping")
+
+
+class _RigidBar(NodeCoordinates):
+    """All expressions of one structure; every intermediate is built once, when first needed.
+
+    structure: as in the scene, with the stiffness of its rigid bars; bars: their indices.
+    """
+
+    def __init__(
+        self, structure: Structure, arguments: SymbolicArguments, bars: list[int], options: dict[str, str]
+    ) -> None:
+        super().__init__(arguments.structure, arguments)
+        self.elastic = structure
+        self.bars = bars
+        self.is_corrected = options["correction"] == "first_order"
+        self.keeps_scene_lengths = options["bars"] == "all" and not self.is_corrected
+        self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
+
+    def builders(self) -> dict[str, Any]:
+        """Return quantity name -> builder."""
+        members = self.members
+        return {
+            "member_vector": members.member_vector,
+            "member_length": members.member_length,
+            "member_tension": self.member_tension,
+            "force_density": self.force_density,
+            "member_extension": members.member_extension,
+            "cable_margin": members.cable_margin,
+            "node_force": self.node_force,
+            "elastic_energy": members.elastic_energy,
+            "potential_energy": self.potential_energy,
+            "kinetic_energy": self.kinetic_energy,
+            "total_energy": self.total_energy,
+            "energy_rate": self.energy_rate,
+            "acceleration": self.acceleration,
+            "state_derivative": self.state_derivative,
+            "mass_matrix": self.mass_matrix,
+            "state_jacobian": self.state_jacobian,
+            "input_jacobian": lambda: by_inputs(self.acceleration(), self.arguments),
+            "parameter_jacobian": lambda: by_parameters(self.acceleration(), self.arguments),
+            "constraint_residual": self.constraint_residual,
+            "consistent_coordinate": self.consistent_coordinate,
+            "consistent_velocity": self.consistent_velocity,
+            "multiplier": lambda: self.multipliers,
+            "rigidity_error": self.rigidity_error,
+            **self.mixed_form(),
+            **build_bar_quantities(self.bar_pairs, self.q),
+        }
+
+    def mixed_form(self) -> dict[str, Any]:
+        """Return what the mixed form takes; a spring constant of zero means that a length is kept."""
+        if self.is_corrected:
+            return {}
+        kept = dict(zip(self.bars, self.lengths, strict=True))
+        rest = self.arguments.rest_length
+        laws = [(e, kept.get(e, rest[e])) for e in range(len(self.ends))]
+        return {
+            "cable_force": self.cable_force,
+            "member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws]),
+        }
+
+    # Constraints
+
+    @cached_property
+    def constraints(self) -> BarConstraints:
+        return BarConstraints(self.structure, self.bars, self.map, self.inverse_mass)
+
+    @cached_property
+    def vectors(self) -> list[Vector]:
+        return [self.members.vectors[e] for e in self.bars]
+
+    @cached_property
+    def jacobian(self) -> ca.SX:
+        return self.constraints.jacobian(self.vectors)
+
+    @cached_property
+    def matrix(self) -> ca.SX:
+        return self.constraints.matrix(self.jacobian)
+
+    @cached_property
+    def rigid_multipliers(self) -> ca.SX:
+        """Multipliers of bars of constant length, (n_bars, 1) [N/m]: force densities, positive in tension."""
+        rates = [self.members.vector_rates[e] for e in self.bars]
+        speed = ca.vertcat(*[dot(rate, rate) for rate in rates])
+        return self.constraints.solve(self.matrix, ca.mtimes(self.jacobian, self.free_acceleration()) + speed)
+
+    @cached_property
+    def multipliers(self) -> ca.SX:
+        """Multipliers lambda, (n_bars, 1) [N/m]."""
+        if not self.is_corrected:
+            return self.rigid_multipliers
+        kept = ca.vertcat(*self.lengths)
+        pull = kept * self.length_accelerations + self.length_rates * self.length_rates
+        return self.rigid_multipliers - self.constraints.solve(self.matrix, pull)
+
+    def acceleration(self) -> ca.SX:
+        return self.free_acceleration() - self.constraints.move(self.jacobian, self.multipliers)
+
+    def state_derivative(self) -> ca.SX:
+        return ca.vertcat(self.v, self.acceleration())
+
+    def state_jacobian(self) -> ca.SX:
+        return ca.jacobian(self.state_derivative(), ca.vertcat(self.q, self.v))
+
+    # Lengths that bars are kept at: constant, or rest length + tension / mu to first order
+
+    @cached_property
+    def mu(self) -> ca.SX:
+        """Spring constants of the rigid bars in the scene, (n_bars, 1) [N/m]; zero where they have none."""
+        of = self.elastic
+        return ca.SX((of.spring_constant + of.axial_stiffness / of.rest_length)[self.bars])
+
+    @cached_property
+    def stretch(self) -> ca.SX:
+        """First-order stretch t / mu of rigid bars, (n_bars, 1) [m]; zero where they have no stiffness."""
+        lengths = ca.vertcat(*[self.members.lengths[e] for e in self.bars])
+        parts = [
+            self.rigid_multipliers[b] * lengths[b] / self.mu[b] if not self.mu[b].is_zero() else ca.SX(0.0)
+            for b in range(len(self.bars))
+        ]
+        return ca.vertcat(*parts)
+
+    @cached_property
+    def lengths(self) -> list[Scalar]:
+        if self.keeps_scene_lengths:
+            kept = np.where(self.elastic.is_rigid, self.elastic.rest_length, self.elastic.member_length())
+            return [ca.SX(float(kept[e])) for e in self.bars]
+        rest = [self.arguments.rest_length[e] for e in self.bars]
+        if not self.is_corrected:
+            return rest
+        return [rest[b] + self.stretch[b] for b in range(len(self.bars))]
+
+    @cached_property
+    def rigid_acceleration(self) -> ca.SX:
+        return self.free_acceleration() - self.constraints.move(self.jacobian, self.rigid_multipliers)
+
+    def _along_motion(self, expression: ca.SX) -> ca.SX:
+        """Return d/dt of an expression of (q, q') along the motion with rigid bars."""
+        state, rate = ca.vertcat(self.q, self.v), ca.vertcat(self.v, self.rigid_acceleration)
+        return ca.densify(ca.jtimes(expression, state, rate))
+
+    @cached_property
+    def length_rates(self) -> ca.SX:
+        if not self.is_corrected:
+            return ca.SX.zeros(len(self.bars), 1)
+        return self._along_motion(self.stretch)
+
+    @cached_property
+    def length_accelerations(self) -> ca.SX:
+        return self._along_motion(self.length_rates)
+
+    def constraint_residual(self) -> ca.SX:
+        lengths = [self.members.lengths[e] for e in self.bars]
+        return ca.vertcat(*[length - kept for length, kept in zip(lengths, self.lengths, strict=True)])
+
+    def consistent_coordinate(self) -> ca.SX:
+        return self.constraints.project_position(self.q, self.arguments.position, self.lengths)
+
+    def consistent_velocity(self) -> ca.SX:
+        rates = [kept * self.length_rates[b] for b, kept in enumerate(self.lengths)]
+        return self.constraints.project_velocity(self.arguments.position, self.v, rates)
+
+    def rigidity_error(self) -> ca.SX:
+        """Return what the model neglects of the bars' lengths: stretch, or the inertia of its change."""
+        if not self.is_corrected:
+            return ca.fabs(self.stretch)
+        square = ca.vertcat(*[dot(d, d) for d in self.vectors])
+        lag = square * self._along_motion(self._along_motion(self.stretch)) / ca.diag(self.matrix)
+        parts = [
+            ca.fabs(lag[b] / self.mu[b]) if not self.mu[b].is_zero() else ca.SX(0.0)
+            for b in range(len(self.bars))
+        ]
+        return ca.vertcat(*parts)
+
+    # Forces
+
+    def member_tension(self) -> ca.SX:
+        tensions = [law.tension() for law in self.members.laws]
+        for b, e in enumerate(self.bars):
+            tensions[e] = self.multipliers[b] * self.members.lengths[e]
+        return ca.vertcat(*tensions)
+
+    def force_density(self) -> ca.SX:
+        densities = list(self.members.densities)
+        for b, e in enumerate(self.bars):
+            densities[e] = self.multipliers[b]
+        return ca.vertcat(*densities)
+
+    def node_force(self) -> ca.SX:
+        force = [list(row) for row in self.net_force]
+        for b, (i, j) in enumerate(self.constraints.ends):
+            pull = [self.multipliers[b] * component for component in self.vectors[b]]
+            force[i] = [f - p for f, p in zip(force[i], pull, strict=True)]
+            force[j] = [f + p for f, p in zip(force[j], pull, strict=True)]
+        return ca.horzcat(*[ca.vertcat(*row) for row in force])
+
+    def energy_rate(self) -> Scalar:
+        """Return minus the power of damping, -sum (t - t_static) l' [W]."""
+        power = ca.SX(0.0)
+        for e in self.members.damped:
+            law = self.members.laws[e]
+            power = power - (law.tension() - law.static_tension()) * law.rate
+        return power

@@ -1,0 +1,129 @@
+"""What all formulations in free node coordinates share: places, members, masses, weights, energies."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.symbolic.geometry import dot, member_vector
+from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
+from tensegrity_codegen.symbolic.member_set import MemberSet
+from tensegrity_codegen.symbolic.scatter import CoordinateMap
+
+__all__ = ["NodeCoordinates"]
+
+Scalar = Any
+Vector = list[Scalar]
+
+
+class NodeCoordinates:
+    """Expressions of one structure in its free node coordinates; each is built once, when first needed."""
+
+    def __init__(self, structure: Structure, arguments: SymbolicArguments) -> None:
+        self.structure = structure
+        self.arguments = arguments
+        self.map = CoordinateMap(structure)
+        self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
+        self.members = MemberSet(
+            structure, arguments, self._differences(arguments.position), self._differences(arguments.velocity)
+        )
+
+    def bar_pairs(self) -> BarPairs:
+        """Return the pairs of bars whose distance can be asked for."""
+        return pair_members(self.structure, self.arguments.position)
+
+    def _differences(self, vectors: list[Vector]) -> list[Vector]:
+        return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]
+
+    # Nodes
+
+    @cached_property
+    def inertia(self) -> Inertia:
+        """Mass matrix over the nodes."""
+        return Inertia(self.structure, self.arguments.node_mass)
+
+    @cached_property
+    def external_force(self) -> list[Vector]:
+        """Weight and load on every node [N]."""
+        return self.members.node_load(self.inertia.weight_mass())
+
+    @cached_property
+    def net_force(self) -> list[Vector]:
+        """Weight, load and member forces on every node [N]."""
+        return self.members.add_to(self.external_force, self.members.densities)
+
+    # Two-sided members apart from the others, for integrators whose unknowns their tensions are
+
+    def cable_force(self) -> ca.SX:
+        """Return the force of weights, loads and cables on the free coordinates, (n_coordinates, 1) [N]."""
+        zero = ca.SX(0.0)
+        densities = [member.density if member.tension_only else zero for member in self.members.members]
+        return self.map.free(self.members.add_to(self.external_force, densities))
+
+    def member_law(self) -> ca.SX:
+        """Return rest length, spring constant, damping and anchored part of d_e, (3 + n_axes, n_members)."""
+        return ca.horzcat(*[self._law(e, self.members.laws[e].rest_length) for e in range(len(self.ends))])
+
+    def _law(self, e: int, rest_length: Scalar) -> ca.SX:
+        held = self.structure.node_anchored[:, list(self.structure.axes)]
+        position, zero, law = self.arguments.position, ca.SX(0.0), self.members.laws[e]
+        ends = [
+            [p if fixed else zero for p, fixed in zip(position[node], held[node], strict=True)]
+            for node in self.ends[e]
+        ]
+        return ca.vertcat(rest_length, law.mu, law.damping, *member_vector(*ends))
+
+    # Energies
+
+    def potential_energy(self) -> Scalar:
+        """Return the strain energy minus the work of weights and loads [J]."""
+        work = ca.SX(0.0)
+        for force, position in zip(self.external_force, self.arguments.position, strict=True):
+            work = work + dot(force, position)
+        return self.members.elastic_energy() - work
+
+    def kinetic_energy(self) -> Scalar:
+        """Return q'^T H q' / 2 [J]."""
+        return self.inertia.kinetic_energy(self.arguments.velocity)
+
+    def total_energy(self) -> Scalar:
+        """Return kinetic plus potential energy [J]."""
+        return self.kinetic_energy() + self.potential_energy()
+
+    # Dynamics
+
+    def mass_matrix(self) -> ca.SX:
+        """Return H, sparse (n_coordinates, n_coordinates) [kg]."""
+        self.inertia.check()
+        return self.map.assemble(
+            (self.inertia.matrix(nodes), self.map.indices(nodes, axis))
+            for axis in self.structure.axes
+            for nodes in self.inertia.groups(axis)
+        )
+
+    @cached_property
+    def inverse_mass(self) -> ca.SX:
+        """H^-1, sparse (n_coordinates, n_coordinates) [1/kg]."""
+        self.inertia.check()
+        return self.map.assemble(
+            (self.inertia.inverse(nodes), self.map.indices(nodes, axis))
+            for axis in self.structure.axes
+            for nodes in self.inertia.groups(axis)
+        )
+
+    def free_acceleration(self) -> ca.SX:
+        """Return H^-1 f of the forces of springs, weights and loads, (n_coordinates, 1) [m/s2]."""
+        self.inertia.check()
+        result: list[Scalar] = [None] * self.map.n_coordinates
+        for column, axis in enumerate(self.structure.axes):
+            for nodes in self.inertia.groups(axis):
+                force = [self.net_force[node][column] for node in nodes]
+                solution = self.inertia.solve(nodes, force)
+                for index, value in zip(self.map.indices(nodes, axis), solution, strict=True):
+                    result[index] = value
+        return ca.vertcat(*result)

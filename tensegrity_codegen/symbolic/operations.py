@@ -1,0 +1,14 @@
+"""How much work a function is."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+__all__ = ["count_operations"]
+
+
+def count_operations(function: ca.Function) -> int:
+    """Return the number of floating-point operations in one evaluation of an SX function."""
+    codes = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
+    count = function.n_instructions()
+    return sum(function.instruction_id(k) not in codes for k in range(count))

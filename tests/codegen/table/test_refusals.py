@@ -1,0 +1,74 @@
+"""What loops over tables do not serve is refused by name, with what to do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
+from tests.runtime.build import bar, make_structure, prism, spring
+from tests.test_golden import EXAMPLES
+
+
+def refuse(structure: Structure, request: ModelRequest) -> FormulationError:
+    with pytest.raises(FormulationError) as caught:
+        emit(structure, replace(request, emitter="table"))
+    return caught.value
+
+
+def test_a_quantity_without_loops_is_refused_with_emitter_and_name() -> None:
+    error = refuse(prism(), ModelRequest(("bar_distance",)))
+    assert "'table'" in str(error)
+    assert error.given == "bar_distance"
+    assert 'emitter = "unrolled"' in error.hint
+    assert "node_force" in error.allowed
+
+
+def test_another_formulation_is_refused() -> None:
+    error = refuse(prism(), ModelRequest(("acceleration",), formulation="node_distance"))
+    assert error.given == "formulation 'node_distance'"
+    assert error.where.endswith("model.emitter")
+
+
+def test_bodies_are_refused() -> None:
+    structure, request = load_scene(next(path for path in EXAMPLES if path.stem == "svd_tower"))
+    assert not isinstance(structure, Structure)
+    with pytest.raises(FormulationError) as caught:
+        emit(structure, replace(request, emitter="table"))
+    assert caught.value.given == "formulation 'bodies'"
+
+
+def test_rigid_bars_and_bare_nodes_are_refused_as_everywhere() -> None:
+    rigid = make_structure([[0, 0, 0], [1, 0, 0]], [bar(0, 1, 1.0, mu=0.0)])
+    assert "rigid bars" in refuse(rigid, ModelRequest(("member_tension",))).problem
+    bare = make_structure(
+        [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [spring(0, 1, 0.9), spring(1, 2, 0.9)], mass=[1.0, 0.0, 1.0]
+    )
+    assert refuse(bare, ModelRequest(("acceleration",))).given == "no mass at n1"
+
+
+def test_what_nothing_enters_is_refused() -> None:
+    error = refuse(prism(), ModelRequest(("support_reaction",)))
+    assert "empty" in error.problem
+
+
+def coupled() -> Structure:
+    members = [bar(0, 1, 1.0, mass=0.3), bar(1, 2, 1.0, mass=0.2), spring(0, 2, 1.9)]
+    return make_structure([[0, 0, 0], [1, 0, 0], [2, 0, 0.1]], members, mass=[1.0, 0.5, 1.0])
+
+
+def test_jacobians_of_coupled_nodes_are_refused_and_say_so() -> None:
+    for quantity in ("state_jacobian", "rest_length_jacobian"):
+        error = refuse(coupled(), ModelRequest((quantity,)))
+        assert quantity in error.problem
+        assert error.given == "2 pairs of coupled nodes"
+
+
+def test_masses_of_coupled_nodes_stay_constants() -> None:
+    error = refuse(coupled(), ModelRequest(("acceleration",), parameters={"node_mass": (1,)}))
+    assert (error.where, error.given) == ("small: parameters.node_mass", "n1")

@@ -1,0 +1,266 @@
+"""Batch functions in C: bit-equal to single evaluations, refusals by status, nothing outside the arrays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.codegen import batch
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.request import ModelRequest
+from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
+from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.subjects import bare, everything
+from tests.runtime.build import bar, make_structure, prism
+
+COUNTS = (0, 1, 7, 8, 9, 17)
+
+HEAD = """\
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "{name}.h"
+
+static int worst = 0;
+
+static void expect(int holds, const char *what, int n)
+{{
+  if (!holds) {{
+    printf("%s, n = %d\\n", what, n);
+    worst = 1;
+  }}
+}}
+
+/* Rows of the nominal values, each a little different; as long as needed, for the sanitizers to see. */
+static {real} *rows(const {real} *nominal, int size, int n)
+{{
+  {real} *values = ({real} *)malloc((size_t)(n * size + 1) * sizeof({real}));
+  int k;
+  values = ({real} *)realloc(values, (size_t)(n * size > 0 ? n * size : 1) * sizeof({real}));
+  for (k = 0; k < n * size; ++k) {{
+    values[k] = nominal[k % size] * (({real})1 + ({real})1e-4 * ({real})(k % 37));
+  }}
+  return values;
+}}
+"""
+
+# One block a function: batch against single, then a NaN in the middle, then what is refused.
+BLOCK = """
+static void check_{quantity}(int n)
+{{
+  {rows}
+  {real} *result = ({real} *)malloc((size_t)(n > 0 ? n : 1) * {size} * sizeof({real}));
+  {real} one[{size}];
+  int *status = (int *)malloc((size_t)(n > 0 ? n : 1) * sizeof(int));
+  int k, answer = {symbol}_batch(n, {given}result, status);
+  expect(answer == 0, "{quantity}: status", n);
+  for (k = 0; k < n; ++k) {{
+    expect({symbol}({element}one) == 0 && status[k] == 0, "{quantity}: status of an element", k);
+    expect(memcmp(one, result + k * {size}, sizeof one) == 0, "{quantity}: bits", k);
+  }}
+  if (n > 4) {{
+    {first}[{first_size} * 4 + {first_size} - 1] = NAN;
+    answer = {symbol}_batch(n, {given}result, status);
+    expect(answer == {NAME}_NON_FINITE_INPUT, "{quantity}: status of a bad batch", n);
+    for (k = 0; k < n; ++k) {{
+      expect(status[k] == {symbol}({element}one), "{quantity}: status beside a bad one", k);
+      expect(k == 4 ? isnan(result[4 * {size}]) && isnan(result[5 * {size} - 1])
+                    : memcmp(one, result + k * {size}, sizeof one) == 0,
+             "{quantity}: bits beside a bad one", k);
+    }}
+    expect({symbol}_batch(n, {given}result, NULL) == answer, "{quantity}: without statuses", n);
+    {shared}
+  }}
+  expect({symbol}_batch(-1, {given}result, status) == {NAME}_INVALID_ARGUMENT, "{quantity}: negative n", n);
+  expect({symbol}_batch(n, {overlapping}result, status) == {overlap}, "{quantity}: overlap", n);
+  expect({symbol}_batch(n, {given}NULL, status) == {NAME}_NULL_POINTER, "{quantity}: no result", n);
+  expect({symbol}_batch(n, {missing}result, status) == {NAME}_NULL_POINTER, "{quantity}: no argument", n);
+  {free}
+  free(result);
+  free(status);
+}}
+"""
+
+SHARED = """answer = {symbol}_batch(n, {all_shared}result, status);
+    expect(answer == 0, "{quantity}: shared status", n);
+    for (k = 0; k < n; ++k) {{
+      expect({symbol}({nominal}one) == 0, "{quantity}: single", k);
+      expect(memcmp(one, result + k * {size}, sizeof one) == 0, "{quantity}: shared", k);
+    }}"""
+
+
+def check_function(manifest: Manifest, spec: FunctionSpec) -> str:
+    sizes = {name: len(manifest.argument(name).nominal) for name in spec.arguments}
+    first = spec.arguments[0]
+    names = {
+        "NAME": manifest.name.upper(),
+        "quantity": spec.quantity,
+        "symbol": spec.symbol,
+        "real": "float" if manifest.precision == "single" else "double",
+        "size": len(spec.pattern.row) if spec.pattern else max(1, _product(spec.shape)),
+        "rows": "".join(
+            f"{'float' if manifest.precision == 'single' else 'double'} *{a} = "
+            f"rows({manifest.name}_nominal_{a}, {n}, n);\n  "
+            for a, n in sizes.items()
+        ),
+        "given": "".join(f"{a}, {n}, " for a, n in sizes.items()),
+        "element": "".join(f"{a} + k * {n}, " for a, n in sizes.items()),
+        "overlapping": "".join(f"{a}, {n - 1}, " for a, n in sizes.items()),
+        "overlap": 0 if max(sizes.values()) == 1 else f"{manifest.name.upper()}_INVALID_ARGUMENT",
+        "missing": "".join(f"NULL, {n}, " for n in sizes.values()),
+        "nominal": "".join(f"{manifest.name}_nominal_{a}, " for a in sizes),
+        "all_shared": "".join(f"{manifest.name}_nominal_{a}, 0, " for a in sizes),
+        "first": first,
+        "first_size": sizes[first],
+        "free": "".join(f"free({a});\n  " for a in sizes),
+    }
+    return BLOCK.format(**names, shared=SHARED.format(**names))
+
+
+def _product(shape: tuple[int, ...]) -> int:
+    result = 1
+    for size in shape:
+        result *= size
+    return result
+
+
+def format_batch_driver(manifest: Manifest) -> str:
+    """Return a C program that checks every batch function against the single one; 0 if all is well."""
+    real = "float" if manifest.precision == "single" else "double"
+    functions = [spec for spec in manifest.functions if spec.arguments]
+    blocks = "".join(check_function(manifest, spec) for spec in functions)
+    calls = "".join(f"  check_{spec.quantity}({n});\n" for spec in functions for n in COUNTS)
+    main = f"\nint main(void)\n{{\n{calls}  return worst;\n}}\n"
+    return HEAD.format(name=manifest.name, real=real) + blocks + main
+
+
+def lane_request(request: ModelRequest, width: int, **changes: str) -> ModelRequest:
+    plain = replace(request, integrators=(), solvers=())
+    return replace(plain, batch_width=width, **changes)  # type: ignore[arg-type]
+
+
+def run_driver(folder: Path, manifest: Manifest, family: str, options: tuple[str, ...]) -> None:
+    compiler = require_compiler(family)
+    write_files(folder, {"driver.c": format_batch_driver(manifest)})
+    command = [*compiler.command, *options, "driver.c", f"{manifest.name}.c", "-o", "driver", "-lm"]
+    run(command, folder, compiler)
+    run([str(folder / "driver")], folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_batch_has_the_bits_of_single_evaluations(family: str, tmp_path: Path) -> None:
+    structure, request = everything()
+    source = emit(structure, lane_request(request, 8))
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, family, (*FLAG_SETS["reference"].options, *STRICT))
+
+
+@pytest.mark.parametrize("width", [2, 4, 16, 64])
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_every_width_and_precision_has_the_bits_of_single_evaluations(
+    width: int, precision: str, tmp_path: Path
+) -> None:
+    structure, request = bare()
+    wanted = request.wanting("member_tension", "acceleration", "tangent_stiffness", "total_energy")
+    source = emit(structure, lane_request(wanted, width, precision=precision))
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+
+
+@pytest.mark.parametrize("flags", FLAG_SETS)
+def test_the_sanitizers_find_nothing(flags: str, tmp_path: Path) -> None:
+    compiler = require_compiler("gcc")
+    if not has_sanitizers(compiler, tmp_path):
+        pytest.skip("no sanitizers here")
+    structure, request = bare()
+    wanted = request.wanting("member_tension", "acceleration", "tangent_stiffness")
+    source = emit(structure, lane_request(wanted, 8))
+    folder = write_files(tmp_path / "source", source.files)
+    sanitize = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS[flags].options, *sanitize))
+
+
+def test_a_function_too_long_for_lanes_runs_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    structure, request = bare()
+    shortest = min(spec.operations for spec in emit(structure, request).manifest.functions)
+    monkeypatch.setattr(batch, "MOST_OPERATIONS", shortest)
+    source = emit(structure, lane_request(request, 8))
+    text = source.files["triangle.c"]
+    assert "member_tension_lanes" in text
+    assert "acceleration_lanes" not in text
+    assert "one after the other" in source.files["triangle.h"]
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+
+
+@pytest.mark.parametrize("name", ["MOST_OPERATIONS", "MOST_STACK"])
+def test_without_any_lanes_nothing_of_them_is_left(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, name, 0)
+    structure, request = bare()
+    source = emit(structure, lane_request(request, 8))
+    assert "lanes" not in source.files["triangle.c"]
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+
+
+def test_a_function_of_nothing_fills_every_row(tmp_path: Path) -> None:
+    held = make_structure([[0, 0, 0], [1, 0, 0]], [bar(0, 1, 0.9)], anchored={0: "xyz", 1: "xyz"})
+    source = emit(held, ModelRequest(("member_tension",), batch_width=4))
+    text = """#include "small.h"
+int main(void)
+{
+  double tension[3] = {0.0, 0.0, 0.0}, one[1];
+  int status[3] = {9, 9, 9};
+  small_compute_member_tension(one);
+  if (small_compute_member_tension_batch(3, tension, status) != 0) return 1;
+  return !(tension[0] == one[0] && tension[2] == one[0] && status[0] == 0 && status[2] == 0 && one[0] != 0.0);
+}
+"""
+    folder = write_files(tmp_path / "source", source.files | {"main.c": text})
+    compiler = require_compiler("gcc")
+    run([*compiler.command, "-std=c99", *STRICT, "main.c", "small.c", "-o", "main", "-lm"], folder, compiler)
+    run([str(folder / "main")], folder)
+
+
+def test_what_is_not_asked_for_is_not_there() -> None:
+    structure, request = everything()
+    assert request.batch_width == 0
+    files = emit(structure, request).files
+    assert "batch" not in files["braced.c"] + files["braced.h"]
+    assert "TENSEGRITY_ALIGNED" not in files["braced.c"]
+
+
+@pytest.mark.parametrize("width", [1, 3, 6, 12, 128, -8, True])
+def test_other_widths_are_refused(width: int) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        ModelRequest(("member_tension",), batch_width=width)
+    assert caught.value.where == "model.batch_width"
+    assert caught.value.given == width
+    assert "power of two from 2 to 64" in caught.value.allowed
+
+
+def test_the_table_emitter_runs_one_by_one(tmp_path: Path) -> None:
+    wanted = ModelRequest(("member_tension", "acceleration"), emitter="table", batch_width=8)
+    source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
+    assert "one after the other" in source.files["small.h"]
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
+
+
+def test_the_lanes_emitter_has_the_same_bits_in_a_batch(tmp_path: Path) -> None:
+    wanted = ModelRequest(("member_tension", "node_force"), emitter="lanes", batch_width=8)
+    source = emit(prism(150.0, anchored={0: "xyz"}), wanted)
+    assert "node_force_lanes" in source.files["small.c"]
+    folder = write_files(tmp_path / "source", source.files)
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))

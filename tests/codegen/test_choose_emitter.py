@@ -1,0 +1,103 @@
+"""Which emitter `auto` chooses: the rule on cases, and the facts of scenes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.codegen import choose_emitter as rule
+from tensegrity_codegen.codegen.choose_emitter import EmitterFacts, choose_emitter, find_facts
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure import Structure
+from tests.runtime.build import cable, make_structure, prism, spring
+
+AUTO = ModelRequest(("acceleration",), emitter="auto")
+
+
+def chain(count: int, *, slack: bool = False) -> Structure:
+    """`count` springs (or cables) in a row behind an anchor."""
+    position = np.column_stack([np.arange(count + 1.0), np.zeros((count + 1, 2))])
+    make = cable if slack else spring
+    members = [make(k, k + 1, 0.9) for k in range(count)]
+    return make_structure(position, members, anchored={0: "xyz"}, mass=np.ones(count + 1))
+
+
+def chosen(structure: Subject, request: ModelRequest) -> str:
+    return choose_emitter(find_facts(structure, request)).name
+
+
+@pytest.mark.parametrize(
+    ("facts", "name"),
+    [
+        (EmitterFacts("node_distance", 12), "unrolled"),
+        (EmitterFacts("bodies", 5000), "unrolled"),
+        (EmitterFacts("rigid_bar", 12), "unrolled"),
+        (EmitterFacts("node_position", 12), "unrolled"),
+        (EmitterFacts("node_position", 12, has_vectors=True), "lanes"),
+        (EmitterFacts("node_position", 100, has_vectors=True), "lanes"),
+        (EmitterFacts("node_position", 101, has_vectors=True), "table"),
+        (EmitterFacts("node_position", 101, lacking=("cable_margin",)), "unrolled"),
+        (EmitterFacts("node_position", 400, lacking=("cable_margin",), most_members=400), "unrolled"),
+        (EmitterFacts("node_position", 401, lacking=("cable_margin",), most_members=400), "table"),
+        (EmitterFacts("node_position", 100_000), "table"),
+    ],
+)
+def test_the_rule(facts: EmitterFacts, name: str) -> None:
+    assert choose_emitter(facts).name == name
+
+
+def test_the_reason_names_what_tables_do_not_serve() -> None:
+    choice = choose_emitter(EmitterFacts("node_position", 200, lacking=("cable_margin", "input_jacobian")))
+    assert "cable_margin, input_jacobian" in choice.why
+    assert "200 members" in choice.why
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({}, "lanes"),
+        ({"quantities": ("tangent_stiffness",)}, "lanes"),
+        ({"quantities": ("member_tension", "total_energy")}, "unrolled"),
+        ({"precision": "single"}, "unrolled"),
+        ({"formulation": "rigid_bar"}, "unrolled"),
+    ],
+)
+def test_vectors_are_chosen_where_something_fills_them(changes: dict[str, object], name: str) -> None:
+    assert chosen(prism(), replace(AUTO, **changes)) == name  # type: ignore[arg-type]
+
+
+def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
+    assert chosen(chain(12), AUTO) == "lanes"
+    assert chosen(chain(12).with_changes(axes=(0, 1)), AUTO) == "unrolled"
+    assert chosen(chain(rule.LEAST_VECTORS - 1), AUTO) == "unrolled"
+
+
+def test_events_of_cables_and_jacobians_to_inputs_need_the_unrolled_emitter() -> None:
+    wanted = replace(AUTO, integrators=("rk54",))
+    assert chosen(chain(120), wanted) == "table"
+    assert chosen(chain(120, slack=True), wanted) == "unrolled"
+    assert chosen(chain(120, slack=True), replace(wanted, events=())) == "table"
+    assert chosen(chain(120), replace(AUTO, integrators=("radau",))) == "table"
+    assert chosen(chain(120), replace(AUTO, quantities=("input_jacobian",))) == "unrolled"
+
+
+def test_what_only_tables_can_write_and_do_not_serve_is_refused_by_them() -> None:
+    request = replace(AUTO, quantities=("parameter_jacobian",))
+    with pytest.raises(FormulationError, match="'table'"):
+        emit(chain(MOST_MEMBERS + 1), request)
+
+
+def test_the_manifest_and_the_files_are_those_of_the_emitter_by_name() -> None:
+    for structure, name in ((prism(), "lanes"), (chain(2), "unrolled"), (chain(150), "table")):
+        source = emit(structure, AUTO)
+        assert source.manifest.emitter == name
+        assert source.why_emitter == choose_emitter(find_facts(structure, AUTO)).why
+        by_name = emit(structure, replace(AUTO, emitter=name))
+        assert source.files == by_name.files
+        assert by_name.why_emitter == "asked for by name"

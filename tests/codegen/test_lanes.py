@@ -1,0 +1,163 @@
+"""Four members at a time: the bits of the virtual machine, the statuses of the plain statements."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
+from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, KernelKind, build_kernel
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.structure import Structure
+from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.subjects import all_parameters, everything, offered
+from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
+from tests.compare import dense, run_in_casadi
+from tests.random_structures import make_structure, structures
+
+SLOW = settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
+EVERY_WISH = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
+START = "#if defined(TENSEGRITY_LANES)"
+
+
+def in_space(seed: int, n_nodes: int = 9) -> Structure:
+    return make_structure(np.random.default_rng(seed), n_nodes, (0, 1, 2), dict.fromkeys(EVERY_WISH, True))
+
+
+def in_lanes(structure: Structure, changeable: bool) -> tuple[ModelRequest, dict[str, object]]:
+    parameters = all_parameters(structure) if changeable else {}
+    functions = offered(structure, ModelRequest((), parameters=parameters))
+    wanted = {
+        name: function for name, function in functions.items() if name in FORCE_QUANTITIES or name in BLOCKS
+    }
+    return ModelRequest(tuple(wanted), parameters=parameters, emitter="lanes"), wanted
+
+
+def build(structure: Structure, request: ModelRequest, **how: str) -> CompiledModel:
+    return build_library(structure, request, **how).load()
+
+
+@given(structures(most_nodes=8), st.booleans(), st.integers(0, 2**32 - 1))
+@SLOW
+def test_random_structures_equal_the_virtual_machine(
+    structure: Structure, changeable: bool, seed: int
+) -> None:
+    request, functions = in_lanes(structure, changeable)
+    model = build(structure, request)
+    arguments = arguments_near(model, seed)
+    for name, function in functions.items():
+        assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+
+
+@pytest.mark.parametrize("flags", ["reference", "native"])
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("changeable", [False, True])
+def test_every_compiler_and_both_flag_sets_give_the_same_bits(
+    family: str, flags: str, changeable: bool
+) -> None:
+    require_compiler(family)
+    for seed in (0, 1):
+        structure = in_space(seed)
+        request, functions = in_lanes(structure, changeable)
+        model = build(structure, request, compiler=family, flags=flags)
+        arguments = arguments_near(model, seed)
+        for name, function in functions.items():
+            assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+
+
+@pytest.mark.parametrize("flags", ["reference", "native"])
+def test_every_status_is_that_of_the_unrolled_code(flags: str) -> None:
+    structure = in_space(3)
+    request, _ = in_lanes(structure, True)
+    lanes = build(structure, request, flags=flags)
+    plain = build(structure, replace(request, emitter="unrolled"), flags=flags)
+    for spec in lanes.manifest.functions:
+        assert raw_call(lanes, spec.quantity)[0] == "ok"
+        for name in spec.arguments:
+            for value in (np.nan, np.inf, 1e308):
+                for entry in range(lanes.nominal(name).size):
+                    changed = lanes.nominal(name)
+                    changed.flat[entry] = value
+                    status, result = raw_call(lanes, spec.quantity, **{name: changed})
+                    expected, values = raw_call(plain, spec.quantity, **{name: changed})
+                    assert status == expected, (spec.quantity, name, entry, value)
+                    np.testing.assert_array_equal(result, values)
+
+
+@pytest.mark.parametrize("flags", ["reference", "native"])
+def test_coincident_nodes_are_reported_and_give_nan(flags: str) -> None:
+    structure = in_space(4)
+    i, j = structure.connectivity[0]
+    position = structure.node_position.copy()
+    position[j] = position[i]
+    request = ModelRequest(("node_residual", "acceleration"), emitter="lanes")
+    model = build(structure.with_changes(node_position=position), request, flags=flags)
+    for quantity in request.quantities:
+        status, result = raw_call(model, quantity)
+        assert status == "non_finite_result"
+        assert np.isnan(result).all()
+
+
+def test_a_stiffness_too_large_to_add_up_is_looked_at_entry_by_entry() -> None:
+    structure = in_space(7, 5)
+    stiff = structure.with_changes(
+        spring_constant=np.full(structure.n_members, 1e301), axial_stiffness=np.zeros(structure.n_members)
+    )
+    model = build(stiff, ModelRequest(("material_stiffness",), emitter="lanes"))
+    assert raw_call(model, "material_stiffness")[0] == "ok"
+    huge = stiff.with_changes(spring_constant=np.full(structure.n_members, 1.7e308))
+    model = build(huge, ModelRequest(("material_stiffness",), emitter="lanes"))
+    status, result = raw_call(model, "material_stiffness")
+    assert (status, np.isnan(result).all()) == ("non_finite_result", True)
+
+
+def test_a_slack_cable_pulls_with_exact_zeros() -> None:
+    structure = in_space(5)
+    none = np.zeros(structure.n_members)
+    slack = structure.with_changes(
+        tension_only=none == 0,
+        is_bar=none != 0,
+        member_mass=none,
+        rest_length=2 * structure.member_length(),
+        gravity=np.zeros(3),
+        node_load=np.zeros((structure.n_nodes, 3)),
+        damping=none,
+    )
+    model = build(slack, ModelRequest(("node_force",), emitter="lanes"))
+    np.testing.assert_array_equal(dense(model.compute("node_force")), 0.0)
+
+
+def test_only_forces_in_space_in_doubles_are_written_twice() -> None:
+    structure, request = everything()
+    assert len(structure.axes) == 3 or START not in source_of(structure, request)
+    space = in_space(6)
+    wanted = ModelRequest(("node_residual", "elastic_energy"), emitter="lanes")
+    text = source_of(space, wanted)
+    assert text.count(START) == 1
+    assert START not in source_of(space, replace(wanted, quantities=("elastic_energy",)))
+    assert START not in source_of(space, replace(wanted, emitter="unrolled"))
+    assert START not in source_of(space, replace(wanted, precision="single"))
+
+
+def source_of(structure: Structure, request: ModelRequest) -> str:
+    source = emit(structure, request)
+    return source.files[f"{source.manifest.name}.c"]
+
+
+def test_a_kernel_takes_only_what_its_law_needs() -> None:
+    static = build_kernel(KernelKind(("spring_constant", "rest_length"), True, False), "k")
+    assert static.parameters == ("x", "y", "z", "spring_constant", "rest_length")
+    assert not any("pack_less" in line for line in static.lines)
+    mixed = build_kernel(
+        KernelKind(("spring_constant", "rest_length", "damping"), False, True, is_mixed=True), "k"
+    )
+    assert mixed.parameters[3:6] == ("x_rate", "y_rate", "z_rate")
+    assert mixed.parameters[-1] == "two_sided"
+    assert any("pack_or" in line for line in mixed.lines)

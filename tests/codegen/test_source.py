@@ -1,0 +1,112 @@
+"""Files of a library with many constants: tables in a file of their own, and no second copy for CasADi."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.codegen import source
+from tensegrity_codegen.codegen.emit import GeneratedSource, emit
+from tensegrity_codegen.pipeline import build_library
+from tests.codegen.build_c import STRICT, run, write_files
+from tests.codegen.compilers import FAMILIES, chosen_compiler, require_compiler
+from tests.codegen.subjects import bare, everything
+
+STANDARD = ("-std=c99", "-O2", "-ffp-contract=off")
+
+
+@pytest.fixture(scope="module")
+def apart() -> GeneratedSource:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(source, "MOST_CONSTANTS", 0)
+        return emit(*everything())
+
+
+def test_few_constants_stay_in_the_source() -> None:
+    files = emit(*bare()).files
+    assert [name for name in files if name.endswith(".c")] == [f"{bare()[0].name}.c", "example.c"]
+
+
+def test_many_constants_have_a_file_of_their_own(apart: GeneratedSource) -> None:
+    name = apart.manifest.name
+    code, tables = apart.files[f"{name}.c"], apart.files[f"{name}_tables.c"]
+    for array in ("_nominal_coordinate[", "_coordinate_axis[", "_tangent_stiffness_row["):
+        assert f"{name}{array}" not in code
+        assert f"{name}{array}" in tables
+    assert "_kernel(" not in tables
+    whole = emit(*everything()).files
+    assert f"{name}_tables.c" not in whole
+    assert sorted(whole[f"{name}.c"].split()) == sorted(
+        (code + tables[tables.index('.h"') + 3 :]).split()
+    )  # nothing is lost, nothing is there twice
+    assert whole["manifest.json"] == apart.files["manifest.json"]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_both_files_are_c99_without_a_warning(apart: GeneratedSource, family: str, tmp_path: Path) -> None:
+    compiler = require_compiler(family)
+    folder = write_files(tmp_path / "out", apart.files)
+    for file in (f"{apart.manifest.name}.c", f"{apart.manifest.name}_tables.c"):
+        run([*compiler.command, *STANDARD, *STRICT, "-c", file, "-o", "a.o"], folder, compiler)
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_the_makefile_knows_both_files(apart: GeneratedSource, tmp_path: Path) -> None:
+    one = write_files(tmp_path / "one", emit(*everything()).files)
+    two = write_files(tmp_path / "two", apart.files)
+    printed = []
+    for folder in (one, two):
+        run(["make", chosen_compiler(), "example", f"lib{apart.manifest.name}.so"], folder)
+        printed.append(run([str(folder / "example")], folder).stdout)
+    assert printed[0] == printed[1]
+
+
+def test_a_library_of_two_files_computes_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = build_library(*everything()).load()
+    monkeypatch.setattr(source, "MOST_CONSTANTS", 0)
+    structure, request = everything()
+    other = build_library(structure.with_changes(name="other"), request)
+    assert any(name.endswith("_tables.c") for name in other.entry.files)
+    model = other.load()
+    for quantity in one.quantities:
+        found, expected = model.compute(quantity), one.compute(quantity)
+        if hasattr(found, "data") and hasattr(found, "indices"):
+            found, expected = found.toarray(), expected.toarray()
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_casadi_is_told_of_no_pattern_that_is_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    structure, request = everything()
+    told = emit(structure, request).files[f"{structure.name}.c"]
+    monkeypatch.setattr(source, "MOST_CASADI_ENTRIES", 5)
+    files = emit(structure, request).files
+    short = files[f"{structure.name}.c"]
+    for quantity, is_short in (("tangent_stiffness", False), ("acceleration", True)):
+        symbol = f"int {structure.name}_{quantity}(const double **arg"
+        assert symbol in told
+        assert (symbol in short) is is_short
+    assert f"{structure.name}_compute_tangent_stiffness(" in short
+
+
+def test_zeros_at_the_end_of_constants_are_left_to_the_compiler() -> None:
+    structure, request = bare()
+    velocity = structure.node_velocity.copy()
+    assert not velocity.any()
+    library = build_library(structure, request.wanting("kinetic_energy"))
+    text = (library.entry.folder / f"{structure.name}.c").read_text(encoding="utf-8")
+    assert re.search(r"_nominal_velocity\[\d+\] = \{\s*0\.0\};", text)
+    free = tuple(structure.coordinate_node_axis[1])
+    velocity[free] = -0.5
+    model = build_library(
+        structure.with_changes(node_velocity=velocity), request.wanting("kinetic_energy")
+    ).load()
+    name = f"{structure.name}_nominal_velocity"
+    model.library.ffi.cdef(f"extern const double {name}[{structure.n_coordinates}];")
+    stored = list(model.library.symbol(name))
+    assert stored == model.nominal("velocity").tolist()
+    assert stored[1] == -0.5
+    assert not any(stored[:1] + stored[2:])

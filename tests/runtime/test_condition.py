@@ -1,0 +1,111 @@
+"""Conditions as expressions over quantities: what they may say, and where a motion meets them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError
+from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.condition import build_condition, find_quantities
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.simulate import simulate
+from tests.runtime.build import make_structure, spring
+
+WANTED = (*SIMULATION_QUANTITIES, "member_length", "member_vector", "tangent_stiffness")
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledModel:
+    """x = 1 + 0.2 cos(20 t): a mass on a spring."""
+    structure = make_structure(
+        [[0, 0, 0], [1.2, 0, 0]], [spring(0, 1, 1.0, 40.0)], anchored={0: "xyz"}, mass=0.1, axes="x"
+    )
+    request = ModelRequest(WANTED, integrators=("rk4", "rk54", "rk853"), events=("condition",))
+    return build_library(structure, request).load()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ('member_length["e0"] - 1', 0.2),
+        ("member_length[0] - member_length[-1]", 0.0),
+        ("2 * time + 3", 4.0),
+        ("-kinetic_energy + total_energy / 2 ** 2", 0.2),
+        ('abs(member_vector["e0", "x"]) + sqrt(4)', 3.2),
+        ("max(member_tension) - min(0.5, 1e3)", 7.5),
+    ],
+)
+def test_an_expression_is_worked_out(model: CompiledModel, text: str, value: float) -> None:
+    condition = build_condition(text, model)
+    q, v = model.nominal("coordinate"), model.nominal("velocity")
+    assert condition(0.5, q, v) == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize("method", ["auto", "rk54", "rk853"])
+def test_a_motion_ends_where_the_condition_turns(model: CompiledModel, method: str) -> None:
+    found = simulate(
+        model, 1.0, samples=11, method=method, rtol=1e-10, atol=1e-12,
+        condition='member_length["e0"] - 0.9', until_condition=True,
+    )  # fmt: skip
+    expected = np.arccos(-0.5) / 20
+    assert found.status == "ok"
+    assert found.time.tolist() == [0.0, 0.1, pytest.approx(expected, rel=1e-9)]
+    (event,) = found.events
+    assert (event.kind, event.time) == ("condition", found.time[-1])
+    assert event.coordinate[0] == pytest.approx(0.9, rel=1e-9)
+
+
+def test_without_an_end_the_log_has_every_turn(model: CompiledModel) -> None:
+    found = simulate(model, 1.0, method="rk853", rtol=1e-10, atol=1e-12, condition=lambda t, q, v: q[0] - 1.0)
+    turns = (np.arange(6) + 0.5) * np.pi / 20
+    np.testing.assert_allclose(found.log.time, turns, rtol=1e-8)
+    assert found.log.direction.tolist() == [-1, 1] * 3
+    assert found.summary()["n_events"] == 6
+    assert found.arrays()["log_kind"].tolist() == ["condition"] * 6
+    assert found.events == ()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "(lambda: 1)()",
+        "[1, 2]",
+        "time.real",
+        "time if time else 1",
+        "kinetic_energy <",
+        "",
+        "1" * 1000,
+        "time and 1",
+        "member_length[0:1]",
+        "member_length[0, 0]",
+        "member_vector",
+    ],
+)
+def test_what_is_no_single_number_is_refused(model: CompiledModel, text: str) -> None:
+    with pytest.raises((InvalidValueError, UnknownNameError)):
+        build_condition(text, model)
+
+
+@pytest.mark.parametrize("text", ["kinetic_enrgy", 'member_length["x"]', "member_length[7]", "exp(1)"])
+def test_unknown_names_are_named(model: CompiledModel, text: str) -> None:
+    with pytest.raises(UnknownNameError):
+        build_condition(text, model)
+
+
+@pytest.mark.parametrize("text", ["elastic_energy - 1", "tangent_stiffness"])
+def test_quantities_that_the_model_lacks_are_named(model: CompiledModel, text: str) -> None:
+    with pytest.raises(FormulationError, match="no such function"):
+        build_condition(text, model)
+
+
+def test_the_quantities_of_an_expression_are_told_before_the_model_is_built() -> None:
+    found = find_quantities("max(member_length) * time - node_force[0, 1]")
+    assert set(found) == {"member_length", "node_force"}
+
+
+def test_methods_without_events_refuse_a_condition(model: CompiledModel) -> None:
+    with pytest.raises(InvalidValueError, match="watches no condition"):
+        simulate(model, 1.0, method="rk4", step=1e-3, condition="time - 0.5")

@@ -1,0 +1,155 @@
+"""Stiff and extreme cases: what they are, who is held to what, and that nothing hangs."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.pipeline import load_nodes
+from tensegrity_codegen.studies.stability import peers
+from tensegrity_codegen.studies.stability.cases import Case, as_springs, generate_cases
+from tensegrity_codegen.studies.stability.judge import certify_case, judge
+from tensegrity_codegen.studies.stability.own import Ending, compile_cases, run_own, values_of
+from tensegrity_codegen.studies.stability.report import write_stability
+from tensegrity_codegen.studies.stability.run import Limits, run_cases
+from tests.common_prism import common_prism
+from tests.report.browser import find_browser, open_page
+from tests.runtime.build import prism
+
+in_browser = pytest.mark.skipif(find_browser() is None, reason="no chromium is installed")
+EXAMPLES = Path(__file__).parents[2] / "tensegrity_codegen" / "scene" / "examples"
+
+
+def ending(value: float, status: str = "ok") -> Ending:
+    return Ending(status, "", np.full((2, 2), value), 0.1)
+
+
+def case(**more: Any) -> Case:
+    return Case("group", "name", prism(), 1.0, **{"rtol": 1e-3, **more})
+
+
+def test_cases_cover_what_breaks_integrators() -> None:
+    groups = Counter(item.group for item in generate_cases(prism(), 1.0))
+    assert groups["stiffness ratio"] == 12
+    assert set(groups) >= {
+        "mass ratio",
+        "damping",
+        "tolerance",
+        "coincident nodes",
+        "slack",
+        "impact",
+        "offset",
+    }
+    assert groups["bad numbers"] == 3
+
+
+def test_stiffer_bars_keep_the_tension_that_they_have() -> None:
+    start = as_springs(prism())
+    stiff = [item for item in generate_cases(prism(), 1.0) if item.group == "stiffness ratio"]
+    for item in stiff[:8]:  # beyond, rounding of l - l0 takes the digits
+        apart = item.structure.static_tension() - start.static_tension()
+        assert np.abs(apart).max() < 1e-6 * np.abs(start.static_tension()).max()
+
+
+def test_a_case_reaches_the_compiled_model_whole() -> None:
+    model = compile_cases(prism(), compiler=None, flags="reference")
+    for item in generate_cases(prism(), 1.0):
+        if item.expects_refusal:
+            continue
+        tension = model.compute("member_tension", **values_of(model, item.structure))
+        undamped = item.structure.with_changes(node_velocity=np.zeros((6, 3)))
+        expected = undamped.static_tension()
+        if not item.structure.node_velocity.any() or not item.structure.damping.any():
+            assert tension == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max()), item.name
+
+
+def test_a_result_called_good_is_held_to_ten_times_its_tolerance() -> None:
+    truth = certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0 + 1e-9)])
+    assert truth is not None
+    assert judge(case(), ending(1.0 + 5e-3), truth)[0] == "survived"
+    verdict, error = judge(case(), ending(1.0 + 2e-2), truth)
+    assert (verdict, error) == ("wrong", pytest.approx(20.0, rel=0.01))
+    assert judge(case(), ending(math.nan), truth)[0] == "wrong"
+    assert judge(case(), ending(2.0, "unstable"), truth)[0] == "stopped"
+    damped = Ending("ok", "", np.array([[1.0, 1.02], [1.0, 1.02]]), 0.1, vibration_speed=0.05)
+    assert judge(case(), damped, truth)[0] == "survived"  # the second half of a state are velocities
+    assert judge(case(), Ending("ok", "", damped.state[:, ::-1], 0.1, 0.05), truth)[0] == "wrong"
+    assert judge(case(expects_refusal=True), ending(1.0), None)[0] == "wrong"
+    assert judge(case(), ending(1.0), None)[0] == "unchecked"
+
+
+def test_a_reference_needs_two_methods_that_agree() -> None:
+    assert certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0, "over time")]) is None
+    assert certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.1)]) is None
+    sharper = certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0 + 20 * rtol)])
+    assert sharper is not None
+    assert sharper.apart.max() < 1e-3
+
+
+def test_a_run_ends_when_its_time_is_up() -> None:
+    model = compile_cases(prism(), compiler=None, flags="reference")
+    stiff = [item for item in generate_cases(prism(), 10.0) if item.name == "1e+10"]
+    started = time.monotonic()
+    ended = run_own(model, stiff[0], "rk54", 1e-6, 0.5)
+    assert ended.status == "over time"
+    assert time.monotonic() - started < 5.0
+
+
+@pytest.mark.skipif(not peers.list_peers(), reason="this system makes no processes by fork")
+def test_a_peer_that_hangs_crashes_or_raises_is_an_ending(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hang(*_: Any) -> Any:
+        time.sleep(60.0)
+
+    def crash(*_: Any) -> Any:
+        import os
+
+        os._exit(1)
+
+    def fail(*_: Any) -> Any:
+        raise ZeroDivisionError("a peer's own way")
+
+    for function, status in ((hang, "over time"), (crash, "crashed"), (fail, "error")):
+        monkeypatch.setattr(peers, "_run", function)
+        assert peers.run_peer(case(), "any", 1.0).status == status
+
+
+def test_scipy_survives_the_scene_as_it_is() -> None:
+    structure = load_nodes(EXAMPLES / "two_nodes.toml")
+    first = next(iter(generate_cases(structure, 0.1)))
+    ended = peers.run_peer(first, "SciPy DOP853", 60.0)
+    assert ended.status == "ok", ended.message
+
+
+@in_browser
+def test_the_page_of_a_small_scene(tmp_path: Path) -> None:
+    structure = load_nodes(EXAMPLES / "two_nodes.toml")
+    limits = Limits(run=2.0, reference=2.0, peers=False)
+    made = write_stability([structure], tmp_path, t_end=0.1, limits=limits, compiler=None, flags="reference")
+    rows = json.loads(made.data.read_text())["scenes"][structure.name]
+    verdicts = {(row["case"], row["contender"]): row["verdict"] for row in rows}
+    assert verdicts["the scene", "rk853"] == "survived"
+    for row in rows:
+        if row["case"] == "two joined nodes in one place" or row["case"].endswith(("nan", "inf")):
+            assert row["verdict"] == "stopped", row
+    shown = open_page(made.html, 1200)
+    assert shown["console"] == []
+    assert shown["lost_links"] == shown["doubled_ids"] == []
+    assert shown["tables_shown"] >= 1
+
+
+def test_rigid_bars_and_wrong_times_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormulationError, match="stiffness"):
+        run_cases(common_prism(), 1.0, Limits(), compiler=None, flags="reference", progress=None)
+    for t_end, limit in ((0.0, 1.0), (1.0, math.nan)):
+        with pytest.raises(InvalidValueError):
+            write_stability(
+                [prism()], tmp_path, t_end=t_end, limits=Limits(run=limit), compiler=None, flags="reference"
+            )
