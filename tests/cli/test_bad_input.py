@@ -119,18 +119,6 @@ def test_an_empty_scene_is_refused(text: str, run: Run, folder: Path) -> None:
     assert_refused(run("check", path.name, "--json"), path, "", ())
 
 
-@pytest.mark.parametrize("verb", ["build", "equilibrium", "simulate", "linearize"])
-def test_a_rigid_bar_is_refused_with_what_will_serve_it(verb: str, run: Run, folder: Path) -> None:
-    text = GOOD.replace(MEMBER, 'r1 = { kind = "bar", nodes = ["a", "b"] }')
-    path = write(folder / "small.toml", text)
-    more = ["--t-end", 1] if verb == "simulate" else []
-    ended = run(verb, path.name, *more, "--json")
-    assert ended.code == 2
-    assert ended.data["error"] == "FormulationError"
-    assert ended.data["where"] == f"{path.name}: members.r1"
-    assert "rigid_bar" in ended.err
-
-
 @pytest.mark.parametrize(
     "make",
     [

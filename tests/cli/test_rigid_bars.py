@@ -1,0 +1,51 @@
+"""What each verb does with a scene of rigid bars, which takes the formulation `rigid_bar` by itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Run
+from tests.cli.scenes import GOOD, write
+
+# A mass under a rigid bar, that swings.
+PENDULUM = GOOD.replace('name = "small"', 'name = "small"\ngravity = [0, 0, -9.81]').replace(
+    's1 = { class = "string", nodes = ["a", "b"] }', 'r1 = { kind = "bar", nodes = ["a", "b"] }'
+)
+
+
+@pytest.fixture
+def pendulum(folder: Path) -> str:
+    return write(folder / "pendulum.toml", PENDULUM).name
+
+
+def test_check_warns_of_nothing(run: Run, pendulum: str) -> None:
+    assert run("check", pendulum, "--json").data["warnings"] == []
+
+
+def test_build_makes_a_library_with_multipliers(run: Run, pendulum: str) -> None:
+    ended = run("build", pendulum, "--quantity", "multiplier", "--json")
+    assert ended.code == 0
+    assert list(ended.data["functions"]) == ["multiplier"]
+
+
+def test_simulate_keeps_the_length_of_the_bar(run: Run, folder: Path) -> None:
+    moving = PENDULUM.replace("mass = 1.0", "mass = 1.0, velocity = [1, 0, 0]")
+    path = write(folder / "pendulum.toml", moving)
+    assert run("simulate", path.name, "--t-end", 1, "--out", "a.npz", "--json").code == 0
+    with np.load(folder / "a.npz") as motion:
+        length = np.linalg.norm(motion["node_position"][:, 1] - motion["node_position"][:, 0], axis=1)
+    assert np.abs(length - 1.0).max() < 1e-14
+
+
+def test_equilibrium_refuses_with_the_formulation(run: Run, pendulum: str) -> None:
+    ended = run("equilibrium", pendulum, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == "FormulationError"
+    assert "rigid_bar" in ended.err
+
+
+def test_linearize_ends_well(run: Run, pendulum: str) -> None:
+    assert run("linearize", pendulum, "--json").code == 0
