@@ -122,7 +122,7 @@ def measure(scene: Path, options: argparse.Namespace) -> dict[str, float]:
     stage("key")
     source = _emit(structure, request, tool, flags, False)
     stage("emit")
-    entry = _compile(source, tool, flags, toolchain, cache)
+    entry = _compile(source, tool, flags, toolchain, cache)[0]
     cache.store_request(key, entry.key)
     stage("compile")
     model = CompiledModel(entry.library)

@@ -85,6 +85,23 @@ class InertiaPlan:
             members[group].append(node)
         return members
 
+    def coupled(self, axis: int) -> tuple[IntArray, FloatArray, list[list[int]]]:
+        """Return groups of several free nodes of `axis`: pairs (n, 2), their masses (n,), larger groups."""
+        free = ~self.structure.node_anchored[:, axis]
+        held = free[self.pair].all(axis=1)
+        pair, mass = self.pair[held], self.pair_mass[held]
+        node, place = np.unique(pair, return_inverse=True)
+        row, column = place.reshape(-1, 2).T
+        graph = coo_array((np.ones(len(row)), (row, column)), shape=(len(node), len(node)))
+        _, label = connected_components(graph, directed=False)
+        size = np.bincount(label, minlength=1)
+        alone = size[label[row]] == 2
+        large = np.flatnonzero(size[label] > 2)
+        large = large[np.argsort(label[large], kind="stable")]
+        cut = np.flatnonzero(np.diff(label[large])) + 1
+        groups = [item.tolist() for item in np.split(node[large], cut)] if len(large) else []
+        return pair[alone], mass[alone], groups
+
 
 def refuse_bare(structure: Structure, bare: Sequence[Any]) -> None:
     """Raise FormulationError if there are any free nodes without mass, `bare`."""

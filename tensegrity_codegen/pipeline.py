@@ -162,13 +162,13 @@ def build_library(
     found = entry is not None
     if entry is None:
         source = _emit(structure, request, tool, flag_set, measure)
-        entry = _compile(source, tool, flag_set, toolchain, cache)
+        entry, manifest = _compile(source, tool, flag_set, toolchain, cache)
         cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
-    if entry.manifest is None:
-        raise LibraryError("the cache entry has no manifest", where=str(entry.folder), hint="build again")
+    else:
+        manifest = _read_manifest(entry)
     return BuiltLibrary(
         entry=entry,
-        manifest=Manifest.read(entry.manifest),
+        manifest=manifest,
         compiler=tool.version,
         flags=" ".join(flag_set.options),
         from_cache=found,
@@ -231,23 +231,31 @@ def _is_library_source(name: str) -> bool:
     return name.endswith((".c", ".h")) and name != "example.c"
 
 
+def _read_manifest(entry: CacheEntry) -> Manifest:
+    if entry.manifest is None:
+        raise LibraryError("the cache entry has no manifest", where=str(entry.folder), hint="build again")
+    return Manifest.read(entry.manifest)
+
+
 def _compile(
     source: GeneratedSource, compiler: Compiler, flags: FlagSet, toolchain: str, cache: Cache
-) -> CacheEntry:
+) -> tuple[CacheEntry, Manifest]:
+    """Return the library of some source in the cache, and its manifest."""
     key = hash_text(*(part for item in sorted(source.files.items()) for part in item), toolchain)
     with cache.lock(key):
         entry = cache.find(key)
         if entry is not None:
-            return entry
+            return entry, _read_manifest(entry)
         artifact = compile_library(
             {name: text for name, text in source.files.items() if _is_library_source(name)},
             name=source.manifest.name,
             compiler=compiler,
             flags=flags,
         )
-        sets = find_instruction_sets(artifact.library) if not flags.portable else ()
-        manifest = replace(source.manifest, instruction_sets=sets)
-        texts = {**source.files, "manifest.json": manifest.to_json()}
+        texts, manifest = dict(source.files), source.manifest
+        if not flags.portable:
+            manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
+            texts["manifest.json"] = manifest.to_json()
         files = {name: text.encode("utf-8") for name, text in texts.items()}
         files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
-        return cache.store(key, files)
+        return cache.store(key, files), manifest

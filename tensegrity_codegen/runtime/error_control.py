@@ -6,13 +6,19 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["tighten_until_converged"]
 
+FloatArray = NDArray[np.float64]
+
 MOST_ROUNDS = 7
 TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
+MOST_WORK = 5e10  # evaluations times states; some minutes on one core
+ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
+BLOCK = 2**20  # numbers compared at a time
 
 
 def tighten_until_converged(
@@ -23,8 +29,8 @@ def tighten_until_converged(
     run: (rtol, atol) of one step -> trajectory. Each round tightens the steps' tolerance by a factor s of at
     most 1/10, and takes min(1/3, 3 s) of the difference of the two runs for the error of the tighter one,
     which is returned: errors shrink with the tolerance, here trusted to a third of that. Where rounding ends
-    the tightening, ten times the tolerance is still good. Status "not_converged" with the last estimate if
-    the rounds do not come together.
+    the tightening, ten times the tolerance is still good. Status "not_converged" with the last run and
+    estimate if the rounds do not come together, or the next one would take all beyond MOST_WORK.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
         return _beyond_rounding(run, rtol, atol)
@@ -35,6 +41,10 @@ def tighten_until_converged(
             return replace(previous, method=_name(previous))
         shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
         shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
+        expected = n_evaluations + previous.n_evaluations * shrink ** (-1.0 / ORDER)
+        if expected * previous.state.shape[1] > MOST_WORK:
+            why = f"a run with steps of rtol = {rtol * factor * shrink:.3g} would take too long to wait for"
+            return _give_up(previous, error, why)
         factor *= shrink
         finer = run(rtol * factor, atol * factor)
         n_evaluations += finer.n_evaluations
@@ -68,7 +78,14 @@ def _difference(loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: f
     """Return the largest difference over atol + rtol |x|; infinite if a run did not reach the same end."""
     if loose.status != "ok" or loose.state.shape != tight.state.shape:
         return float(np.inf)
-    return float(np.max(np.abs(tight.state - loose.state) / (atol + rtol * np.abs(tight.state))))
+    count, width = tight.state.shape
+    rows = max(1, BLOCK // max(width, 1))
+    parts = [slice(start, start + rows) for start in range(0, count, rows)]
+    return float(np.max([_worst(tight.state[part], loose.state[part], rtol, atol) for part in parts]))
+
+
+def _worst(tight: FloatArray, loose: FloatArray, rtol: float, atol: float) -> float:
+    return float(np.max(np.abs(tight - loose) / (atol + rtol * np.abs(tight)), initial=0.0))
 
 
 def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:

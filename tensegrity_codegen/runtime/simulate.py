@@ -23,6 +23,7 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
 __all__ = ["METHODS", "check_options", "integrators_for", "simulate"]
@@ -93,6 +94,7 @@ def simulate(
     """
     check_options(t_end, samples, method, step, rtol, atol, until_contact=until_contact)
     require_double(model.manifest, "a simulation from Python")
+    check_sample_memory(model.manifest, samples)
     arguments = dict(arguments or {})
     _check_arguments(model, arguments)
     if schedule is not None:

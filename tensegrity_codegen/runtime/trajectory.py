@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
 from tensegrity_codegen.runtime.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.own_tension import put_own_tensions
-from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_nodes, place_velocities
+from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_motion
 from tensegrity_codegen.structure import Structure
 
 if TYPE_CHECKING:
@@ -213,15 +213,13 @@ def evaluate_trajectory(
     if model.has("chart_margin"):
         status, message = _judge_charts(model, raw, status, message)
     manifest = model.manifest
-    anchors = arguments.get("anchor_position")
+    position, rate = place_motion(model, q, v, arguments)
     return Trajectory(
         time=raw.time,
         coordinate=q,
         velocity=v,
-        node_position=np.stack([place_nodes(model, a, anchors, arguments=arguments) for a in q]),
-        node_velocity=np.stack(
-            [place_velocities(model, a, b, arguments=arguments) for a, b in zip(q, v, strict=True)]
-        ),
+        node_position=position,
+        node_velocity=rate,
         member_tension=columns["member_tension"],
         kinetic_energy=columns["kinetic_energy"],
         total_energy=columns["total_energy"],

@@ -8,7 +8,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import adaptive
+from tensegrity_codegen.runtime import adaptive, error_control
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.integration import BoundIntegrator
@@ -216,3 +216,34 @@ def test_the_tolerance_is_tightened_over_rk853_too() -> None:
     assert (found.status, found.method) == ("ok", "auto (rk853, tolerance tightened)")
     assert found.error_estimate is not None
     assert error.max() <= found.error_estimate <= 1.0
+
+
+def test_rounds_that_would_take_too_long_are_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        asked.append(rtol)
+        count = round(1000 * rtol**-0.2)
+        state = np.full((3, 2), 1.0 + 1e5 * rtol)
+        return RawTrajectory(np.linspace(0, 1, 3), state, "ok", "", "rk54", count, 6 * count)
+
+    monkeypatch.setattr(error_control, "MOST_WORK", 2 * 6 * 1000 * (1e-6**-0.2 + 1.1 * 1e-7**-0.2))
+    found = tighten_until_converged(run, 1e-6, 1e-9)
+    assert asked == pytest.approx([1e-6, 1e-7])
+    assert (found.status, found.n_steps) == ("not_converged", round(1000 * 1e-7**-0.2))
+    assert found.error_estimate is not None
+    assert found.error_estimate > 1.0
+    assert "too long" in found.message
+    assert "--rtol" in found.message
+    monkeypatch.setattr(error_control, "MOST_WORK", 1.0)
+    assert tighten_until_converged(run, 1e-6, 1e-9).error_estimate is None
+
+
+def test_differences_of_runs_are_found_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    states = rng.normal(size=(2, 7, 5))
+    loose, tight = (RawTrajectory(np.linspace(0, 1, 7), state, "ok", "", "rk54", 1, 1) for state in states)
+    whole = error_control._difference(loose, tight, 1e-3, 1e-6)
+    monkeypatch.setattr(error_control, "BLOCK", 10)
+    assert error_control._difference(loose, tight, 1e-3, 1e-6) == whole
+    assert whole == np.max(np.abs(states[1] - states[0]) / (1e-6 + 1e-3 * np.abs(states[1])))

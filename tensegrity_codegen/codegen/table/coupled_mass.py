@@ -52,28 +52,41 @@ class SolveCoupled:
     @cached_property
     def _sweeps(self) -> tuple[Sweep, Sweep, tuple[IntArray, FloatArray]]:
         """Forward and backward substitution over all groups and axes, and the pivots."""
-        forward: list[tuple[int, int, float]] = []
-        backward: list[tuple[int, int, float]] = []
-        pivots: list[tuple[int, float]] = []
+        forward, backward, pivots = [], [], []
         known: dict[tuple[int, ...], SymmetricFactor] = {}
-        mass = self.model.structure.node_mass + self.model.inertia.diagonal_share
         for column, axis in enumerate(self.model.axes):
-            coordinate = self.model.coordinate[:, column].tolist()
-            for nodes in (tuple(group) for group in self.model.inertia.groups(axis) if len(group) > 1):
-                if nodes not in known:
-                    known[nodes] = factorise(
-                        mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes)
-                    )
-                factor, at = known[nodes], [coordinate[node] for node in nodes]
-                columns = list(zip(factor.order, factor.below, strict=True))
-                forward += [(at[row], at[k], value) for k, below in columns for row, value in below]
-                backward += [
-                    (at[k], at[row], value) for k, below in reversed(columns) for row, value in below
-                ]
-                pivots += [(at[k], value) for k, value in zip(factor.order, factor.pivot, strict=True)]
-        pivots.sort()
-        place = np.array([k for k, _ in pivots], dtype=np.int64)
-        return _sweep(forward), _sweep(backward), (place, np.array([value for _, value in pivots]))
+            coordinate = self.model.coordinate[:, column]
+            pair, between, groups = self.model.inertia.coupled(axis)
+            there, pivot = self._of_pairs(coordinate[pair], pair, between)
+            forward.append(there)
+            backward.append(there[:, [1, 0, 2]])
+            pivots.append(pivot)
+            for group in groups:
+                nodes = tuple(group)
+                known[nodes] = known.get(nodes) or self._factorise(nodes)
+                there, back, pivot = _sweep_group(known[nodes], coordinate[group].tolist())
+                forward.append(there)
+                backward.append(back)
+                pivots.append(pivot)
+        pivot = np.concatenate(pivots)
+        pivot = pivot[np.argsort(pivot[:, 0], kind="stable")]
+        return _sweep(forward), _sweep(backward), (pivot[:, 0].astype(np.int64), pivot[:, 1])
+
+    @cached_property
+    def _mass(self) -> FloatArray:
+        mass: FloatArray = self.model.structure.node_mass + self.model.inertia.diagonal_share
+        return mass
+
+    def _of_pairs(self, at: IntArray, pair: IntArray, between: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (n, 3) target, source and factor, and (2 n, 2) place and pivot, of groups of two nodes."""
+        first, second = self._mass[pair].T
+        factor = between / first
+        there = np.column_stack([at[:, 1], at[:, 0], factor])
+        pivot = np.column_stack([at.T.reshape(-1), np.concatenate([first, second - factor * between])])
+        return there, pivot
+
+    def _factorise(self, nodes: tuple[int, ...]) -> SymmetricFactor:
+        return factorise(self._mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes))
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loops: forward, divide, backward."""
@@ -96,6 +109,15 @@ class SolveCoupled:
         return loop("k", len(target), [f"{to} -= {by} * {from_};"])
 
 
-def _sweep(rows: list[tuple[int, int, float]]) -> Sweep:
-    table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+def _sweep_group(factor: SymmetricFactor, at: list[int]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return forward and backward rows (n, 3) of target, source and factor, and (n, 2) places and pivots."""
+    columns = list(zip(factor.order, factor.below, strict=True))
+    forward = [(at[row], at[k], value) for k, below in columns for row, value in below]
+    backward = [(at[k], at[row], value) for k, below in reversed(columns) for row, value in below]
+    pivots = [(at[k], value) for k, value in zip(factor.order, factor.pivot, strict=True)]
+    return np.array(forward), np.array(backward), np.array(pivots)
+
+
+def _sweep(parts: list[FloatArray]) -> Sweep:
+    table = np.concatenate(parts)
     return table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2]
