@@ -16,13 +16,25 @@ from tensegrity_codegen.studies.work_precision.contender import Contender, Run, 
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 
-__all__ = ["PEER_STEP", "list_peers", "run_peer"]
+__all__ = ["PEER_STEP", "can_fork", "list_peers", "run_peer"]
 
 PEER_STEP = 1e-3  # of the time span, for those who take a step and no tolerance
+STEPPING = "MuJoCo"
 
 
-def list_peers() -> bool:
-    """Return whether processes can be made as peers need them."""
+def list_peers(case: Case) -> tuple[str, ...]:
+    """Return the names of the peers of a case, none where processes cannot be made as they need them.
+
+    Of a case about the step those that take one.
+    """
+    if not can_fork():
+        return ()
+    names = tuple(name for name, _ in peer_contenders(_problem(case)))
+    return names if case.step is None else tuple(name for name in names if name.startswith(STEPPING))
+
+
+def can_fork() -> bool:
+    """Return whether this system makes processes by fork."""
     return "fork" in multiprocessing.get_all_start_methods()
 
 
@@ -61,9 +73,13 @@ def _answer(case: Case, name: str, sender: Any) -> None:
 
 
 def _run(case: Case, name: str) -> Run:
-    problem = MotionProblem(case.structure, np.linspace(0.0, case.t_end, SAMPLES), False)
-    makers: dict[str, Callable[[], Contender]] = dict(peer_contenders(problem))
+    makers: dict[str, Callable[[], Contender]] = dict(peer_contenders(_problem(case)))
     contender = makers[name]()
-    setting = PEER_STEP if contender.kind == "step" else min(case.rtol, 0.1)
+    step = PEER_STEP if case.step is None else case.step
+    setting = step if contender.kind == "step" else min(case.rtol, 0.1)
     contender.prepare(setting)
     return contender.run(setting)()
+
+
+def _problem(case: Case) -> MotionProblem:
+    return MotionProblem(case.structure, np.linspace(0.0, case.t_end, SAMPLES), False)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["MotionProblem", "set_problem"]
+__all__ = ["MotionProblem", "set_problem", "without_stretch"]
 
 FloatArray = NDArray[np.float64]
 
@@ -70,14 +70,19 @@ def _kick(structure: Structure) -> FloatArray:
     free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
     length = float(structure.member_length().mean())
     velocity = np.where(free, rng.standard_normal(free.shape), 0.0) * KICK * length
-    bars = np.flatnonzero(structure.is_bar)
-    ends = structure.node_position[structure.connectivity[bars]]
+    return without_stretch(structure, velocity, np.flatnonzero(structure.is_bar))
+
+
+def without_stretch(structure: Structure, velocity: FloatArray, members: NDArray[np.int64]) -> FloatArray:
+    """Return the nearest velocities (n_nodes, 3) [m/s] of free coordinates that stretch none of `members`."""
+    free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
+    ends = structure.node_position[structure.connectivity[members]]
     vector = ends[:, 0] - ends[:, 1]
-    jacobian = np.zeros((len(bars), *free.shape))
-    jacobian[np.arange(len(bars)), structure.connectivity[bars, 0]] = vector
-    jacobian[np.arange(len(bars)), structure.connectivity[bars, 1]] = -vector
+    jacobian = np.zeros((len(members), *free.shape))
+    jacobian[np.arange(len(members)), structure.connectivity[members, 0]] = vector
+    jacobian[np.arange(len(members)), structure.connectivity[members, 1]] = -vector
     stretch = jacobian[:, free]
     change = np.linalg.lstsq(stretch, stretch @ velocity[free], rcond=None)[0]
-    result = velocity.copy()
+    result: FloatArray = velocity.copy()
     result[free] -= change
     return result
