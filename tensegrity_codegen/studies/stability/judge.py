@@ -106,12 +106,13 @@ def _judge_status(case: Case, ending: Ending) -> str | None:
 def _allowed(case: Case, state: FloatArray, *endings: Ending) -> FloatArray:
     """Return the tolerance of every component of states (n_t, n).
 
-    A method for stiff members damps their vibrations out of the velocities, and says how fast they were.
+    A method for stiff members damps their vibrations out, and says how far and how fast they were.
     """
     n = state.shape[1] // 2
     if case.step is not None:
         sizes = [np.abs(part).max() for part in (state[:, :n], state[:, n:])]
         return np.repeat(sizes, n)[None, :] * LOST / ALLOWED + np.zeros_like(state)
     allowed = tolerance_of(state, case.rtol)
+    allowed[:, :n] += sum(ending.vibration for ending in endings) / ALLOWED
     allowed[:, n:] += sum(ending.vibration_speed for ending in endings) / ALLOWED
     return allowed

@@ -38,13 +38,15 @@ class OverTime(Exception):
 class Ending:
     """How a run ended: "ok", another status, "error" (a named one) or "over time"; its states (n_t, n).
 
-    vibration_speed: what the method says that it has damped out of velocities at most [m/s].
+    vibration, vibration_speed: what the method says that stiff members vibrate about their smooth motion, and
+    that it has damped out, of positions [m] and of velocities [m/s].
     """
 
     status: str
     message: str
     state: FloatArray
     seconds: float
+    vibration: float = 0.0
     vibration_speed: float = 0.0
 
 
@@ -61,8 +63,8 @@ def run_own(model: CompiledModel, case: Case, method: str, rtol: float, limit: f
         return Ending("over time", f"stopped after {limit:g} s", nothing, time.monotonic() - started)
     except TensegrityError as error:
         return Ending("error", error.problem, nothing, time.monotonic() - started)
-    speed = float(raw.evidence.get("vibration_speed", 0.0))
-    return Ending(status, message, raw.state, time.monotonic() - started, speed)
+    told = [float(raw.evidence.get(name, 0.0)) for name in ("vibration", "vibration_speed")]
+    return Ending(status, message, raw.state, time.monotonic() - started, *told)
 
 
 def tolerance_of(state: FloatArray, rtol: float) -> FloatArray:
