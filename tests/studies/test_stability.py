@@ -6,20 +6,26 @@ import json
 import math
 import time
 from collections import Counter
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.pipeline import load_nodes
+from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability import peers
-from tensegrity_codegen.studies.stability.cases import Case, as_springs, generate_cases
+from tensegrity_codegen.studies.stability.cases import Case, generate_cases
+from tensegrity_codegen.studies.stability.changes import as_springs
 from tensegrity_codegen.studies.stability.judge import certify_case, judge
-from tensegrity_codegen.studies.stability.own import Ending, compile_cases, run_own, values_of
+from tensegrity_codegen.studies.stability.models import CaseModels, values_of
+from tensegrity_codegen.studies.stability.neighbours import find_snap
+from tensegrity_codegen.studies.stability.own import Ending, run_own
 from tensegrity_codegen.studies.stability.report import write_stability
-from tensegrity_codegen.studies.stability.run import Limits, run_cases
+from tensegrity_codegen.studies.stability.run import Limits
 from tests.common_prism import common_prism
 from tests.report.browser import find_browser, open_page
 from tests.runtime.build import prism
@@ -36,19 +42,20 @@ def case(**more: Any) -> Case:
     return Case("group", "name", prism(), 1.0, **{"rtol": 1e-3, **more})
 
 
-def test_cases_cover_what_breaks_integrators() -> None:
-    groups = Counter(item.group for item in generate_cases(prism(), 1.0))
-    assert groups["stiffness ratio"] == 12
-    assert set(groups) >= {
-        "mass ratio",
-        "damping",
-        "tolerance",
-        "coincident nodes",
-        "slack",
-        "impact",
-        "offset",
-    }
+def models(structure: Structure) -> CaseModels:
+    return CaseModels(structure, compiler=None, flags="reference")
+
+
+@pytest.mark.parametrize("structure", [prism(), common_prism()], ids=["springs", "rigid bars"])
+def test_cases_cover_what_breaks_integrators(structure: Structure) -> None:
+    cases = list(generate_cases(structure, 1.0))
+    groups = Counter(item.group for item in cases)
+    others = ("mass ratio", "damping", "tolerance", "coincident nodes", "slack", "impact", "offset", "step")
+    assert set(groups) >= {*others, "snap-through"}
     assert groups["bad numbers"] == 3
+    stiff = [item for item in cases if item.group == "stiffness ratio"]
+    assert [item.is_rigid for item in stiff].count(False) == 12
+    assert any(item.is_rigid for item in cases)
 
 
 def test_stiffer_bars_keep_the_tension_that_they_have() -> None:
@@ -59,16 +66,42 @@ def test_stiffer_bars_keep_the_tension_that_they_have() -> None:
         assert np.abs(apart).max() < 1e-6 * np.abs(start.static_tension()).max()
 
 
-def test_a_case_reaches_the_compiled_model_whole() -> None:
-    model = compile_cases(prism(), compiler=None, flags="reference")
-    for item in generate_cases(prism(), 1.0):
-        if item.expects_refusal:
+@pytest.mark.parametrize("structure", [prism(), common_prism()], ids=["springs", "rigid bars"])
+def test_a_case_reaches_its_compiled_model_whole(structure: Structure) -> None:
+    compiled = models(structure)
+    for item in generate_cases(structure, 1.0):
+        if item.expects_refusal or item.structure.damping.any():
             continue
-        tension = model.compute("member_tension", **values_of(model, item.structure))
-        undamped = item.structure.with_changes(node_velocity=np.zeros((6, 3)))
-        expected = undamped.static_tension()
-        if not item.structure.node_velocity.any() or not item.structure.damping.any():
-            assert tension == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max()), item.name
+        values = values_of(compiled.of(item), item.structure)
+        tension = compiled.of(item).compute("member_tension", **values)
+        expected, known = item.structure.static_tension(), ~item.structure.is_rigid
+        scale = 1e-9 * np.abs(expected).max()
+        assert tension[known] == pytest.approx(expected[known], rel=1e-9, abs=scale), item.name
+
+
+def test_a_node_snaps_through_the_plane_of_its_neighbours() -> None:
+    structure = prism()
+    found = find_snap(structure)
+    assert found is not None
+    node, height = found
+    near = {int(k) for pair in structure.connectivity if node in pair for k in pair} - {node}
+    apart = structure.node_position[sorted(near)] - (structure.node_position[node] - height)
+    assert abs(apart.mean(axis=0) @ height) < 1e-12  # the foot lies in their plane
+    assert np.linalg.norm(height) > 0.01
+
+
+def test_rigid_bars_of_a_case_are_as_long_as_their_nodes_are_apart_and_not_stretched() -> None:
+    for item in generate_cases(common_prism(), 1.0):
+        if item.is_rigid and np.isfinite(item.structure.node_position).all():
+            rigid, ends = item.structure.is_rigid, item.structure.connectivity[item.structure.is_rigid]
+            length = item.structure.member_length()[rigid]
+            assert length == pytest.approx(item.structure.rest_length[rigid], rel=1e-15)
+            r, v = (x[ends[:, 0]] - x[ends[:, 1]] for x in (item.structure.node_position, velocity(item)))
+            assert np.abs((r * v).sum(axis=1)).max() <= 1e-12 * max(1.0, np.abs(v).max()), item.name
+
+
+def velocity(item: Case) -> Any:
+    return item.structure.node_velocity
 
 
 def test_a_result_called_good_is_held_to_ten_times_its_tolerance() -> None:
@@ -81,7 +114,11 @@ def test_a_result_called_good_is_held_to_ten_times_its_tolerance() -> None:
     assert judge(case(), ending(2.0, "unstable"), truth)[0] == "stopped"
     damped = Ending("ok", "", np.array([[1.0, 1.02], [1.0, 1.02]]), 0.1, vibration_speed=0.05)
     assert judge(case(), damped, truth)[0] == "survived"  # the second half of a state are velocities
-    assert judge(case(), Ending("ok", "", damped.state[:, ::-1], 0.1, 0.05), truth)[0] == "wrong"
+    turned = replace(damped, state=damped.state[:, ::-1])
+    assert judge(case(), turned, truth)[0] == "wrong"
+    assert judge(case(), replace(turned, vibration=0.05), truth)[0] == "survived"
+    assert judge(case(step=0.1), ending(1.0 + 9e-3), truth)[0] == "survived"  # a hundredth, without tolerance
+    assert judge(case(step=0.1), ending(1.0 + 2e-2), truth)[0] == "wrong"
     assert judge(case(expects_refusal=True), ending(1.0), None)[0] == "wrong"
     assert judge(case(), ending(1.0), None)[0] == "unchecked"
 
@@ -95,7 +132,7 @@ def test_a_reference_needs_two_methods_that_agree() -> None:
 
 
 def test_a_run_ends_when_its_time_is_up() -> None:
-    model = compile_cases(prism(), compiler=None, flags="reference")
+    model = models(prism()).springs
     stiff = [item for item in generate_cases(prism(), 10.0) if item.name == "1e+10"]
     started = time.monotonic()
     ended = run_own(model, stiff[0], "rk54", 1e-6, 0.5)
@@ -103,7 +140,7 @@ def test_a_run_ends_when_its_time_is_up() -> None:
     assert time.monotonic() - started < 5.0
 
 
-@pytest.mark.skipif(not peers.list_peers(), reason="this system makes no processes by fork")
+@pytest.mark.skipif(not peers.can_fork(), reason="this system makes no processes by fork")
 def test_a_peer_that_hangs_crashes_or_raises_is_an_ending(monkeypatch: pytest.MonkeyPatch) -> None:
     def hang(*_: Any) -> Any:
         time.sleep(60.0)
@@ -145,9 +182,20 @@ def test_the_page_of_a_small_scene(tmp_path: Path) -> None:
     assert shown["tables_shown"] >= 1
 
 
-def test_rigid_bars_and_wrong_times_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormulationError, match="stiffness"):
-        run_cases(common_prism(), 1.0, Limits(), compiler=None, flags="reference", progress=None)
+def test_rigid_bars_take_part() -> None:
+    compiled = models(common_prism())
+    for item in generate_cases(common_prism(), 0.2):
+        if item.group == "damping":
+            both = [partial(run, compiled, item, method) for method in ("rk853", "rk54")]
+            truth = certify_case(item, both)
+            assert judge(item, run(compiled, item, "radau", item.rtol), truth)[0] == "survived"
+
+
+def run(compiled: CaseModels, item: Case, method: str, rtol: float) -> Ending:
+    return run_own(compiled.of(item), item, method, rtol, 5.0)
+
+
+def test_wrong_times_are_refused(tmp_path: Path) -> None:
     for t_end, limit in ((0.0, 1.0), (1.0, math.nan)):
         with pytest.raises(InvalidValueError):
             write_stability(

@@ -62,7 +62,7 @@ def write_stability(
 ) -> StabilityReport:
     """Run all cases of some structures and write stability.html and .json into `folder`.
 
-    Raises InvalidValueError for a time out of range, FormulationError for rigid bars, OutputError.
+    Raises InvalidValueError for a time out of range, OutputError.
     """
     for key, value in (("--t-end", t_end), ("--limit", limits.run)):
         if not (0.0 < value < float("inf")):
