@@ -106,7 +106,8 @@ class IntegratorSpec:
     """One integrator: C symbol `<scene>_integrate_<name>`, the arguments it passes on, its work array.
 
     events: the kinds of events that it can cut its steps at, see EVENT_KINDS; cables: indices of the members
-    whose going slack or taut is one; tensions: of those whose tensions it hands out beside the states.
+    whose going slack or taut is one; tensions: of those whose tensions it hands out beside the states;
+    unwatched: how many members can go slack without an event, which steps with error control pass over.
     """
 
     name: str
@@ -116,6 +117,7 @@ class IntegratorSpec:
     events: tuple[str, ...] = ()
     cables: tuple[int, ...] = ()
     tensions: tuple[int, ...] = ()
+    unwatched: int = 0
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.body_system import BodySystem
-from tensegrity_codegen.codegen.integrators import EVENT_QUANTITIES, needed_quantities
+from tensegrity_codegen.codegen.integrators import EVENT_QUANTITIES, choose_events, needed_quantities
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
@@ -124,6 +123,5 @@ def _watched(structure: Subject, request: ModelRequest) -> list[str]:
     """Return the quantities behind the events that integrators watch, see integrators.find_events."""
     kinds = request.events
     if kinds is None:
-        slack = not isinstance(structure, BodySystem) and bool(structure.tension_only.any())
-        kinds = ("cable",) if slack and request.precision == "double" else ()
+        kinds = choose_events(request, int(structure.tension_only.sum()))
     return [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]

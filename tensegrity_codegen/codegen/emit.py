@@ -102,7 +102,8 @@ def _with_integrator_needs(structure: Subject, request: ModelRequest) -> ModelRe
         return request
     emitter = EMITTERS[request.emitter]
     model = emitter.build(structure, request)
-    events, watched = find_events(request, lambda name: emitter.is_offered(model, name))
+    n_cables = int(structure.tension_only.sum())
+    events, watched = find_events(request, lambda name: emitter.is_offered(model, name), n_cables)
     called = (*PROJECTION, *(item for name in request.integrators for item in needed_quantities(name)))
     wanted = [name for name in called if emitter.is_offered(model, name)]
     return replace(request, quantities=(*request.quantities, *wanted, *watched), events=events)

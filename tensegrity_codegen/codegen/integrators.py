@@ -17,7 +17,9 @@ from tensegrity_codegen.request import ModelRequest
 __all__ = [
     "EVENT_QUANTITIES",
     "INTEGRATORS",
+    "MOST_WATCHED",
     "PROJECTION",
+    "choose_events",
     "find_events",
     "integrator_context",
     "integrator_spec",
@@ -28,6 +30,7 @@ INTEGRATORS = ("rk4", *TABLEAUS, RADAU)
 
 # What each kind of event needs, besides the condition, which is the caller's.
 EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
+MOST_WATCHED = 400  # cables whose events are watched without being asked for
 MARGIN_ARRAYS = 11  # in the memory of the search for events
 MOST_IN_SUCCESSION = 200  # events, each within a thousandth of a step of the one before
 
@@ -40,13 +43,22 @@ TITLES = {
 }
 
 
+def choose_events(request: ModelRequest, n_cables: int) -> tuple[str, ...]:
+    """Return the kinds of events that a request which names none gets: cables and a condition, or none.
+
+    n_cables: members that pull only. None where there are none, or more than MOST_WATCHED: each event ends
+    a step, and thousands of cables leave no time in between.
+    """
+    return ("cable", "condition") if 0 < n_cables <= MOST_WATCHED and request.precision == "double" else ()
+
+
 def find_events(
-    request: ModelRequest, is_offered: Callable[[str], bool]
+    request: ModelRequest, is_offered: Callable[[str], bool], n_cables: int
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the kinds of events that integrators shall watch, and the quantities that these take.
 
-    Where the request says nothing: cables, if any can go slack, and with them a condition of the caller's.
-    is_offered: whether the model has a quantity. Raises FormulationError for an unknown kind.
+    Where the request names none: see choose_events. is_offered: whether the model has a quantity. Raises
+    FormulationError for an unknown kind.
     """
     if not any(name in TABLEAUS for name in request.integrators):
         return (), ()
@@ -58,10 +70,8 @@ def find_events(
             given=f"{', '.join(kinds)} with precision {request.precision!r}",
             allowed="no events in single precision",
         )
-    if kinds is None and request.precision != "double":
-        kinds = ()
-    elif kinds is None:
-        kinds = ("cable", "condition") if is_offered(EVENT_QUANTITIES["cable"]) else ()
+    if kinds is None:
+        kinds = choose_events(request, n_cables if is_offered(EVENT_QUANTITIES["cable"]) else 0)
     for kind in kinds:
         if kind not in EVENT_KINDS:
             raise FormulationError(
@@ -106,7 +116,10 @@ def integrator_spec(
     n = len(model.frame.coordinate_name)
     margins = 1 + sum(f.shape[0] for f in called if f.quantity in quantities)
     work = _work(name) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
-    return IntegratorSpec(name, f"{model.name}_integrate_{name}", passed, work, watched, cables)
+    slack = int(model.subject.tension_only.sum()) if name in TABLEAUS else 0
+    return IntegratorSpec(
+        name, f"{model.name}_integrate_{name}", passed, work, watched, cables, unwatched=slack - len(cables)
+    )
 
 
 def _work(name: str) -> int:

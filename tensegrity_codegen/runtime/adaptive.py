@@ -82,6 +82,8 @@ def integrate_adaptive(
     if run.is_over and times[-1] < time[0]:
         times, states = np.append(times, time[0]), np.vstack([states, bound.state])
     events = f", {log.count} events" if log.count else ""
+    if bound.spec.unwatched:
+        events += f", no events of {bound.spec.unwatched} cables (model.events)"
     return RawTrajectory(
         time=times,
         state=states,

@@ -187,7 +187,7 @@ class ModelOptions(Table):
     events: Annotated[tuple[Annotated[str, *_EVENT], ...], Strict(False)] | None = Field(
         None,
         description="Events at which integrators with error control cut their steps; "
-        "none: cables that can go slack, if there are any, and a condition of the caller's.",
+        "none: cables that can go slack, if there are 1 to 400, and a condition of the caller's.",
     )
     solvers: Annotated[tuple[Annotated[str, *_SOLVER], ...], Strict(False)] = Field(
         (), description="Solvers to put into the library."

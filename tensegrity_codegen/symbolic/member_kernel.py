@@ -58,6 +58,7 @@ KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     "vector": lambda m: m.vector,
     "length": lambda m: [m.length],
     "extension": lambda m: [m.law.extension],
+    "margin": lambda m: [m.law.margin()],
     "tension": lambda m: [m.law.tension()],
     "density": lambda m: [m.density],
     "pull": lambda m: m.pull(m.density),

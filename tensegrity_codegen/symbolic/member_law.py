@@ -47,7 +47,8 @@ class MemberLaw:
         """Return l - rho [m], or l - rho + c l' / mu if that is less: a cable pulls while it is positive."""
         if self.damping.is_zero():
             return self.extension
-        return ca.fmin(self.extension, self.extension + self.damping * self.rate / self.mu)
+        # The quotient first, so that constants meet before the rate.
+        return ca.fmin(self.extension, self.extension + self.damping / self.mu * self.rate)
 
     def static_tension(self) -> Scalar:
         """Return mu (l - rho) [N], zero when slack."""

@@ -78,10 +78,11 @@ def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
     assert chosen(chain(rule.LEAST_VECTORS - 1), AUTO) == "unrolled"
 
 
-def test_events_of_cables_and_jacobians_to_inputs_need_the_unrolled_emitter() -> None:
+def test_jacobians_to_inputs_and_contacts_need_the_unrolled_emitter() -> None:
     wanted = replace(AUTO, integrators=("rk54",))
     assert chosen(chain(120), wanted) == "table"
-    assert chosen(chain(120, slack=True), wanted) == "unrolled"
+    assert chosen(chain(120, slack=True), wanted) == "table"
+    assert chosen(chain(120, slack=True), replace(wanted, events=("contact",))) == "unrolled"
     assert chosen(chain(120, slack=True), replace(wanted, events=())) == "table"
     assert chosen(chain(120), replace(AUTO, integrators=("radau",))) == "table"
     assert chosen(chain(120), replace(AUTO, quantities=("input_jacobian",))) == "unrolled"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.codegen import integrators
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
@@ -319,3 +320,26 @@ def test_a_condition_that_is_no_number_ends_the_run() -> None:
 
 def test_the_log_keeps_at_least_a_hundred_thousand_events() -> None:
     assert event_log.MOST_LOGGED >= 100_000
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_loops_over_tables_find_the_same_events(damping: float) -> None:
+    """The emitter table writes the margins in loops: the same bits, so the same events and states."""
+    structure = net(damping)
+    unrolled, table = (build(structure, emitter=emitter) for emitter in ("unrolled", "table"))
+    found, other = (run("rk54", model, np.linspace(0.0, 4.0, 9), 1e-9) for model in (unrolled, table))
+    assert found.log.count > 10
+    assert other.log.name == found.log.name
+    np.testing.assert_array_equal(other.log.time, found.log.time)
+    np.testing.assert_array_equal(other.state, found.state)
+
+
+def test_many_cables_are_watched_only_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(integrators, "MOST_WATCHED", 1)
+    time = np.linspace(0.0, 1.0, 3)
+    silent, asked = (build(net(), emitter="table", **more) for more in ({}, {"events": ("cable",)}))
+    count = int(net().tension_only.sum())
+    assert [spec.unwatched for spec in silent.manifest.integrators] == [count] * 2
+    assert f"no events of {count} cables (model.events)" in run("rk54", silent, time, 1e-6).message
+    assert [spec.unwatched for spec in asked.manifest.integrators] == [0] * 2
+    assert "no events" not in run("rk54", asked, time, 1e-6).message

@@ -19,7 +19,7 @@ from tensegrity_codegen.codegen.table.stage import loop
 from tensegrity_codegen.codegen.table.writer import Writer, index_text
 from tensegrity_codegen.symbolic.member_kernel import MemberKernel, build_member_kernel
 
-__all__ = ["AddToNodes", "AddUp", "MemberLoop", "Sink", "StoreForMembers", "member_loops"]
+__all__ = ["AddToNodes", "AddUp", "MemberLoop", "Sink", "StoreForCables", "StoreForMembers", "member_loops"]
 
 
 class Sink(Protocol):
@@ -160,14 +160,32 @@ class StoreForMembers:
         """Return all members."""
         return member
 
+    def place(self, access: MemberAccess) -> IntArray:
+        """Return where the results of each member stand."""
+        return access.member
+
     def operations(self, kernel: MemberKernel) -> int:
         """Return no operation."""
         return 0
 
     def statements(self, writer: Writer, access: MemberAccess, results: list[str]) -> list[str]:
         """Return one assignment for each result."""
-        at = writer.index_at(f"{access.name}_store", len(results) * access.member, "e")
+        at = writer.index_at(f"{access.name}_store", len(results) * self.place(access), "e")
         return [f"{self.target}[{at}{f' + {k}' if k else ''}] = {name};" for k, name in enumerate(results)]
+
+
+@dataclass(frozen=True)
+class StoreForCables(StoreForMembers):
+    """Writes the result of each member that pulls only to its place among them."""
+
+    def select(self, model: TableModel, member: IntArray) -> IntArray:
+        """Return the members that pull only."""
+        return member[model.structure.tension_only[member]]
+
+    def place(self, access: MemberAccess) -> IntArray:
+        """Return the number of each member among those that pull only."""
+        place: IntArray = np.cumsum(access.model.structure.tension_only)[access.member] - 1
+        return place
 
 
 @dataclass(frozen=True)

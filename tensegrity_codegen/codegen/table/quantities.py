@@ -13,7 +13,13 @@ import numpy as np
 from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
 from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
 from tensegrity_codegen.codegen.table.function import Recipe
-from tensegrity_codegen.codegen.table.loops import AddToNodes, AddUp, StoreForMembers, member_loops
+from tensegrity_codegen.codegen.table.loops import (
+    AddToNodes,
+    AddUp,
+    StoreForCables,
+    StoreForMembers,
+    member_loops,
+)
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
 from tensegrity_codegen.codegen.table.matrices import MATRICES
 from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
@@ -32,6 +38,11 @@ def _of_members(kernel: str, quantity: str, size: int | None = None) -> Callable
         return Recipe(shape, tuple(member_loops(model, kernel, StoreForMembers(quantity))))
 
     return build
+
+
+def _cable_margin(model: TableModel) -> Recipe:
+    loops = member_loops(model, "margin", StoreForCables("cable_margin"))
+    return Recipe((int(model.structure.tension_only.sum()), 1), tuple(loops))
 
 
 def _forces(model: TableModel, index: IntArray, target: str, pull: str) -> list[Stage]:
@@ -129,4 +140,5 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "state_derivative": _state_derivative,
     **MATRICES,
     "member_extension": _of_members("extension", "member_extension", 1),
+    "cable_margin": _cable_margin,
 }
