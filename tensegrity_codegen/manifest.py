@@ -182,6 +182,9 @@ class Manifest:
     solvers: tuple[SolverSpec, ...] = ()
     instruction_sets: tuple[str, ...] = ()  # what native code needs beyond the baseline of its architecture
     batch_width: int = 0
+    rigid_bar: tuple[
+        str, ...
+    ] = ()  # members whose lengths are constraints, in the order of their multipliers
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:

@@ -41,11 +41,11 @@ __all__ = [
     "EQUILIBRIUM_QUANTITIES",
     "LINEARIZE_QUANTITIES",
     "SIMULATION_QUANTITIES",
-    "WITHOUT_STATICS",
     "BuiltLibrary",
     "build_library",
     "compile_scene",
     "equilibrium_quantities",
+    "has_statics",
     "linearize_quantities",
     "load_nodes",
     "load_scene",
@@ -183,11 +183,21 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
     return (*_quantities_of(request.formulation), *(("unpotential_force",) if turning else ()))
 
 
-def with_statics(request: ModelRequest) -> ModelRequest:
-    """Return the request in a formulation that finds equilibria: its own, or node positions."""
-    if request.formulation not in WITHOUT_STATICS:
+def has_statics(request: ModelRequest) -> bool:
+    """Return whether a model of this request finds its equilibria itself."""
+    return request.formulation not in WITHOUT_STATICS and not _is_corrected(request)
+
+
+def with_statics(structure: Subject, request: ModelRequest) -> ModelRequest:
+    """Return the request in a formulation that finds equilibria: its own, or node positions.
+
+    Bars whose lengths follow their tensions settle as the springs that they are.
+    """
+    if has_statics(request):
         return request
-    return replace(request, formulation="node_position", integrators=(), options={})
+    rigid = isinstance(structure, Structure) and bool(structure.is_rigid.any())
+    formulation = "rigid_bar" if rigid else "node_position"
+    return replace(request, formulation=formulation, integrators=(), options={})
 
 
 def settle_structure(
@@ -195,12 +205,17 @@ def settle_structure(
 ) -> Structure:
     """Return the structure with its nodes where they are in equilibrium, found in node coordinates.
 
-    For formulations that have no statics of their own, see WITHOUT_STATICS. Raises what build_library
-    raises, and ConvergenceError or UnstableError where there is no stable equilibrium.
+    For requests that have no statics of their own, see has_statics. Raises what build_library raises, and
+    ConvergenceError or UnstableError where there is no stable equilibrium.
     """
-    statics = with_statics(request).wanting(*EQUILIBRIUM_QUANTITIES)
-    model = build_library(structure, statics, compiler=compiler, flags=flags).load()
+    statics = with_statics(structure, request)
+    wanted = statics.wanting(*equilibrium_quantities(structure, statics))
+    model = build_library(structure, wanted, compiler=compiler, flags=flags).load()
     return structure.with_changes(node_position=find_equilibrium(model).node_position)
+
+
+def _is_corrected(request: ModelRequest) -> bool:
+    return request.formulation == "rigid_bar" and request.options.get("correction") == "first_order"
 
 
 def _request_key(structure: Subject, request: ModelRequest, toolchain: str, measure: bool) -> str:

@@ -66,7 +66,7 @@ def equilibrium(
             total = structure.node_load + parse_loads(load, structure)
             parameters["node_load"] = tuple(range(structure.n_nodes))
             arguments["node_load"] = total[:, list(structure.axes)]
-        statics = with_statics(request)
+        statics = with_statics(structure, request)
         wanted = statics.wanting(*equilibrium_quantities(structure, statics), parameters=parameters)
         model = build_library(structure, wanted, compiler=compiler).load()
         found = find_equilibrium(

@@ -34,9 +34,9 @@ def linearize(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import (
-            WITHOUT_STATICS,
             build_library,
             equilibrium_quantities,
+            has_statics,
             linearize_quantities,
             load_scene,
             settle_structure,
@@ -47,7 +47,7 @@ def linearize(
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
-        if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
+        if settle and isinstance(structure, Structure) and not has_statics(request):
             structure = settle_structure(structure, request, compiler=compiler)
             structure = structure.with_changes(node_velocity=0 * structure.node_velocity)
             settle = False

@@ -127,7 +127,7 @@ def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: s
         raise InvalidValueError(
             "the load is zero", where="--load", given=", ".join(load), allowed="a force that is not zero"
         )
-    request = with_statics(request)
+    request = with_statics(subject, request)
     extra = ["member_extension"] if subject.n_members else []
     extra += ["bar_distance"] if subject.n_bar_pairs else []
     quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))

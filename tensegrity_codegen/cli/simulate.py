@@ -95,9 +95,9 @@ def _build(
 ) -> tuple[BuiltLibrary, Any]:
     """Return the library that the run needs, and where it starts (None: where the scene says)."""
     from tensegrity_codegen.pipeline import (
-        WITHOUT_STATICS,
         build_library,
         equilibrium_quantities,
+        has_statics,
         load_scene,
         settle_structure,
         simulation_quantities,
@@ -107,7 +107,7 @@ def _build(
     from tensegrity_codegen.runtime.simulate import integrators_for
 
     structure, request = load_scene(scene)
-    if settle and isinstance(structure, Structure) and request.formulation in WITHOUT_STATICS:
+    if settle and isinstance(structure, Structure) and not has_statics(request):
         structure = settle_structure(structure, request, compiler=compiler, flags=flags)
         settle = False
     quantities = simulation_quantities(request.formulation)

@@ -70,6 +70,7 @@ def describe(
         ),
         left_out=left_out,
         batch_width=request.batch_width,
+        rigid_bar=frame.rigid_bar,
         bar_pair=frame.find_bar_pair() if any(f.quantity.over_bar_pairs for f in functions) else (),
         solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
     )

@@ -52,6 +52,14 @@ def solver_spec(model: EmittedModel, name: str, functions: tuple[FunctionSpec, .
 
 
 def _check(model: EmittedModel, name: str, present: set[str], count: int) -> None:
+    if model.formulation == "rigid_bar":
+        raise FormulationError(
+            "the solver in C has no rigid bars",
+            where=f"{model.name}: model.solvers",
+            given=name,
+            allowed="bars with axial_stiffness or spring_constant",
+            hint="leave the solver out and call find_equilibrium in Python, or give the bars a stiffness",
+        )
     force = next((item for item in FORCES if item in model.quantities), FORCES[0])
     missing = [item for item in (ENERGY, force, STIFFNESS) if item not in present]
     if missing:

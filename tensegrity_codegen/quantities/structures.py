@@ -18,6 +18,13 @@ STRUCTURES = (
         ("n_members",),
         "Member tensions t_e = mu_e (l_e - rho_e) + c_e l_e', positive in tension; zero in slack cables.",
     ),
+    Quantity(
+        "spring_tension",
+        "t_s",
+        "N",
+        ("n_members",),
+        "Tensions of springs at rest, mu_e (l_e - rho_e); zero in slack cables and in rigid bars.",
+    ),
     Quantity("force_density", "t/l", "N/m", ("n_members",), "Force densities t_e / l_e."),
     Quantity(
         "node_force", "f", "N", ("n_nodes", "n_axes"), "Sum of member forces, weight and loads on every node."

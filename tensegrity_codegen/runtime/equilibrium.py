@@ -17,7 +17,8 @@ from tensegrity_codegen.errors import (
     UnstableError,
     suggest,
 )
-from tensegrity_codegen.runtime.body_problem import BODY_EQUILIBRIUM_QUANTITIES, BodyProblem
+from tensegrity_codegen.runtime.bar_problem import BarProblem
+from tensegrity_codegen.runtime.body_problem import BodyProblem
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.newton import Outcome, Progress, find_minimum, find_stability
@@ -38,6 +39,9 @@ FloatArray = NDArray[np.float64]
 Method = Literal["auto", "newton", "relaxation"]
 
 METHODS = ("auto", "newton", "relaxation")
+# What stands for a formulation whose coordinates are no free ones of nodes joined by springs.
+PROBLEMS: Mapping[str, type[StaticProblem]] = {"bodies": BodyProblem, "rigid_bar": BarProblem}
+
 ROUGH = 1e-4  # tolerance at which relaxation hands over to Newton's method
 RELAXATION_STEPS = 40  # relaxation steps allowed for each allowed iteration
 
@@ -88,14 +92,13 @@ class Equilibrium:
 
 def equilibrium_quantities(formulation: str) -> tuple[str, ...]:
     """Return what an equilibrium needs of a model in this formulation."""
-    return BODY_EQUILIBRIUM_QUANTITIES if formulation == "bodies" else EQUILIBRIUM_QUANTITIES
+    return PROBLEMS.get(formulation, StaticProblem).quantities
 
 
 def build_problem(model: Model, arguments: Mapping[str, Any] | None = None) -> StaticProblem:
     """Return the static problem of a model at the given inputs and parameters, in its formulation's way."""
     require_double(model.manifest, "the search for an equilibrium")
-    kind = BodyProblem if model.manifest.formulation == "bodies" else StaticProblem
-    return kind(model, arguments)
+    return PROBLEMS.get(model.manifest.formulation, StaticProblem)(model, arguments)
 
 
 def find_equilibrium(
@@ -204,7 +207,7 @@ def _describe(problem: StaticProblem, start: Point, outcome: Outcome, method: st
         coordinate=problem.leave(point.coordinate),
         node_position=position,
         member_length=np.array(problem.compute("member_length", point.coordinate)),
-        member_tension=np.array(problem.compute("member_tension", point.coordinate)),
+        member_tension=point.tension,
         residual=point.node_force,
         largest_force=point.largest_force,
         iterations=outcome.iterations,

@@ -40,6 +40,14 @@ class ModelPath:
     def __init__(self, model: Model, pattern: ArrayLike, arguments: Mapping[str, Any] | None = None) -> None:
         require_double(model.manifest, "a load path")
         self.model = model
+        if model.manifest.rigid_bar:
+            raise FormulationError(
+                "a load path has no rigid bars",
+                where=f"{model.manifest.name}: members.{model.manifest.rigid_bar[0]}",
+                given=f"{len(model.manifest.rigid_bar)} rigid bars",
+                allowed="bars with axial_stiffness or spring_constant",
+                hint="give the bars a stiffness, or ask for the equilibrium under each load",
+            )
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
             raise _lacks(model, *LOAD_PATH_QUANTITIES)

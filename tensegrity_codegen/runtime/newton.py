@@ -32,6 +32,7 @@ MOST_RESTORATIONS = 5
 LOUDER = 3.0  # a trial whose residual grows more than that has strained stiff members
 PATIENCE = 6  # iterations without a better residual once rounding is reached
 MOST_ESCAPES = 20
+SHORTEST = 1e-15  # times the structure's size: no step is shorter
 FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbounded
 
 
@@ -78,7 +79,8 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     motions = problem.rigid_motions(point.coordinate)
     neutral = find_neutral_motions(stiffness, motions, turned)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
-    rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    # What is left of the forces blurs eigenvalues too.
+    rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
     told = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, told)
 
@@ -154,7 +156,7 @@ class _Search:
         """Return status and message where no further step makes sense."""
         if np.abs(self.point.coordinate - self.start.coordinate).max(initial=0.0) > FARTHEST * self.extent:
             return "unbounded", "the loads drive the structure away without bound"
-        if moved or self.radius > 1e-15 * self.extent:
+        if moved or self.radius > SHORTEST * self.extent:
             return None
         if self.point.node_force <= floor:
             self.point = self.best
@@ -178,7 +180,7 @@ class _Search:
             if -stability.smallest_eigenvalue * length**2 / 2 < 1e-14 * here.energy_scale:
                 break
             ways = (length * stability.direction, -length * stability.direction)
-            found = [self.problem.find_point(here.coordinate + way) for way in ways]
+            found = [self.problem.find_moved(here.coordinate, way) for way in ways]
             lower = [p for p in found if p is not None and p.energy < here.energy]
             if lower:
                 self.point = self.best = min(lower, key=lambda p: p.energy)
@@ -188,7 +190,7 @@ class _Search:
 
     def _move(self, curvature: Curvature, floor: float) -> bool:
         """Try one step, led back into the valley where it strained stiff members, and adapt the radius."""
-        step = curvature.find_step(-self.point.residual, self.radius)
+        step = curvature.find_step(-self.problem.slope(self.point), self.radius)
         length = float(np.linalg.norm(step.vector))
         if step.predicted <= 0.0 or length == 0.0:
             self.radius *= 0.1
@@ -217,7 +219,7 @@ class _Search:
         the residual, short trust-region steps from the trial point let the stiff members relax.
         """
         by_force = step.predicted <= ENERGY_DIGITS * self.point.energy_scale
-        trial = self.problem.find_point(self.point.coordinate + step.vector)
+        trial = self.problem.find_moved(self.point.coordinate, step.vector)
         best, most = None, -np.inf
         radius = self._sagitta(step)
         for _ in range(1 + MOST_RESTORATIONS):
@@ -226,12 +228,13 @@ class _Search:
             saved = self._saving(trial, by_force=by_force)
             if saved > most:
                 best, most = trial, saved
-            if by_force or trial.node_force <= LOUDER * self.point.node_force + floor:
+            quiet = trial.node_force <= LOUDER * self.point.node_force + floor
+            if by_force or quiet or radius <= SHORTEST * self.extent:
                 break
             relaxing = self._step_from(trial, floor, radius)
             if relaxing is None:
                 break
-            trial = self.problem.find_point(trial.coordinate + relaxing.vector)
+            trial = self.problem.find_moved(trial.coordinate, relaxing.vector)
             radius = min(0.5 * radius, self._sagitta(relaxing))
         return best, most
 
@@ -241,7 +244,8 @@ class _Search:
             stiffness = self.problem.stiffness(point.coordinate)
         except NonFiniteError:
             return None
-        return build_curvature(stiffness, floor, self.shift).find_step(-point.residual, radius)
+        slope = self.problem.slope(point)
+        return build_curvature(stiffness, floor, self.shift).find_step(-slope, radius)
 
     def _sagitta(self, step: Step) -> float:
         """Return how far a step along the tangent may lead off an arc of a member's length [m]."""

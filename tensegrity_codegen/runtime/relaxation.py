@@ -83,17 +83,17 @@ class _Motion:
 
     def step(self) -> None:
         """Advance by one unit of fictitious time; stop and go back where the kinetic energy has peaked."""
-        self.velocity = self.velocity + self.residual / self.mass
-        coordinate = self.coordinate + self.velocity
-        residual = self.problem.find_residual(coordinate)
-        if residual is None:
+        moved = self.problem.carry(self.coordinate, self.velocity + self.residual / self.mass)
+        residual = None if moved is None else self.problem.find_residual(moved[0])
+        if moved is None or residual is None:
             self._retreat()
             return
+        coordinate, self.velocity = moved
         kinetic = float(self.mass @ self.velocity**2)
         if kinetic < self.kinetic:
-            back = coordinate - 1.5 * self.velocity + 0.5 * self.residual / self.mass
-            residual = self.problem.find_residual(back)
-            self._rest_at(back, residual)
+            back = self.problem.carry(coordinate, -1.5 * self.velocity + 0.5 * self.residual / self.mass)
+            place = coordinate if back is None else back[0]
+            self._rest_at(place, self.problem.find_residual(place))
             return
         self.coordinate, self.residual, self.kinetic = coordinate, residual, kinetic
 
@@ -107,7 +107,7 @@ class _Motion:
     def _refresh_mass(self, point: Point) -> bool:
         """Raise the masses to the present stiffness; massless coordinates get the largest mass."""
         try:
-            rows = np.asarray(abs(self.problem.stiffness(point.coordinate)).sum(axis=1)).ravel()
+            rows = self.problem.row_stiffness(point.coordinate)
         except NonFiniteError:
             return False
         wanted = self.margin * MASS_FACTOR * rows

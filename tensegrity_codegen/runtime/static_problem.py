@@ -39,6 +39,7 @@ class Point:
     node_force: float  # [N]
     largest_force: float  # [N], over the members
     longest: float  # [m], longest member
+    tension: FloatArray  # (n_members,) [N]
 
     def is_balanced(self, tolerance: float, floor: float) -> bool:
         """Return whether the largest node residual is at most `tolerance` times the largest member force.
@@ -61,6 +62,7 @@ class StaticProblem:
 
     arguments: values of inputs and parameters that differ from the scene's. Raises FormulationError where
     the model lacks a function and InvalidValueError where `arguments` hold a coordinate or velocity.
+    Steps go along directions, here one for each coordinate.
     """
 
     quantities: ClassVar[tuple[str, ...]] = EQUILIBRIUM_QUANTITIES
@@ -98,9 +100,8 @@ class StaticProblem:
     def find_point(self, coordinate: FloatArray) -> Point | None:
         """Return the configuration with its energy and forces, None where any of them is not finite."""
         try:
-            residual = self.residual(coordinate)
+            residual, tension = self.forces(coordinate)
             energy = float(self.compute("potential_energy", coordinate))
-            tension = self.compute("member_tension", coordinate)
             length = self.compute("member_length", coordinate)
         except NonFiniteError:
             return None
@@ -113,7 +114,20 @@ class StaticProblem:
             self.largest_node_norm(residual),
             float(np.abs(tension).max(initial=0.0)),
             self.extent(coordinate, length),
+            tension,
         )
+
+    def find_moved(self, coordinate: FloatArray, step: FloatArray) -> Point | None:
+        """Return the configuration a step (n_directions,) away from `coordinate`, None where not finite."""
+        return self.find_point(coordinate + step)
+
+    def carry(self, coordinate: FloatArray, by: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return coordinates moved by `by`, and the way there; None where there are none."""
+        return coordinate + by, by
+
+    def slope(self, point: Point) -> FloatArray:
+        """Return the residual along the directions that steps have, (n_directions,) [N]: here all of it."""
+        return point.residual
 
     def find_residual(self, coordinate: FloatArray) -> FloatArray | None:
         """Return the residual forces alone, (n_coordinates,) [N], None where they are not finite."""
@@ -122,6 +136,10 @@ class StaticProblem:
         except NonFiniteError:
             return None
         return residual if np.all(np.isfinite(residual)) else None
+
+    def forces(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return residual forces (n_coordinates,) and member tensions (n_members,) [N]; NonFiniteError."""
+        return self.residual(coordinate), np.array(self.compute("member_tension", coordinate))
 
     def residual(self, coordinate: FloatArray) -> FloatArray:
         """Return the residual forces, (n_coordinates,) [N]; raises NonFiniteError."""
@@ -132,7 +150,7 @@ class StaticProblem:
         return float(np.max(length, initial=0.0))
 
     def rigid_motions(self, coordinate: FloatArray) -> FloatArray:
-        """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k)."""
+        """Return an orthonormal basis of the rigid motions that the anchors permit, (n_directions, k)."""
         return build_rigid_motions(self.model.manifest, self.node_position(coordinate))
 
     def smallest_eigenvalue(self, coordinate: FloatArray, found: float, neutral: FloatArray) -> float:
@@ -140,8 +158,12 @@ class StaticProblem:
         return found
 
     def stiffness(self, coordinate: FloatArray) -> Any:
-        """Return the tangent stiffness, a (n_coordinates, n_coordinates) sparse array [N/m]."""
+        """Return the tangent stiffness, a (n_directions, n_directions) sparse array [N/m]."""
         return self.compute("tangent_stiffness", coordinate)
+
+    def row_stiffness(self, coordinate: FloatArray) -> FloatArray:
+        """Return a bound of the stiffness on each coordinate, the sums of moduli of rows [N/m]."""
+        return np.asarray(abs(self.stiffness(coordinate)).sum(axis=1)).ravel()
 
     def largest_node_norm(self, vector: FloatArray) -> float:
         """Return the largest Euclidean norm of a node's part of a vector over the coordinates."""

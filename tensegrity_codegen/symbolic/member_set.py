@@ -86,6 +86,10 @@ class MemberSet:
         """Return the member tensions, (n_members, 1) [N]."""
         return ca.vertcat(*[law.tension() for law in self.laws])
 
+    def spring_tension(self) -> ca.SX:
+        """Return the member tensions without damping, (n_members, 1) [N]."""
+        return ca.vertcat(*[law.static_tension() for law in self.laws])
+
     def member_extension(self) -> ca.SX:
         """Return the extensions l_e - rho_e, (n_members, 1) [m]."""
         return ca.vertcat(*[law.extension for law in self.laws])

@@ -39,7 +39,8 @@ class Frame:
 
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
-    since n bars make n (n - 1) / 2 pairs that few models need.
+    since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members whose lengths are
+    constraints, in the order of their multipliers.
     """
 
     axes: tuple[int, ...]
@@ -52,6 +53,7 @@ class Frame:
     coordinate_node_axis: tuple[tuple[int, int], ...]
     input_name: tuple[str, ...]
     find_bar_pair: Callable[[], tuple[tuple[str, str], ...]] = tuple
+    rigid_bar: tuple[str, ...] = ()
 
 
 def frame_structure(structure: Structure) -> Frame:

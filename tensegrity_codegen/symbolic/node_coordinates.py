@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +13,8 @@ from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.geometry import dot, member_vector
 from tensegrity_codegen.symbolic.inertia import Inertia
 from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
+from tensegrity_codegen.symbolic.member import Member
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.member_set import MemberSet
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
@@ -77,6 +80,30 @@ class NodeCoordinates:
             for node in self.ends[e]
         ]
         return ca.vertcat(rest_length, law.mu, law.damping, *member_vector(*ends))
+
+    # Statics: without damping
+
+    @cached_property
+    def net_static_force(self) -> list[Vector]:
+        """Weight, load and member forces on every node at rest [N]."""
+        return self.members.add_to(self.external_force, self.members.static_densities)
+
+    def node_residual(self) -> ca.SX:
+        """Return -dU/dq, (n_coordinates, 1) [N]."""
+        return self.map.free(self.net_static_force)
+
+    def tangent_stiffness(self) -> ca.SX:
+        """Return the Hessian of U, sparse (n_coordinates, n_coordinates) [N/m]."""
+        blocks = {e: member.static_blocks() for e, member in self.each_member()}
+        return self.assembled({e: material.plus(geometric) for e, (material, geometric) in blocks.items()})
+
+    def assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
+        """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""
+        return self.map.member_matrix(blocks, self.ends, self.members.plan.ends)
+
+    def each_member(self) -> Iterable[tuple[int, Member]]:
+        """Return index and member of all."""
+        return enumerate(self.members.members)
 
     # Energies
 

@@ -40,11 +40,25 @@ def test_simulate_keeps_the_length_of_the_bar(run: Run, folder: Path) -> None:
     assert np.abs(length - 1.0).max() < 1e-14
 
 
-def test_equilibrium_refuses_with_the_formulation(run: Run, pendulum: str) -> None:
-    ended = run("equilibrium", pendulum, "--json")
+def test_equilibrium_finds_tensions_of_rigid_bars(run: Run, pendulum: str) -> None:
+    """A mass of 1 kg, drawn aside by its own weight, hangs at 45 degrees."""
+    ended = run("equilibrium", pendulum, "--load", "b=9.81,0,0", "--out", "settled.toml", "--json")
+    assert ended.code == 0
+    found = ended.data
+    assert found["status"] == "converged"
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(found["node_position"]["b"], [half, 0, -half], atol=1e-9)
+    assert found["member_length"]["r1"] == pytest.approx(1.0, abs=1e-15)
+    assert found["member_tension"]["r1"] == pytest.approx(9.81 / half, rel=1e-12)
+    assert found["smallest_eigenvalue"] == pytest.approx(9.81 / half, rel=1e-12)
+    assert run("check", "settled.toml", "--json").code == 0
+
+
+def test_load_path_refuses_with_what_serves_it(run: Run, pendulum: str) -> None:
+    ended = run("load-path", pendulum, "--load", "b=1,0,0", "--most", 1, "--json")
     assert ended.code == 2
     assert ended.data["error"] == "FormulationError"
-    assert "rigid_bar" in ended.err
+    assert "equilibrium" in ended.data["hint"]
 
 
 def test_linearize_ends_well(run: Run, pendulum: str) -> None:

@@ -6,6 +6,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
@@ -267,3 +268,14 @@ def test_an_unknown_solver_is_named() -> None:
     with pytest.raises(FormulationError, match="unknown solver") as caught:
         solver_spec(model, "newton", ())
     assert caught.value.given == "newton"
+
+
+def test_rigid_bars_are_refused() -> None:
+    structure = prism(anchored=HELD)
+    rigid = structure.with_changes(
+        spring_constant=np.where(structure.is_bar, 0.0, structure.spring_constant),
+        rest_length=structure.member_length(),
+    )
+    quantities = ("potential_energy", "node_residual", "tangent_stiffness")
+    with pytest.raises(FormulationError, match="no rigid bars"):
+        emit(rigid, ModelRequest(quantities, formulation="rigid_bar", solvers=("equilibrium",)))

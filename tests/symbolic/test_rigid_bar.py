@@ -129,6 +129,18 @@ def test_projections_restore_lengths_and_rates_and_leave_what_keeps_them(
     assert np.abs(again - v).max() < 1e-12 * (1 + np.abs(v).max())
 
 
+@given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
+@FEW
+def test_statics_are_those_of_the_springs(structure: Structure, seed: int) -> None:
+    rigid = make_rigid(structure, seed)
+    found, reference = Evaluated(rigid), reference_of(rigid)
+    pairs = [(name, name) for name in ("node_residual", "tangent_stiffness")]
+    for name, expected in (*pairs, ("spring_tension", "member_tension")):
+        value = dense(reference.compute(expected, velocity=np.zeros(rigid.n_coordinates)))
+        off = np.abs(found(name).reshape(value.shape) - value)
+        assert off.max(initial=0.0) < 1e-9 * (np.abs(value).max(initial=0.0) + 1.0)
+
+
 def rod(**more: Any) -> Structure:
     """Two masses on a rigid bar, one cable to an anchor."""
     members = [bar(0, 1, 1.0, 0.0), cable(1, 2, 0.5)]

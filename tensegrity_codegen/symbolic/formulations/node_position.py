@@ -6,8 +6,6 @@ K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -17,8 +15,6 @@ from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
 from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
-from tensegrity_codegen.symbolic.member import Member
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
@@ -86,15 +82,8 @@ class _NodePosition(NodeCoordinates):
 
     # Forces on nodes
 
-    @cached_property
-    def net_static_force(self) -> list[Vector]:
-        return self.members.add_to(self.external_force, self.members.static_densities)
-
     def node_force(self) -> ca.SX:
         return ca.horzcat(*[ca.vertcat(*force) for force in self.net_force])
-
-    def node_residual(self) -> ca.SX:
-        return self.map.free(self.net_static_force)
 
     def support_reaction(self) -> ca.SX:
         return -self.map.anchored(self.net_static_force)
@@ -110,21 +99,19 @@ class _NodePosition(NodeCoordinates):
     # Stiffness and Jacobians, member block by member block
 
     def material_stiffness(self) -> ca.SX:
-        return self._assembled({e: member.static_blocks()[0] for e, member in self._all()})
+        return self.assembled({e: member.static_blocks()[0] for e, member in self.each_member()})
 
     def geometric_stiffness(self) -> ca.SX:
-        return self._assembled({e: member.static_blocks()[1] for e, member in self._all()})
-
-    def tangent_stiffness(self) -> ca.SX:
-        blocks = {e: member.static_blocks() for e, member in self._all()}
-        return self._assembled({e: material.plus(geometric) for e, (material, geometric) in blocks.items()})
+        return self.assembled({e: member.static_blocks()[1] for e, member in self.each_member()})
 
     def damping_matrix(self) -> ca.SX:
-        return self._assembled({e: member.rate_block() for e, member in self._all() if member.is_damped})
+        return self.assembled(
+            {e: member.rate_block() for e, member in self.each_member() if member.is_damped}
+        )
 
     def state_jacobian(self) -> ca.SX:
         n = self.map.n_coordinates
-        stiffness = self._assembled({e: member.position_block() for e, member in self._all()})
+        stiffness = self.assembled({e: member.position_block() for e, member in self.each_member()})
         lower = [
             -ca.mtimes(self.inverse_mass, stiffness),
             -ca.mtimes(self.inverse_mass, self.damping_matrix()),
@@ -132,10 +119,10 @@ class _NodePosition(NodeCoordinates):
         return ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), ca.horzcat(*lower))
 
     def equilibrium_matrix(self) -> ca.SX:
-        return self.map.member_columns([member.direction() for _, member in self._all()], self.ends)
+        return self.map.member_columns([member.direction() for _, member in self.each_member()], self.ends)
 
     def rest_length_jacobian(self) -> ca.SX:
-        pull = self.map.member_columns([member.rest_pull() for _, member in self._all()], self.ends)
+        pull = self.map.member_columns([member.rest_pull() for _, member in self.each_member()], self.ends)
         return below_zeros(ca.mtimes(self.inverse_mass, pull))
 
     def input_jacobian(self) -> ca.SX:
@@ -143,12 +130,6 @@ class _NodePosition(NodeCoordinates):
 
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(self.acceleration(), self.arguments)
-
-    def _assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
-        return self.map.member_matrix(blocks, self.ends, self.members.plan.ends)
-
-    def _all(self) -> Iterable[tuple[int, Member]]:
-        return enumerate(self.members.members)
 
 
 # What emitters may know: the class by its public name.

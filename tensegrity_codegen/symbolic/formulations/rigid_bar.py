@@ -9,6 +9,7 @@ sparse LDL^T is part of the code. Lengths are constant (l' = 0), or follow the t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -45,11 +46,24 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     values = {name: np.where(rigid, 0.0, getattr(structure, name)) for name in ELASTIC}
     arguments = SymbolicArguments(structure.with_changes(**values), request.parameters)
     parts = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
-    words = {"constraint_residual": ("m", "Lengths of the rigid bars minus what they are kept at.")}
-    return SymbolicModel(
-        "rigid_bar", structure, frame_structure(structure), arguments.ordered(), parts.builders(), words
-    )
+    names = tuple(structure.member_name[e] for e in parts.bars)
+    frame = replace(frame_structure(structure), rigid_bar=names)
+    return SymbolicModel("rigid_bar", structure, frame, arguments.ordered(), parts.builders(), WORDS)
 
+
+# What quantities mean where bars are rigid.
+WORDS = {
+    "constraint_residual": ("m", "Lengths of the rigid bars minus what they are kept at."),
+    "node_residual": (
+        "N",
+        "Static force -dU/dq of springs, weights and loads on every free coordinate, without that of rigid "
+        "bars, which balances it in equilibrium.",
+    ),
+    "tangent_stiffness": (
+        "N/m",
+        "Hessian of the potential energy of springs, weights and loads; the rigid bars are not in it.",
+    ),
+}
 
 ELASTIC = ("spring_constant", "axial_stiffness", "damping")
 
@@ -98,6 +112,7 @@ class _RigidBar(NodeCoordinates):
             "multiplier": lambda: self.multipliers,
             "rigidity_error": self.rigidity_error,
             **self.mixed_form(),
+            **self.statics(),
             **build_bar_quantities(self.bar_pairs, self.q),
         }
 
@@ -112,6 +127,23 @@ class _RigidBar(NodeCoordinates):
             "cable_force": self.cable_force,
             "member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws]),
         }
+
+    def statics(self) -> dict[str, Any]:
+        """Return what an equilibrium takes: springs alone, since the bars only keep their lengths."""
+        if self.is_corrected:
+            return {}
+        return {
+            "node_residual": self.node_residual,
+            "tangent_stiffness": self.tangent_stiffness,
+            "spring_tension": self.members.spring_tension,
+        }
+
+    def tangent_stiffness(self) -> ca.SX:
+        """Return the Hessian of U, zeros on the diagonal where no spring moves: nothing is no function."""
+        stiffness = super().tangent_stiffness()
+        if stiffness.nnz():
+            return stiffness
+        return ca.SX(ca.Sparsity.diag(self.map.n_coordinates), ca.SX.zeros(self.map.n_coordinates))
 
     # Constraints
 

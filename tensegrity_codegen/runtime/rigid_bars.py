@@ -1,0 +1,136 @@
+"""Rigid bars over the free coordinates: gaps of their lengths, directions they permit, forces they carry.
+
+l_b(q) = k_b,  J = dl/dq (n_bars, n_coordinates): +u_b at node i, -u_b at node j, u_b = d_b / l_b
+Bars that share free nodes, directly or through others, are one component; each has its own null space of J.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.sparse import linalg as sparse_linalg
+
+from tensegrity_codegen.manifest import Manifest
+
+__all__ = ["RigidBars"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+DEPENDENT = 1e-9  # part of a bar's direction that the others leave free, below which it repeats them
+DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares
+MOST_CORRECTIONS = 25
+EPSILON = float(np.finfo(float).eps)
+
+
+class RigidBars:
+    """The rigid bars that a manifest names, kept at `length` (n_bars,) [m]."""
+
+    def __init__(self, manifest: Manifest, length: FloatArray) -> None:
+        self.row = np.array([manifest.member_name.index(name) for name in manifest.rigid_bar], dtype=np.int64)
+        self.length = length
+        self.ends = np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)[self.row]
+        self.size = len(manifest.coordinate_node_axis)
+        self.axes = manifest.axes
+        places = np.full((len(manifest.node_name), 3), -1, dtype=np.int64)
+        place = manifest.coordinate_place
+        places[place[:, 0], place[:, 1]] = np.arange(self.size)
+        # One entry of J for each bar, end and axis that is free.
+        count = len(self.row)
+        bar = np.repeat(np.arange(count), 6)
+        column = places[self.ends].reshape(-1)
+        axis = np.tile(np.arange(3), 2 * count)
+        sign = np.tile(np.repeat([1.0, -1.0], 3), count)
+        free = column >= 0
+        self.bar, self.column, self.axis, self.sign = bar[free], column[free], axis[free], sign[free]
+        shape = (3 * count, self.size)
+        self._difference = sparse.csr_array((self.sign, (3 * self.bar + self.axis, self.column)), shape=shape)
+        self.components = self._find_components()
+
+    def vectors(self, position: FloatArray) -> FloatArray:
+        """Return d_b, (n_bars, 3) [m], at node positions (n_nodes, 3)."""
+        vectors: FloatArray = position[self.ends[:, 0]] - position[self.ends[:, 1]]
+        return vectors
+
+    def gap(self, position: FloatArray) -> FloatArray:
+        """Return lengths minus what they are kept at, (n_bars,) [m]."""
+        gap: FloatArray = np.linalg.norm(self.vectors(position), axis=1) - self.length
+        return gap
+
+    def jacobian(self, position: FloatArray) -> Any:
+        """Return J, sparse (n_bars, n_coordinates)."""
+        vectors = self.vectors(position)
+        unit = vectors / np.linalg.norm(vectors, axis=1)[:, None]
+        data = self.sign * unit[self.bar, self.axis]
+        return sparse.csr_array((data, (self.bar, self.column)), shape=(len(self.row), self.size))
+
+    def stiffness(self, density: FloatArray) -> Any:
+        """Return the Hessian of sum density_b l_b^2 / 2, sparse (n_coordinates, n_coordinates) [N/m]."""
+        weights = sparse.diags_array(np.repeat(density, 3))
+        return sparse.csc_array(self._difference.T @ weights @ self._difference)
+
+    def find_tension(self, jacobian: Any, force: FloatArray) -> FloatArray:
+        """Return the tensions t that balance `force` (n_coordinates,) [N] best: least |force - J^T t|."""
+        if len(self.row) <= DENSE_BARS:
+            return np.asarray(np.linalg.lstsq(jacobian.toarray().T, force, rcond=DEPENDENT)[0])
+        return self._solve(jacobian, jacobian @ force)
+
+    def find_directions(self, jacobian: Any) -> Any:
+        """Return an orthonormal basis of J v = 0, sparse (n_coordinates, n_directions)."""
+        touched = np.zeros(self.size, dtype=bool)
+        rows, columns, values, count = [], [], [], 0
+        for bars, places in self.components:
+            touched[places] = True
+            null = _null_space(jacobian[bars][:, places].toarray())
+            rows.append(np.repeat(places, null.shape[1]))
+            columns.append(count + np.tile(np.arange(null.shape[1]), len(places)))
+            values.append(null.ravel())
+            count += null.shape[1]
+        free = np.flatnonzero(~touched)
+        rows.append(free)
+        columns.append(count + np.arange(len(free)))
+        values.append(np.ones(len(free)))
+        at = (np.concatenate(rows), np.concatenate(columns))
+        return sparse.csc_array((np.concatenate(values), at), shape=(self.size, count + len(free)))
+
+    def find_correction(self, position: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return the least change of coordinates that closes the gaps in first order, (n_coordinates,)."""
+        jacobian = self.jacobian(position)
+        if len(self.row) <= DENSE_BARS:
+            return np.asarray(np.linalg.lstsq(jacobian.toarray(), -gap, rcond=DEPENDENT)[0])
+        return np.asarray(jacobian.T @ self._solve(jacobian, -gap))
+
+    def rounding(self, position: FloatArray) -> float:
+        """Return the gap that rounding of positions explains [m]."""
+        return 8 * EPSILON * float(np.abs(position).max(initial=0.0) + self.length.max(initial=0.0))
+
+    def _solve(self, jacobian: Any, right: FloatArray) -> FloatArray:
+        """Return (J J^T)^-1 right by sparse LU."""
+        return np.asarray(sparse_linalg.splu(sparse.csc_array(jacobian @ jacobian.T)).solve(right))
+
+    def _find_components(self) -> list[tuple[IntArray, IntArray]]:
+        """Return bars and coordinates of each connected set of bars."""
+        count = len(self.row)
+        graph = sparse.csr_array(
+            (np.ones(len(self.bar)), (self.bar, count + self.column)),
+            shape=(count + self.size, count + self.size),
+        )
+        number, label = csgraph.connected_components(graph, directed=False)
+        order = np.argsort(label, kind="stable")
+        groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
+        pairs = [(group[group < count], group[group >= count] - count) for group in groups]
+        return [(bars, places) for bars, places in pairs if len(bars) and len(places)]
+
+
+def _null_space(matrix: FloatArray) -> FloatArray:
+    """Return an orthonormal basis of the null space of rows of unit length: by QR, by SVD if singular."""
+    factor, upper = np.linalg.qr(matrix.T, mode="complete")
+    rank = min(matrix.shape)
+    if matrix.shape[0] <= matrix.shape[1] and np.abs(np.diag(upper)).min(initial=1.0) > DEPENDENT:
+        return np.asarray(factor[:, rank:])
+    _, singular, right = np.linalg.svd(matrix, full_matrices=True)
+    return np.asarray(right[int((singular > DEPENDENT).sum()) :].T)

@@ -1,0 +1,46 @@
+"""The reference model with rigid bars: the statics of its springs, and lengths that are kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.structure import Structure
+from tests.reference import ReferenceModel
+
+__all__ = ["RigidReference", "stiffened"]
+
+FAINT = 1e-200  # spring constant that stands for none
+
+
+class RigidReference(ReferenceModel):
+    """The model of a structure whose bars without stiffness keep their rest lengths."""
+
+    def __init__(self, structure: Structure, parameters: dict[str, tuple[int, ...]] | None = None) -> None:
+        rigid = structure.is_rigid
+        faint = structure.with_changes(spring_constant=np.where(rigid, FAINT, structure.spring_constant))
+        super().__init__(faint, parameters)
+        self.rigid = np.flatnonzero(rigid)
+        names = tuple(structure.member_name[e] for e in self.rigid)
+        self.manifest = replace(self.manifest, formulation="rigid_bar", rigid_bar=names)
+
+    def has(self, quantity: str) -> bool:
+        return quantity in ("spring_tension", "constraint_residual") or super().has(quantity)
+
+    def compute(self, quantity: str, /, **arguments: Any) -> Any:
+        if quantity == "spring_tension":
+            return super().compute("member_tension", **arguments)
+        if quantity == "constraint_residual":
+            length = np.asarray(super().compute("member_length", **arguments))
+            rest = arguments.get("rest_length", self.structure.rest_length)
+            return (length - rest)[self.rigid]
+        return super().compute(quantity, **arguments)
+
+
+def stiffened(structure: Structure, spring_constant: float) -> Structure:
+    """Return the structure with springs of this constant [N/m] in place of rigid bars."""
+    return structure.with_changes(
+        spring_constant=np.where(structure.is_rigid, spring_constant, structure.spring_constant)
+    )
