@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model import CompiledModel
     from tensegrity_codegen.runtime.simulate import simulate
+    from tensegrity_codegen.runtime.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.trajectory import Trajectory
     from tensegrity_codegen.structure import Structure
 
@@ -50,6 +51,7 @@ __all__ = [
     "linearize",
     "load_scene",
     "simulate",
+    "simulate_batch",
 ]
 
 _HOME = {
@@ -62,6 +64,7 @@ _HOME = {
     "find_equilibrium": "runtime.equilibrium",
     "linearize": "runtime.linearize",
     "simulate": "runtime.simulate",
+    "simulate_batch": "runtime.simulate_batch",
 }
 
 

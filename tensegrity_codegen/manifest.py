@@ -107,7 +107,9 @@ class IntegratorSpec:
 
     events: the kinds of events that it can cut its steps at, see EVENT_KINDS; cables: indices of the members
     whose going slack or taut is one; tensions: of those whose tensions it hands out beside the states;
-    unwatched: how many members can go slack without an event, which steps with error control pass over.
+    unwatched: how many members can go slack without an event, which steps with error control pass over;
+    batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
+    none.
     """
 
     name: str
@@ -118,6 +120,7 @@ class IntegratorSpec:
     cables: tuple[int, ...] = ()
     tensions: tuple[int, ...] = ()
     unwatched: int = 0
+    batch_work_size: int = 0
 
 
 @dataclass(frozen=True)

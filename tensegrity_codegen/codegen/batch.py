@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tensegrity_codegen.codegen.batch_integrators import count_line
 from tensegrity_codegen.codegen.lane_printer import PrintedLanes, print_lanes
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.precision import Precision
@@ -40,6 +41,7 @@ def batch_context(width: int, lanes: Mapping[str, PrintedLanes], precision: Prec
     has_roots = any(item.n_roots for item in lanes.values())
     return {
         "width": width,
+        "line": count_line(precision),
         "has_lanes": bool(lanes),
         "has_roots": has_roots,
         "has_avx512": bool(lanes) and precision.name == "double" and width % REGISTER_LANES == 0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from tensegrity_codegen.codegen.batch_integrators import with_batch
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.fingerprint import hash_scene
 from tensegrity_codegen.codegen.flags import find_flags
@@ -14,6 +15,7 @@ from tensegrity_codegen.manifest import (
     ABI_VERSION,
     ArgumentSpec,
     FunctionSpec,
+    IntegratorSpec,
     LeftOut,
     Manifest,
 )
@@ -65,15 +67,22 @@ def describe(
         input_name=frame.input_name,
         arguments=tuple(_argument_spec(name, item) for name, item in model.arguments.items() if name in used),
         functions=specs,
-        integrators=tuple(
-            integrator_spec(model, name, specs, request.events or ()) for name in request.integrators
-        ),
+        integrators=tuple(_integrator_spec(model, name, specs, request) for name in request.integrators),
         left_out=left_out,
         batch_width=request.batch_width,
         rigid_bar=frame.rigid_bar,
         bar_pair=frame.find_bar_pair() if any(f.quantity.over_bar_pairs for f in functions) else (),
         solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
     )
+
+
+def _integrator_spec(
+    model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...], request: ModelRequest
+) -> IntegratorSpec:
+    spec = integrator_spec(model, name, functions, request.events or ())
+    sizes = [model.arguments[argument].nominal.size for argument in spec.arguments]
+    n = len(model.frame.coordinate_name)
+    return with_batch(spec, n, sizes, request.batch_width, find_precision(request.precision))
 
 
 def _rows(values: np.ndarray) -> tuple[tuple[float, float, float], ...]:

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.codegen.batch_integrators import BatchMemory, plan_memory
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.tableaus import TABLEAUS, Row, Tableau
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import EVENT_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.request import ModelRequest
 
 __all__ = [
@@ -193,6 +195,7 @@ def _context(
             "work_size": spec.work_size,
             "arguments": [arguments[name] for name in spec.arguments],
             "saddle": radau_context(spec, manifest, functions),
+            "batch": None,
         }
     kernel = functions["acceleration"].arguments
     table = TABLEAUS.get(spec.name)
@@ -208,7 +211,16 @@ def _context(
         "projection": [functions[name] for name in PROJECTION if name in functions],
         "dense_size": 0 if table is None else _dense(spec.name) * len(manifest.coordinate_name),
         "tableau": None if table is None else _tableau_context(spec.name, table),
+        "batch": _batch_context(spec, manifest),
     }
+
+
+def _batch_context(spec: IntegratorSpec, manifest: Manifest) -> BatchMemory | None:
+    if not spec.batch_work_size:
+        return None
+    sizes = [len(manifest.argument(name).nominal) for name in spec.arguments]
+    precision = find_precision(manifest.precision)
+    return plan_memory(spec.name, len(manifest.coordinate_name), sizes, manifest.batch_width, precision)
 
 
 def _tableau_context(name: str, table: Tableau) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.precision import Precision
 
-__all__ = ["to_array"]
+__all__ = ["to_array", "to_batch"]
 
 
 def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) -> NDArray[Any]:
@@ -35,3 +35,20 @@ def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) ->
         raise InvalidValueError(
             "not an array of numbers", where=name, given=value, allowed=allowed
         ) from error
+
+
+def to_batch(
+    value: ArrayLike, shape: tuple[int, ...], precision: Precision, name: str
+) -> tuple[NDArray[Any], bool]:
+    """Return an argument of a batch as a contiguous array, and whether it has the leading axis of the batch.
+
+    shape: of one element's value. Raises InvalidValueError for another one, and what to_array raises.
+    """
+    rows = f"({', '.join(['n_batch', *map(str, shape)])})"
+    allowed = f"shape {rows}, or {shape} shared by all elements"
+    array = np.ascontiguousarray(to_array(value, precision, name, allowed))
+    if array.shape == shape:
+        return array, False
+    if array.ndim == 1 + len(shape) and array.shape[1:] == shape:
+        return array, True
+    raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=allowed)

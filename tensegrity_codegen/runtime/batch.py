@@ -14,11 +14,11 @@ from scipy import sparse
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Pattern
-from tensegrity_codegen.runtime.arrays import to_array
+from tensegrity_codegen.runtime.arrays import to_batch
 from tensegrity_codegen.runtime.library import LoadedLibrary
 from tensegrity_codegen.runtime.status import raise_for_status
 
-__all__ = ["BatchFunction", "SparseBatch"]
+__all__ = ["BatchFunction", "SparseBatch", "check_threads"]
 
 FloatArray = NDArray[Any]
 StatusArray = NDArray[np.int32]
@@ -70,7 +70,8 @@ class BatchFunction:
 
     def __call__(self, *values: ArrayLike, threads: int = 1, on_error: str = "raise") -> Any:
         """Return the quantity of every element, (n_batch, *shape) or a SparseBatch; see compute_batch."""
-        self._check_options(threads, on_error)
+        check_threads(threads)
+        _check_on_error(on_error)
         arrays, n_batch = self._convert_all(values)
         result = np.empty((n_batch, *self._shape), self.precision.dtype)
         status = np.zeros(n_batch, np.int32)
@@ -126,7 +127,10 @@ class BatchFunction:
                 given=len(values),
                 allowed=f"{len(self.arguments)}: {', '.join(self.arguments)}",
             )
-        arrays = [self._convert(index, value) for index, value in enumerate(values)]
+        arrays = [
+            to_batch(value, shape, self.precision, name)
+            for value, shape, name in zip(values, self._shapes, self.arguments, strict=True)
+        ]
         lengths = {
             name: len(a) for name, (a, is_batched) in zip(self.arguments, arrays, strict=True) if is_batched
         }
@@ -146,31 +150,6 @@ class BatchFunction:
             )
         return arrays, next(iter(lengths.values()))
 
-    def _convert(self, index: int, value: ArrayLike) -> tuple[FloatArray, bool]:
-        shape, name = self._shapes[index], self.arguments[index]
-        rows = f"({', '.join(['n_batch', *map(str, shape)])})"
-        allowed = f"shape {rows}, or {shape} shared by all elements"
-        array = np.ascontiguousarray(to_array(value, self.precision, name, allowed))
-        if array.shape == shape:
-            return array, False
-        if array.ndim == 1 + len(shape) and array.shape[1:] == shape:
-            return array, True
-        raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=allowed)
-
-    def _check_options(self, threads: int, on_error: str) -> None:
-        if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-            raise InvalidValueError(
-                "not a number of threads", where="threads", given=threads, allowed="a whole number from 1 on"
-            )
-        if on_error not in ON_ERROR:
-            raise UnknownNameError(
-                "unknown word",
-                where="on_error",
-                given=on_error,
-                allowed=", ".join(ON_ERROR),
-                hint=suggest(str(on_error), ON_ERROR),
-            )
-
     def _raise(self, arrays: Sequence[tuple[FloatArray, bool]], status: StatusArray) -> None:
         bad = np.flatnonzero(status)
         first = int(bad[0])
@@ -182,3 +161,22 @@ class BatchFunction:
         if len(bad) > 1:
             where += f", the first of {len(bad)} that failed"
         raise_for_status(int(status[first]), where, rows)
+
+
+def check_threads(threads: int) -> None:
+    """Raise InvalidValueError for what is no number of threads."""
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise InvalidValueError(
+            "not a number of threads", where="threads", given=threads, allowed="a whole number from 1 on"
+        )
+
+
+def _check_on_error(on_error: str) -> None:
+    if on_error not in ON_ERROR:
+        raise UnknownNameError(
+            "unknown word",
+            where="on_error",
+            given=on_error,
+            allowed=", ".join(ON_ERROR),
+            hint=suggest(str(on_error), ON_ERROR),
+        )

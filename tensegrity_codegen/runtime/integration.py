@@ -13,7 +13,7 @@ from tensegrity_codegen.manifest import STATUS, IntegratorSpec, Manifest
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel, raise_for_status
 
-__all__ = ["CHUNK_SECONDS", "BoundIntegrator", "Progress"]
+__all__ = ["CHUNK_SECONDS", "BoundIntegrator", "Progress", "find_integrator"]
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -37,7 +37,7 @@ class BoundIntegrator:
         arguments: Mapping[str, Any],
     ) -> None:
         require_double(model.manifest, "an integration from Python")
-        spec = _find_integrator(model.manifest, name)
+        spec = find_integrator(model.manifest, name)
         n_states = 2 * len(model.manifest.coordinate_name)
         self.name, self.spec, self.ffi = name, spec, model.library.ffi
         self.call = model.library.symbol(spec.symbol if name in ("rk4", "radau") else f"{spec.symbol}_run")
@@ -75,7 +75,8 @@ class BoundIntegrator:
         return word
 
 
-def _find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:
+def find_integrator(manifest: Manifest, name: str) -> IntegratorSpec:
+    """Return an integrator of a library; raises FormulationError if it has it not."""
     for spec in manifest.integrators:
         if spec.name == name:
             return spec

@@ -174,6 +174,9 @@ def _declarations(manifest: Manifest) -> str:
         lines += [_batch_declaration(spec, real) for spec in manifest.functions]
     lines += [RUN_WITH_EVENTS if any(spec.events for spec in manifest.integrators) else RUN]
     lines += [_integrator_declaration(spec, real) for spec in manifest.integrators]
+    lines += [
+        _batch_integrator_declaration(spec, real) for spec in manifest.integrators if spec.batch_work_size
+    ]
     lines += [REPORT for _ in manifest.solvers[:1]]
     lines += [_solver_declaration(spec) for spec in manifest.solvers]
     return "\n".join(lines)
@@ -198,6 +201,15 @@ def _integrator_declaration(spec: IntegratorSpec, real: str) -> str:
         sampled = "long long, const double *, double *, double *, long long *"
         return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, double *, double *);"
     return f"int {spec.symbol}_run({run}, {passed}{sampled}, integrator_run *, {real} *);"
+
+
+def _batch_integrator_declaration(spec: IntegratorSpec, real: str) -> str:
+    run = f"double, double, long long, long long, {real} *"
+    if spec.name != "rk4":
+        run = f"double, double, double, long long, double *, double *, {real} *"
+    passed = f"const {real} *, int, " * len(spec.arguments)
+    sampled = f"long long, const double *, {real} *, long long *"
+    return f"int {spec.symbol}_batch(int, {run}, {passed}{sampled}, long long *, int *, {real} *);"
 
 
 def _solver_declaration(spec: SolverSpec) -> str:

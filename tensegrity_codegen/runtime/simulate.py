@@ -26,7 +26,7 @@ from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
-__all__ = ["METHODS", "check_options", "integrators_for", "simulate"]
+__all__ = ["METHODS", "check_arguments", "check_options", "integrators_for", "simulate"]
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -96,7 +96,7 @@ def simulate(
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
     arguments = dict(arguments or {})
-    _check_arguments(model, arguments)
+    check_arguments(model, arguments)
     if schedule is not None:
         _check_schedule(model, schedule, method)
     q0 = _initial(model, "coordinate", coordinate)
@@ -200,7 +200,8 @@ def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatA
     return given
 
 
-def _check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
+def check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
+    """Raise UnknownNameError for a word that is no argument of the model at run time."""
     known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
     for name in arguments:
         if name not in known:
@@ -224,7 +225,7 @@ def _check_schedule(model: CompiledModel, schedule: Schedule, method: str) -> No
             allowed=", ".join(SCIPY_NAME),
         )
     first = schedule(0.0)
-    _check_arguments(model, first)
+    check_arguments(model, first)
     if "anchor_position" in first:
         raise InvalidValueError("anchors stay where they are", where="schedule", given="anchor_position")
 

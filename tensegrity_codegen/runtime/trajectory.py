@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, SceneSyntaxError, StructureError
 from tensegrity_codegen.files import replaced
+from tensegrity_codegen.runtime.balance import balance_energy
 from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
 from tensegrity_codegen.runtime.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.interface import Model
@@ -30,6 +31,7 @@ __all__ = [
     "Schedule",
     "Trajectory",
     "evaluate_trajectory",
+    "judge_charts",
     "read_trajectory",
     "simulation_quantities",
 ]
@@ -70,9 +72,6 @@ UNREADABLE = (
     BadZipFile,
     zlib.error,
 )
-
-# Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
-ENERGY_TOLERANCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -211,7 +210,7 @@ def evaluate_trajectory(
             model, raw, columns["kinetic_energy"], columns["total_energy"], arguments
         )
     if model.has("chart_margin"):
-        status, message = _judge_charts(model, raw, status, message)
+        status, message = judge_charts(model, raw.time, q, status, message)
     manifest = model.manifest
     position, rate = place_motion(model, q, v, arguments)
     return Trajectory(
@@ -346,34 +345,29 @@ def _judge_energy(
 
     Torques and turning forces may bring energy in; then neither is asked.
     """
-    change = total - total[0]
-    # Below this the change is rounding of the potential energy, not motion.
-    floor = 1e-9 * float(np.max(np.abs(total - kinetic)))
-    scale = max(float(np.max(kinetic)), floor) or 1.0
+    balance = balance_energy(kinetic, total)
     conservative, is_driven = _find_energy_flow(model, raw, arguments)
-    drift = float(np.max(np.abs(change))) / scale if conservative else None
+    drift = float(balance.drift) if conservative else None
     if raw.status != "ok":
         return drift, raw.status, raw.message
-    grown = change > ENERGY_TOLERANCE * scale
-    if grown.any() and not is_driven:
-        place = raw.time[int(np.argmax(grown))]
-        return drift, "unstable", f"the total energy has grown by t = {place:.6g} s: take a smaller step"
-    if conservative and np.max(-change) > ENERGY_TOLERANCE * scale:
-        return drift, "inaccurate", "an undamped structure has lost energy: take a smaller step"
-    return drift, "ok", raw.message
+    return drift, *balance.judge((), raw.time, conservative, is_driven, raw.message)
 
 
-def _judge_charts(model: Model, raw: RawTrajectory, status: str, message: str) -> tuple[str, str]:
-    """Return status "at_pole" where a body comes near the pole of its angles or passes it between samples."""
-    n = raw.state.shape[1] // 2
-    margin = np.array([model.compute("chart_margin", coordinate=state[:n]) for state in raw.state])
+def judge_charts(
+    model: Model, time: FloatArray, coordinate: FloatArray, status: str, message: str
+) -> tuple[str, str]:
+    """Return status "at_pole" where a body comes near the pole of its angles or passes it between samples.
+
+    time (n_t,) [s], coordinate (n_t, n_coordinates): the samples; status, message: what is returned else.
+    """
+    margin = np.array([model.compute("chart_margin", coordinate=row) for row in coordinate])
     bad = (np.abs(margin) < NEAR_POLE) | (np.sign(margin) != np.sign(margin[0]))
     if not bad.any():
         return status, message
     row = int(np.argmax(bad.any(axis=1)))
     chart = int(np.argmax(bad[row]))
     angles = name_charts(model.manifest)[chart]
-    where = f"by t = {raw.time[row]:.6g} s the body {angles!r} has come to the pole of its angles"
+    where = f"by t = {time[row]:.6g} s the body {angles!r} has come to the pole of its angles"
     return "at_pole", f"{where} (margin {margin[row, chart]:.3g}): give it another polar_axis"
 
 

@@ -1,0 +1,58 @@
+"""The energy balance of motions: what changed over the samples, and whether it may."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["EnergyBalance", "balance_energy"]
+
+FloatArray = NDArray[np.float64]
+
+# Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
+ENERGY_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Of each motion: drift (...), the largest change of the total energy over the largest kinetic energy.
+
+    has_grown (..., n_t): whether there is too much energy by each sample; has_lost (...): whether there ever
+    was too little.
+    """
+
+    drift: FloatArray
+    has_grown: NDArray[np.bool_]
+    has_lost: NDArray[np.bool_]
+
+    def judge(
+        self, place: int | tuple[()], time: FloatArray, conservative: bool, is_driven: bool, message: str
+    ) -> tuple[str, str]:
+        """Return status and message of the motion at `place`, whose own message is `message`.
+
+        time (n_t,) [s]; conservative: whether the motion should keep its energy; is_driven: whether something
+        may bring it some.
+        """
+        grown = self.has_grown[place]
+        if grown.any() and not is_driven:
+            when = time[int(np.argmax(grown))]
+            return "unstable", f"the total energy has grown by t = {when:.6g} s: take a smaller step"
+        if conservative and self.has_lost[place]:
+            return "inaccurate", "an undamped structure has lost energy: take a smaller step"
+        return "ok", message
+
+
+def balance_energy(kinetic: FloatArray, total: FloatArray) -> EnergyBalance:
+    """Return the balance of motions from their energies (..., n_t) [J]; samples that are NAN are left out."""
+    change = total - total[..., :1]
+    # Below this the change is rounding of the potential energy, not motion.
+    floor = 1e-9 * np.fmax.reduce(np.abs(total - kinetic), axis=-1)
+    scale = np.fmax(np.fmax.reduce(kinetic, axis=-1), floor)
+    scale = np.where(scale == 0.0, 1.0, scale)
+    return EnergyBalance(
+        drift=np.asarray(np.fmax.reduce(np.abs(change), axis=-1) / scale),
+        has_grown=change > ENERGY_TOLERANCE * scale[..., None],
+        has_lost=np.asarray(np.fmax.reduce(-change, axis=-1) > ENERGY_TOLERANCE * scale),
+    )

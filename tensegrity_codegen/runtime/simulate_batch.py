@@ -1,0 +1,137 @@
+"""Simulation of a batch: many starts, or parameter sets, of one structure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.arrays import to_batch
+from tensegrity_codegen.runtime.batch import check_threads
+from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS, integrate_batch
+from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory, evaluate_batch
+from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.integration import Progress
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.simulate import check_arguments, check_options
+
+__all__ = ["simulate_batch"]
+
+FloatArray = NDArray[np.float64]
+
+
+def simulate_batch(
+    model: CompiledModel,
+    t_end: float,
+    *,
+    samples: int = 101,
+    method: str = "rk853",
+    step: float | None = None,
+    rtol: float = 1e-6,
+    atol: float = 1e-9,
+    coordinate: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> BatchTrajectory:
+    """Simulate H q'' = f from t = 0 to t_end [s] for a batch; return `samples` equally spaced states of each.
+
+    coordinate, velocity: initial states, arguments: run-time parameters and inputs by name. With one more,
+    leading axis they hold one row for each motion, without it they are the same for all, and those not given
+    are the scene's; at least one has it. method: "rk853" or "rk54", each step's error of each motion within
+    rtol and atol, or "rk4" with the fixed `step` [s]; steps are not cut at events. threads: how many share
+    the work; results do not depend on it. progress: called with the fraction done.
+
+    A motion that does not come to its end has its own status, and changes nothing of the others. Raises
+    LibraryError for a library without batch functions, FormulationError if it lacks the integrator,
+    InvalidValueError for shapes and options out of range, UnknownNameError for an unknown method or argument.
+    """
+    _check_method(method)
+    check_options(t_end, samples, method, step, rtol, atol)
+    check_threads(threads)
+    passed = dict(arguments or {})
+    check_arguments(model, passed)
+    given = {
+        name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
+        for name, value in passed.items()
+    }
+    q, q_batched = _initial(model, "coordinate", coordinate)
+    v, v_batched = _initial(model, "velocity", velocity)
+    lengths = {name: len(array) for name, (array, is_batched) in given.items() if is_batched}
+    lengths |= {"coordinate": len(q)} if q_batched else {}
+    lengths |= {"velocity": len(v)} if v_batched else {}
+    n_batch = _agree(lengths)
+    state = np.concatenate([_tile(q, q_batched, n_batch), _tile(v, v_batched, n_batch)], axis=1)
+    state = _make_consistent(model, state, given)
+    raw = integrate_batch(
+        method,
+        model,
+        state,
+        np.linspace(0.0, t_end, samples),
+        step=step,
+        rtol=rtol,
+        atol=atol,
+        arguments={name: array for name, (array, _) in given.items()},
+        threads=threads,
+        progress=progress,
+    )
+    return evaluate_batch(model, raw, given, threads)
+
+
+def _check_method(method: str) -> None:
+    if method not in BATCH_METHODS:
+        raise UnknownNameError(
+            "no method for batches",
+            where="method",
+            given=method,
+            allowed=", ".join(BATCH_METHODS),
+            hint=suggest(str(method), BATCH_METHODS),
+        )
+
+
+def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:
+    nominal = model.nominal(name)
+    return to_batch(nominal if value is None else value, nominal.shape, model.library.precision, name)
+
+
+def _agree(lengths: Mapping[str, int]) -> int:
+    """Return the length of the batch; raises InvalidValueError unless all say the same, one at least."""
+    if not lengths:
+        raise InvalidValueError(
+            "nothing has the axis of the batch",
+            where="simulate_batch",
+            allowed="a leading axis on coordinate, velocity or one of the arguments",
+            hint="simulate() gives the one motion there is",
+        )
+    if len(set(lengths.values())) > 1 or 0 in lengths.values():
+        raise InvalidValueError(
+            "batch lengths that do not go together",
+            where="simulate_batch",
+            given=", ".join(f"{name} {length}" for name, length in lengths.items()),
+            allowed="one length > 0, or no leading axis where all motions share a value",
+        )
+    return next(iter(lengths.values()))
+
+
+def _tile(array: FloatArray, is_batched: bool, n_batch: int) -> FloatArray:
+    return array if is_batched else np.tile(array, (n_batch, 1))
+
+
+def _make_consistent(
+    model: CompiledModel, state: FloatArray, given: Mapping[str, tuple[FloatArray, bool]]
+) -> FloatArray:
+    """Return the states, brought onto the constraints between coordinates where a model has any."""
+    if not model.has("consistent_coordinate"):
+        return state
+    n, rows = state.shape[1] // 2, []
+    for k, row in enumerate(state):
+        if not np.isfinite(row).all():  # the integrator says so
+            rows.append(row)
+            continue
+        own = {name: array[k] if is_batched else array for name, (array, is_batched) in given.items()}
+        rows.append(np.concatenate(make_consistent(model, row[:n], row[n:], own)))
+    return np.array(rows)
