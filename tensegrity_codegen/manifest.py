@@ -185,9 +185,7 @@ class Manifest:
     solvers: tuple[SolverSpec, ...] = ()
     instruction_sets: tuple[str, ...] = ()  # what native code needs beyond the baseline of its architecture
     batch_width: int = 0
-    rigid_bar: tuple[
-        str, ...
-    ] = ()  # members whose lengths are constraints, in the order of their multipliers
+    rigid_bar: tuple[str, ...] = ()  # members that keep constant lengths, in the order of their multipliers
 
     @cached_property
     def stated_position(self) -> NDArray[np.float64]:

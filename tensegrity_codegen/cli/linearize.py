@@ -62,6 +62,7 @@ def linearize(
             "status": "ok",
             "n_states": len(linear.state),
             "n_inputs": len(linear.input_name),
+            "n_variations": len(linear.state) if linear.variation is None else linear.variation.shape[1],
             "A_nonzeros": linear.A.nnz,
             "B_nonzeros": linear.B.nnz,
             "largest_affine_term": float(np.max(np.abs(linear.c))),
@@ -84,7 +85,9 @@ def linearize(
 def write_linear_model(linear: Any, path: Path) -> None:
     """Write a linear model to an .npz file: sparse matrices as row, column, value; names and vectors."""
     arrays: dict[str, Any] = {}
-    for name in ("A", "B"):
+    for name in ("A", "B", "variation"):
+        if getattr(linear, name) is None:
+            continue
         matrix = getattr(linear, name).tocoo()
         arrays |= {f"{name}_row": matrix.row, f"{name}_column": matrix.col, f"{name}_value": matrix.data}
         arrays[f"{name}_shape"] = np.array(matrix.shape)

@@ -15,6 +15,7 @@ from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.spectrum import Spectrum, find_spectrum
+from tensegrity_codegen.runtime.variations import SPANNING_QUANTITY, find_variations
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 
@@ -23,9 +24,6 @@ FloatArray = NDArray[np.float64]
 # What a linear model needs of every model, and of one with inputs too.
 LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
 INPUT_QUANTITY = "input_jacobian"
-
-# What a model in redundant coordinates is asked for too: its columns span the variations that can happen.
-SPANNING_QUANTITY = "distance_inertia_inverse"
 REDUNDANT = ("node_distance",)
 
 
@@ -36,6 +34,9 @@ class LinearModel:
     A: (n_states, n_states), B: (n_states, n_inputs), both sparse; c: (n_states,), so that the right side at
     (state, input) is the state derivative itself. Frequencies [Hz] and damping ratios, ascending by
     frequency, are those of the oscillating modes; see Spectrum for the others.
+    variation: T (n_states, n_variations), sparse, where coordinates depend on each other (rigid bars, node
+    distances): x = state + T p are the variations that can happen, and the spectrum is that of the linear
+    model of p, see Variations. None where all can.
     """
 
     A: Any
@@ -46,6 +47,7 @@ class LinearModel:
     state_name: tuple[str, ...]
     input_name: tuple[str, ...]
     spectrum: Spectrum
+    variation: Any = None
 
     @property
     def natural_frequency(self) -> FloatArray:
@@ -90,8 +92,12 @@ def linearize(
     if inputs:
         b = sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
     c = np.asarray(model.compute("state_derivative", **at)) - a @ state - b @ u
-    spectrum = find_spectrum(_without_redundance(model, a, at), frequency_count)
-    return LinearModel(a, b, c, state, u, _state_names(model.manifest), inputs, spectrum)
+    # Variations that cannot happen never move, and would come out as zeros to half the digits.
+    allowed = find_variations(model, {**at, "coordinate": q, "velocity": v})
+    reduced = a if allowed is None else allowed.reduce(a)
+    spectrum, names = find_spectrum(reduced, frequency_count), _state_names(model.manifest)
+    basis = None if allowed is None else allowed.basis
+    return LinearModel(a, b, c, state, u, names, inputs, spectrum, basis)
 
 
 def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, ...]:
@@ -102,19 +108,6 @@ def linearize_quantities(formulation: str, *, with_inputs: bool) -> tuple[str, .
 
 def _needed(with_inputs: bool) -> tuple[str, ...]:
     return (*LINEARIZE_QUANTITIES, INPUT_QUANTITY) if with_inputs else LINEARIZE_QUANTITIES
-
-
-def _without_redundance(model: Model, a: Any, at: Mapping[str, Any]) -> Any:
-    """Return A restricted to the variations that the constraints between coordinates allow.
-
-    The others never move, and would come out as zero eigenvalues to half the digits.
-    """
-    if not model.has(SPANNING_QUANTITY):
-        return a
-    size, direction = np.linalg.eigh(model.compute(SPANNING_QUANTITY, **at).toarray())
-    allowed = direction[:, size > 1e-10 * size.max()]
-    both = sparse.block_diag([allowed, allowed])
-    return sparse.csc_array(both.T @ a @ both)
 
 
 def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:

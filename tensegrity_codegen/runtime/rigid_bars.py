@@ -64,8 +64,11 @@ class RigidBars:
     def jacobian(self, position: FloatArray) -> Any:
         """Return J, sparse (n_bars, n_coordinates)."""
         vectors = self.vectors(position)
-        unit = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-        data = self.sign * unit[self.bar, self.axis]
+        return self.rows(vectors / np.linalg.norm(vectors, axis=1)[:, None])
+
+    def rows(self, vectors: FloatArray) -> Any:
+        """Return one row a bar with its vector (n_bars, 3) at node i and minus it at j, sparse as J."""
+        data = self.sign * vectors[self.bar, self.axis]
         return sparse.csr_array((data, (self.bar, self.column)), shape=(len(self.row), self.size))
 
     def stiffness(self, density: FloatArray) -> Any:

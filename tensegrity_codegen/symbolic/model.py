@@ -39,8 +39,8 @@ class Frame:
 
     coordinate_node_axis: node and axis of each coordinate, empty where coordinates are no node coordinates.
     find_bar_pair: returns the names of the two bars of each pair whose distance can be asked for; a call,
-    since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members whose lengths are
-    constraints, in the order of their multipliers.
+    since n bars make n (n - 1) / 2 pairs that few models need. rigid_bar: the members that keep constant
+    lengths, in the order of their multipliers.
     """
 
     axes: tuple[int, ...]

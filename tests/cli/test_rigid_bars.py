@@ -61,5 +61,13 @@ def test_load_path_refuses_with_what_serves_it(run: Run, pendulum: str) -> None:
     assert "equilibrium" in ended.data["hint"]
 
 
-def test_linearize_ends_well(run: Run, pendulum: str) -> None:
-    assert run("linearize", pendulum, "--json").code == 0
+def test_linearize_tells_the_frequencies_of_what_the_bars_allow(
+    run: Run, pendulum: str, folder: Path
+) -> None:
+    ended = run("linearize", pendulum, "--settle", "--out", "linear.npz", "--json")
+    assert ended.code == 0
+    assert (ended.data["n_states"], ended.data["n_variations"]) == (6, 4)
+    swing = np.sqrt(9.81) / (2 * np.pi)
+    assert ended.data["natural_frequency"] == pytest.approx([swing, swing], rel=1e-12)
+    with np.load(folder / "linear.npz") as linear:
+        assert tuple(linear["variation_shape"]) == (6, 4)

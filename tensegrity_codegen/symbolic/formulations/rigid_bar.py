@@ -46,8 +46,7 @@ def build_rigid_bar(structure: Structure, request: ModelRequest) -> SymbolicMode
     values = {name: np.where(rigid, 0.0, getattr(structure, name)) for name in ELASTIC}
     arguments = SymbolicArguments(structure.with_changes(**values), request.parameters)
     parts = _RigidBar(structure, arguments, [int(e) for e in np.flatnonzero(rigid)], options)
-    names = tuple(structure.member_name[e] for e in parts.bars)
-    frame = replace(frame_structure(structure), rigid_bar=names)
+    frame = replace(frame_structure(structure), rigid_bar=parts.constant_bars())
     return SymbolicModel("rigid_bar", structure, frame, arguments.ordered(), parts.builders(), WORDS)
 
 
@@ -83,6 +82,10 @@ class _RigidBar(NodeCoordinates):
         self.is_corrected = options["correction"] == "first_order"
         self.keeps_scene_lengths = options["bars"] == "all" and not self.is_corrected
         self.q, self.v = (arguments.symbols[name] for name in ("coordinate", "velocity"))
+
+    def constant_bars(self) -> tuple[str, ...]:
+        """Return the names of the bars whose lengths no tension changes."""
+        return () if self.is_corrected else tuple(self.elastic.member_name[e] for e in self.bars)
 
     def builders(self) -> dict[str, Any]:
         """Return quantity name -> builder."""
