@@ -24,6 +24,7 @@ class DenseCurvature:
         self.noise = noise
         self.threshold = SINGULAR * float(np.abs(self.value).max(initial=0.0))
         self.shift = 0.0
+        self.n_factors = 1
 
     def find_step(self, gradient: FloatArray, radius: float) -> Step:
         """Return the step that saves most energy within `radius`."""

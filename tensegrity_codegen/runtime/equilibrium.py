@@ -53,8 +53,9 @@ class Equilibrium:
     status: "converged": the largest node residual is at most the tolerance times the largest member force
     (with unstressed members: at most 64 eps max(mu l)); "rounding_limited": a minimum whose residual
     rounding keeps above that, as with extremely stiff members, yet below 64 eps max(mu l); "unstable": the
-    forces balance on a saddle; "no_equilibrium": loads that nothing holds; "stalled" or "iteration_limit":
-    not found; "at_pole": a body came to the pole of its angles; "not_finite": the start has no finite forces.
+    forces balance on a saddle; "no_equilibrium": loads that nothing holds; "stalled", "iteration_limit" or
+    "work_limit": not found; "at_pole": a body came to the pole of its angles; "not_finite": the start has no
+    finite forces.
     """
 
     status: str
@@ -243,6 +244,7 @@ def _failure(model: Model, equilibrium: Equilibrium) -> ConvergenceError:
         "no_equilibrium": "anchor some nodes, or balance the loads",
         "unstable": "start from another coordinate",
         "at_pole": "give the body another polar_axis",
+        "work_limit": "start nearer to it, damp and simulate the motion, or take the method relaxation",
         "not_finite": "move coincident nodes apart",
     }
     return kind(

@@ -33,6 +33,7 @@ LOUDER = 3.0  # a trial whose residual grows more than that has strained stiff m
 PATIENCE = 6  # iterations without a better residual once rounding is reached
 MOST_ESCAPES = 20
 SHORTEST = 1e-15  # times the structure's size: no step is shorter
+MOST_WORK = 3e7  # factorisations times coordinates; some minutes on one core
 FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbounded
 
 
@@ -96,13 +97,14 @@ def find_minimum(
     """Return the minimum of the energy that Newton's method reaches from `start`.
 
     status: "converged"; "rounding_limited" (the residual is as small as rounding lets it be, and larger
-    than asked); "unstable" (a saddle that no step leaves); "unbounded"; "stalled"; "iteration_limit".
+    than asked); "unstable" (a saddle that no step leaves); "unbounded"; "stalled"; "iteration_limit";
+    "work_limit" (a large problem has taken MOST_WORK).
     """
     search = _Search(problem, start)
     for iteration in range(max_iterations):
         if progress is not None:
             progress(iteration, search.point.node_force)
-        ended = search.advance(tolerance)
+        ended = search.find_overwork() or search.advance(tolerance)
         if ended is not None:
             return Outcome(ended[0], search.best, iteration, ended[1])
     return Outcome("iteration_limit", search.best, max_iterations, "the iterations were used up")
@@ -119,6 +121,14 @@ class _Search:
         self.shift = 0.0
         self.waited = 0
         self.escapes = 0
+        self.n_factors = 0
+
+    def find_overwork(self) -> tuple[str, str] | None:
+        """Return status and message where the search has taken as long as anybody waits."""
+        size = self.problem.size
+        if self.n_factors * size <= MOST_WORK:
+            return None
+        return "work_limit", f"{self.n_factors} factorisations of {size} coordinates have not found it"
 
     def advance(self, tolerance: float) -> tuple[str, str] | None:
         """Make one iteration; return status and message where the search ends."""
@@ -191,6 +201,7 @@ class _Search:
     def _move(self, curvature: Curvature, floor: float) -> bool:
         """Try one step, led back into the valley where it strained stiff members, and adapt the radius."""
         step = curvature.find_step(-self.problem.slope(self.point), self.radius)
+        self.n_factors += curvature.n_factors
         length = float(np.linalg.norm(step.vector))
         if step.predicted <= 0.0 or length == 0.0:
             self.radius *= 0.1
@@ -244,8 +255,10 @@ class _Search:
             stiffness = self.problem.stiffness(point.coordinate)
         except NonFiniteError:
             return None
-        slope = self.problem.slope(point)
-        return build_curvature(stiffness, floor, self.shift).find_step(-slope, radius)
+        curvature = build_curvature(stiffness, floor, self.shift)
+        step = curvature.find_step(-self.problem.slope(point), radius)
+        self.n_factors += curvature.n_factors
+        return step
 
     def _sagitta(self, step: Step) -> float:
         """Return how far a step along the tangent may lead off an arc of a member's length [m]."""

@@ -33,6 +33,7 @@ class SparseCurvature:
         self.shift = shift
         self._eye = sparse.eye_array(self.matrix.shape[0], format="csc")
         self._factor: Any = None
+        self.n_factors = 0
 
     def find_step(self, gradient: FloatArray, radius: float) -> Step:
         """Return the step that saves most energy within `radius`, met within 40 %."""
@@ -66,6 +67,7 @@ class SparseCurvature:
 
     def factorise(self, shift: float) -> bool:
         """Factorise K + shift I; return whether it is positive definite, else keep the last factors."""
+        self.n_factors += 1
         try:
             factor = sparse_linalg.splu(
                 sparse.csc_array(self.matrix + shift * self._eye),

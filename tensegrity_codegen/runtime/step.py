@@ -30,9 +30,13 @@ class Step:
 
 
 class Curvature(Protocol):
-    """The stiffness of one configuration, ready for steps; `shift` [N/m] is that of the last step."""
+    """The stiffness of one configuration, ready for steps; `shift` [N/m] is that of the last step.
+
+    n_factors: factorisations so far.
+    """
 
     shift: float
+    n_factors: int
 
     def find_step(self, gradient: FloatArray, radius: float) -> Step:
         """Return the step that saves most energy within `radius`."""

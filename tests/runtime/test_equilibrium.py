@@ -13,6 +13,7 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     UnstableError,
 )
+from tensegrity_codegen.runtime import newton
 from tensegrity_codegen.runtime.equilibrium import find_equilibrium
 from tensegrity_codegen.structure import ActuatedInput
 from tests.reference import ReferenceModel
@@ -264,6 +265,16 @@ def test_iteration_limit_is_told_with_its_evidence() -> None:
         settle(net(5), method="newton", max_iterations=2)
     assert caught.value.evidence["status"] == "iteration_limit"
     assert caught.value.evidence["iterations"] == 2
+
+
+def test_a_search_that_nobody_waits_for_ends_with_its_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = settle(net(5))
+    monkeypatch.setattr(newton, "MOST_WORK", 2 * len(whole.coordinate))
+    with pytest.raises(ConvergenceError, match=r"factorisations of \d+ coordinates") as caught:
+        settle(net(5))
+    assert caught.value.evidence["status"] == "work_limit"
+    assert 0 < caught.value.evidence["iterations"] < whole.iterations
+    assert "relaxation" in caught.value.hint
 
 
 @pytest.mark.parametrize(
