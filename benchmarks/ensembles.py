@@ -1,0 +1,242 @@
+"""A thousand motions of a prism in batches, beside MuJoCo and SUNDIALS, each at its cheapest for one error.
+
+python benchmarks/ensembles.py [--count 1000] [--error 1e-5] [--seconds 1.0] [--peers 4]
+
+The prism of the examples, bars a thousand times as stiff as cables; their mass is put to the nodes, since
+springs have none in MuJoCo. Motions start near the equilibrium, nodes displaced by 5 mm and moving at 0.1 m/s
+at random, bars at their lengths. The error is the largest of all node coordinates at the end and of all
+motions, against Runge-Kutta 8(5,3) at a tolerance of 1e-11; how far Runge-Kutta 4 with steps of 1e-5 s is
+off is shown. Peers run a few of the motions, one after the other, and count as if the others took as long.
+CPU seconds of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import statistics
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, load_nodes
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.batch_integration import integrate_batch
+from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.studies.work_precision.contender import Contender, Unavailable, measure
+from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, sundials
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+
+FloatArray = NDArray[np.float64]
+
+SCENE = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
+DISPLACED, MOVING = 5e-3, 0.1  # [m], [m/s]
+ROUNDS = 5
+GOAL = {"MuJoCo": 100.0, "IDAS": 150.0}
+OWN_STEPS = tuple(2e-3 / 1.15**k for k in range(24))
+OWN_TOLERANCES = tuple(10.0 ** (-1.0 - k / 4) for k in range(32))
+PEER_STEPS = tuple(10.0 ** (-2.0 - k / 8) for k in range(28))
+PEER_TOLERANCES = tuple(10.0 ** (-2.0 - k / 4) for k in range(32))
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row of the table: who, at which setting, CPU seconds a motion, error [m] over how many motions."""
+
+    name: str
+    setting: float
+    seconds: float
+    error: float
+    count: int
+
+
+def make_structure() -> Structure:
+    """Return the prism at its equilibrium, the mass of bars at their ends."""
+    structure = load_nodes(SCENE)
+    mass = structure.node_mass.copy()
+    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2.0, 2))
+    structure = structure.with_changes(node_mass=mass, member_mass=np.zeros(structure.n_members))
+    request = ModelRequest(())
+    wanted = request.wanting(*equilibrium_quantities(structure, request))
+    found = find_equilibrium(build_library(structure, wanted).load())
+    return structure.with_changes(node_position=found.node_position)
+
+
+def make_starts(structure: Structure, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities (count, n_nodes, 3) that keep the bars' lengths and what is held."""
+    rng = np.random.default_rng(0)
+    free = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
+    ends = structure.connectivity[structure.is_bar]
+    length = structure.member_length()[structure.is_bar]
+    places, speeds = [], []
+    for _ in range(count):
+        place = structure.node_position + np.where(free, DISPLACED * rng.standard_normal(free.shape), 0.0)
+        for _ in range(8):
+            jacobian, now = _lengths(place, ends, free)
+            place[free] -= np.linalg.lstsq(jacobian, now - length, rcond=None)[0]
+        jacobian, _ = _lengths(place, ends, free)
+        speed = np.where(free, MOVING * rng.standard_normal(free.shape), 0.0)
+        speed[free] -= np.linalg.lstsq(jacobian, jacobian @ speed[free], rcond=None)[0]
+        places.append(place)
+        speeds.append(speed)
+    return np.array(places), np.array(speeds)
+
+
+def _lengths(
+    place: FloatArray, ends: NDArray[np.int64], free: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lengths of the bars and their derivatives to the free coordinates."""
+    vector = place[ends[:, 0]] - place[ends[:, 1]]
+    length = np.linalg.norm(vector, axis=1)
+    rows = np.zeros((len(ends), *free.shape))
+    rows[np.arange(len(ends)), ends[:, 0]] = vector / length[:, None]
+    rows[np.arange(len(ends)), ends[:, 1]] = -vector / length[:, None]
+    return rows[:, free], length
+
+
+class Ensemble:
+    """The motions, and what they should come to: positions of the free coordinates at the end."""
+
+    def __init__(self, structure: Structure, count: int, seconds: float, compiler: str | None) -> None:
+        self.structure, self.time = structure, np.array([0.0, seconds])
+        self.place, self.speed = make_starts(structure, count)
+        self.model = self._compile(compiler)
+        at = structure.coordinate_node_axis
+        self.state = np.hstack([self.place[:, at[:, 0], at[:, 1]], self.speed[:, at[:, 0], at[:, 1]]])
+        self.end = self.run("rk853", 1e-11)[0]
+        second = self.run("rk4", 1e-5)[0]
+        self.apart = float(np.abs(second - self.end).max())
+
+    def _compile(self, compiler: str | None) -> CompiledModel:
+        request = ModelRequest(("acceleration",), integrators=("rk4", "rk54", "rk853"), batch_width=8)
+        return build_library(self.structure, request, compiler=compiler, flags="native").load()
+
+    def run(self, method: str, setting: float) -> tuple[FloatArray, float]:
+        """Return positions at the end (n_batch, n_coordinates), NAN where not reached, and CPU seconds."""
+        options = {"step": setting} if method == "rk4" else {"rtol": setting, "atol": setting}
+        started = time.process_time()
+        raw = integrate_batch(method, self.model, self.state, self.time, **options)  # type: ignore[arg-type]
+        seconds = time.process_time() - started
+        return raw.state[:, -1, : raw.state.shape[2] // 2], seconds
+
+    def error(self, found: FloatArray, rows: slice = slice(None)) -> float:
+        """Return the largest error of a coordinate; infinite where an end was not reached."""
+        apart = np.abs(found - self.end[rows])
+        return float(apart.max()) if np.isfinite(apart).all() else float("inf")
+
+    def problem(self, k: int) -> MotionProblem:
+        """Return motion k as peers read it."""
+        structure = self.structure.with_changes(node_position=self.place[k], node_velocity=self.speed[k])
+        return MotionProblem(structure, self.time, False)
+
+
+def find_own(ensemble: Ensemble, method: str, settings: Sequence[float], limit: float) -> Line | None:
+    """Return the cheapest setting of one of our methods that meets the error, timed over all motions."""
+    for setting in settings:
+        found, _ = ensemble.run(method, setting)
+        error = ensemble.error(found)
+        if error <= limit:
+            count = len(ensemble.state)
+            seconds = statistics.median(ensemble.run(method, setting)[1] for _ in range(ROUNDS))
+            return Line(f"ours, {method}, batches of 8", setting, seconds / count, error, count)
+    return None
+
+
+def find_peer(
+    ensemble: Ensemble, makers: list[Callable[[], Contender]], settings: Sequence[float], limit: float
+) -> Line | None:
+    """Return the cheapest setting of a peer that meets the error on the motions it runs."""
+    contenders = [make() for make in makers]
+    at = ensemble.structure.coordinate_node_axis
+    for setting in settings:
+        seconds, worst = [], 0.0
+        for k, contender in enumerate(contenders):
+            measured = measure(contender, setting)
+            if measured.run.status != "ok":
+                worst = float("inf")
+                break
+            end = measured.run.node_position[-1][at[:, 0], at[:, 1]]
+            worst = max(worst, ensemble.error(end[None], slice(k, k + 1)))
+            seconds.append(measured.seconds)
+            if worst > limit:
+                break
+        if worst <= limit:
+            return Line(contenders[0].name, setting, statistics.mean(seconds), worst, len(contenders))
+    return None
+
+
+def list_peers(ensemble: Ensemble, count: int) -> Iterator[tuple[str, list[Callable[[], Contender]]]]:
+    """Yield each peer's name with what makes it for each of the first motions."""
+    problems = [ensemble.problem(k) for k in range(count)]
+    for contenders in (mujoco_tendons.contenders, sundials.contenders):
+        made = [list(contenders(problem)) for problem in problems]
+        for row in zip(*made, strict=True):
+            yield row[0][0], [make for _, make in row]
+
+
+def show(line: Line | None, name: str, best: float | None = None) -> None:
+    """Print one row of the table."""
+    if line is None:
+        print(f"{name:28} does not meet the error", flush=True)
+        return
+    ratio = f"{line.seconds / best:8.0f} times" if best else ""
+    print(
+        f"{line.name:28} {line.setting:9.2e} {1e3 * line.seconds:10.4f} ms {line.error:9.1e} m "
+        f"{line.count:6d} {ratio}",
+        flush=True,
+    )
+
+
+def _silence_mujoco() -> None:
+    """Keep MuJoCo from writing to a file that steps are too long; its data say so too."""
+    with contextlib.suppress(ImportError):
+        import mujoco
+
+        mujoco.set_mju_user_warning(lambda _: None)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--error", type=float, default=1e-5)
+    parser.add_argument("--seconds", type=float, default=1.0)
+    parser.add_argument("--peers", type=int, default=4)
+    parser.add_argument("--compiler", default=None)
+    given = parser.parse_args()
+    ensemble = Ensemble(make_structure(), given.count, given.seconds, given.compiler)
+    print(f"{given.count} prisms over {given.seconds:g} s, error at most {given.error:g} m")
+    print(f"references differ by {ensemble.apart:.1e} m")
+    print(f"{'':28} {'setting':>9} {'CPU, each':>13} {'error':>11} {'motions':>6}")
+    own = []
+    for method in ("rk4", "rk54", "rk853"):
+        settings = OWN_STEPS if method == "rk4" else OWN_TOLERANCES
+        own.append(find_own(ensemble, method, settings, given.error))
+        show(own[-1], method)
+    best = min((line.seconds for line in own if line is not None), default=None)
+    ratios: dict[str, float] = {}
+    _silence_mujoco()
+    for name, makers in list_peers(ensemble, given.peers):
+        settings = PEER_STEPS if name.startswith("MuJoCo") else PEER_TOLERANCES
+        try:
+            line = find_peer(ensemble, makers, settings, given.error)
+        except Unavailable as reason:
+            print(f"{name:28} {reason}")
+            continue
+        show(line, name, best)
+        if line is not None and best is not None:
+            key = name.split()[0]
+            ratios[key] = min(ratios.get(key, float("inf")), line.seconds / best)
+    for name, goal in GOAL.items():
+        if name in ratios:
+            print(f"{name}, its best: {ratios[name]:.0f} times our time; {goal:g} wanted")
+
+
+if __name__ == "__main__":
+    main()
