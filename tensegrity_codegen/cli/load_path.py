@@ -120,7 +120,7 @@ def _check_options(step: float, out: Path | None) -> None:
 def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: str | None) -> ModelPath:
     """Return the problem of a scene under these loads, its library built with all that a path needs."""
     from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, with_statics
-    from tensegrity_codegen.runtime.model_path import ModelPath
+    from tensegrity_codegen.runtime.bar_path import build_path
 
     pattern = parse_loads(load, subject)
     if not pattern.any():
@@ -133,7 +133,7 @@ def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: s
     quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))
     wanted = request.wanting(*quantities, parameters={"node_load": tuple(range(subject.n_nodes))})
     model = build_library(subject, wanted, compiler=compiler).load()
-    return ModelPath(model, pattern[:, list(subject.axes)])
+    return build_path(model, pattern[:, list(subject.axes)])
 
 
 def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list[Watch]:

@@ -38,7 +38,7 @@ def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
         ("tension_", "member_tension", manifest.member_name),
         ("distance_", "bar_distance", manifest.bar_pair_name),
     ):
-        if model.model.has(quantity) and names:
+        if model.offers(quantity) and names:
             points = zip(path.coordinate, path.load_factor, strict=True)
             rows = [model.compute(quantity, coordinate, float(load)) for coordinate, load in points]
             columns |= _columns(prefix, names, np.array(rows))

@@ -10,6 +10,7 @@ along geodesics", Management Science 18, 1972).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -77,6 +78,14 @@ class BarProblem(StaticProblem):
         self.bars.length = length - np.asarray(self.compute("constraint_residual", nominal))
         self._last: _Place | None = None
 
+    def under(self, **arguments: Any) -> BarProblem:
+        """Return the problem under other loads; the lengths that bars are kept at stay."""
+        result = copy(self)
+        result.arguments = {**self.arguments, **arguments}
+        result._given = {**self._given, **arguments}
+        result._last = None
+        return result
+
     def enter(self, coordinate: FloatArray) -> FloatArray:
         """Return the nearest coordinates at which all bars have their lengths."""
         placed = self.place(coordinate)
@@ -123,6 +132,10 @@ class BarProblem(StaticProblem):
         if placed is None or np.linalg.norm(placed - ahead) > ASTRAY * np.linalg.norm(step):
             return None
         return self.find_point(placed)
+
+    def directions(self, coordinate: FloatArray) -> Any:
+        """Return the orthonormal basis Z of what keeps the lengths, sparse (n_coordinates, n_directions)."""
+        return self._at(coordinate).directions
 
     def slope(self, point: Point) -> FloatArray:
         """Return the residual along the directions, (n_directions,) [N]."""

@@ -6,7 +6,7 @@ The loads on the nodes are F_0 + lambda F: F_0 the model's own, F the pattern th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,16 +37,18 @@ class ModelPath:
     Raises FormulationError where the model lacks a function, InvalidValueError for a wrong pattern.
     """
 
+    has_rigid_bars: ClassVar[bool] = False
+
     def __init__(self, model: Model, pattern: ArrayLike, arguments: Mapping[str, Any] | None = None) -> None:
         require_double(model.manifest, "a load path")
         self.model = model
-        if model.manifest.rigid_bar:
+        if bool(model.manifest.rigid_bar) != self.has_rigid_bars:
             raise FormulationError(
-                "a load path has no rigid bars",
-                where=f"{model.manifest.name}: members.{model.manifest.rigid_bar[0]}",
+                "rigid bars need a load path of their own",
+                where=model.manifest.name,
                 given=f"{len(model.manifest.rigid_bar)} rigid bars",
-                allowed="bars with axial_stiffness or spring_constant",
-                hint="give the bars a stiffness, or ask for the equilibrium under each load",
+                allowed="BarPath with rigid bars, ModelPath without",
+                hint="call build_path(model, pattern)",
             )
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
@@ -66,6 +68,10 @@ class ModelPath:
         self._load = self._constant_load() if model.manifest.coordinate_node_axis else None
         if self._load is None and not model.has("node_jacobian"):
             raise _lacks(model, "node_jacobian")
+
+    def offers(self, quantity: str) -> bool:
+        """Return whether `compute` gives the quantity."""
+        return self.model.has(quantity)
 
     def compute(self, quantity: str, coordinate: FloatArray, load_factor: float) -> Any:
         """Return a quantity of the model at a point of the path."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -54,11 +55,15 @@ def test_equilibrium_finds_tensions_of_rigid_bars(run: Run, pendulum: str) -> No
     assert run("check", "settled.toml", "--json").code == 0
 
 
-def test_load_path_refuses_with_what_serves_it(run: Run, pendulum: str) -> None:
-    ended = run("load-path", pendulum, "--load", "b=1,0,0", "--most", 1, "--json")
-    assert ended.code == 2
-    assert ended.data["error"] == "FormulationError"
-    assert "equilibrium" in ended.data["hint"]
+def test_load_path_follows_the_bar_as_it_turns(run: Run, pendulum: str, folder: Path) -> None:
+    """A mass drawn aside by 2 m g hangs at arctan 2; t = m g / cos."""
+    ended = run("load-path", pendulum, "--load", "b=9.81,0,0", "--most", 2, "--out", "path.json", "--json")
+    assert ended.code == 0
+    assert ended.data["status"] == "completed"
+    assert ended.data["smallest_eigenvalue_end"] == pytest.approx(9.81 * np.sqrt(5), rel=1e-9)
+    points = json.loads((folder / "path.json").read_text())["points"]
+    assert points["tension_r1"][-1] == pytest.approx(9.81 * np.sqrt(5), rel=1e-9)
+    assert points["length_r1"][-1] == pytest.approx(1.0, abs=1e-9)
 
 
 def test_linearize_tells_the_frequencies_of_what_the_bars_allow(
