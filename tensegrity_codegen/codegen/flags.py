@@ -85,8 +85,8 @@ FLAG_SETS = {
 }
 
 # gcc's vectoriser of straight-line code makes fused multiply-adds where additions and subtractions alternate,
-# whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops stay vectors. Its search for partial
-# redundancies takes time that grows with the square of straight-line code, where nothing is left to find (decision 20).
+# whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops stay vectors. Its search for
+# partial redundancies takes time that grows with the square of straight-line code (decision 20).
 # zig compiles for the CPU it runs on, with debug information and (without -O) with traps for undefined
 # behaviour, unless told otherwise. These come first, so that a flag set has the last word.
 OWN_OPTIONS = {
