@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.balance import balance_energy
-from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.raw_batch import RawBatch
-from tensegrity_codegen.runtime.trajectory import Trajectory, judge_charts
+from tensegrity_codegen.runtime.trajectory import Trajectory, write_arrays
 
-__all__ = ["BatchTrajectory", "evaluate_batch"]
+__all__ = ["BatchTrajectory"]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +26,8 @@ class BatchTrajectory:
     (n_batch, n_t, n_nodes, 3); member_tension (n_batch, n_t, n_members) [N]; kinetic_energy, total_energy
     (n_batch, n_t) [J]; energy_drift (n_batch,): as of a Trajectory, NAN where energy changes rightly.
     status, message: one a motion, words as of a Trajectory and "non_finite_input"; n_reached: samples of
-    each; n_steps, n_rejected, n_evaluations (n_batch,). `batch[k]` is motion k as a Trajectory.
+    each; n_steps, n_rejected (-1: not known), n_evaluations (n_batch,); error_estimate (n_batch,): NAN where
+    a method makes none. `batch[k]` is motion k as a Trajectory.
     """
 
     time: FloatArray
@@ -39,6 +39,7 @@ class BatchTrajectory:
     kinetic_energy: FloatArray
     total_energy: FloatArray
     energy_drift: FloatArray
+    error_estimate: FloatArray
     status: tuple[str, ...]
     message: tuple[str, ...]
     n_reached: NDArray[np.int64]
@@ -63,7 +64,7 @@ class BatchTrajectory:
 
     def __getitem__(self, k: int) -> Trajectory:
         reached = slice(0, int(self.n_reached[k]))
-        drift = float(self.energy_drift[k])
+        drift, estimate = float(self.energy_drift[k]), float(self.error_estimate[k])
         return Trajectory(
             time=self.time[reached],
             coordinate=self.coordinate[k, reached],
@@ -74,6 +75,7 @@ class BatchTrajectory:
             kinetic_energy=self.kinetic_energy[k, reached],
             total_energy=self.total_energy[k, reached],
             energy_drift=None if np.isnan(drift) else drift,
+            error_estimate=None if np.isnan(estimate) else estimate,
             status=self.status[k],
             message=self.message[k],
             method=self.method,
@@ -84,152 +86,46 @@ class BatchTrajectory:
             member_name=self.member_name,
         )
 
-
-def evaluate_batch(
-    model: CompiledModel, raw: RawBatch, arguments: Mapping[str, tuple[FloatArray, bool]], threads: int
-) -> BatchTrajectory:
-    """Return the motions with tensions and energies, each status corrected by its energy balance.
-
-    arguments: run-time arguments, each with whether it has one row a motion.
-    """
-    samples = _Samples(model, raw, arguments, threads)
-    raw, kinetic, total = samples.drop_overflown(raw)
-    manifest, n = model.manifest, raw.state.shape[2] // 2
-    drift, ends = _judge(model, raw, samples, kinetic, total)
-    return BatchTrajectory(
-        time=raw.time,
-        coordinate=raw.state[:, :, :n],
-        velocity=raw.state[:, :, n:],
-        node_position=samples.place("node_position", manifest.stated_position),
-        node_velocity=samples.place("node_velocity", np.zeros((len(manifest.node_name), 3))),
-        member_tension=samples.compute("member_tension"),
-        kinetic_energy=kinetic,
-        total_energy=total,
-        energy_drift=drift,
-        status=tuple(word for word, _ in ends),
-        message=tuple(message for _, message in ends),
-        n_reached=raw.n_reached,
-        n_steps=raw.n_steps,
-        n_rejected=raw.n_rejected,
-        n_evaluations=raw.n_evaluations,
-        method=raw.method,
-        step=raw.step,
-        node_name=manifest.node_name,
-        member_name=manifest.member_name,
-    )
-
-
-class _Samples:
-    """All samples of a batch as one long batch of states, those that were not reached being NAN."""
-
-    def __init__(
-        self,
-        model: CompiledModel,
-        raw: RawBatch,
-        arguments: Mapping[str, tuple[FloatArray, bool]],
-        threads: int,
-    ) -> None:
-        n_batch, n_t, n_states = raw.state.shape
-        self.model, self.threads, self.shape = model, threads, (n_batch, n_t)
-        self.arguments = arguments
-        self.is_there = np.arange(n_t) < raw.n_reached[:, None]
-        flat = raw.state.reshape(-1, n_states)
-        self.given: dict[str, Any] = {
-            name: np.repeat(array, n_t, axis=0) if is_batched else array
-            for name, (array, is_batched) in arguments.items()
+    def summary(self) -> dict[str, Any]:
+        """Return the facts about the runs as one JSON-ready object."""
+        return {
+            "method": self.method,
+            "t_end": float(self.time[-1]),
+            "n_samples": len(self.time),
+            "n_motions": len(self),
+            "n_ok": int(self.is_ok.sum()),
+            "statuses": dict(Counter(self.status)),
+            "step": self.step,
+            "n_steps": int(self.n_steps.sum()),
+            "n_evaluations": int(self.n_evaluations.sum()),
+            "largest_energy_drift": _largest(self.energy_drift),
+            "largest_error_estimate": _largest(self.error_estimate),
         }
-        self.given["coordinate"] = np.ascontiguousarray(flat[:, : n_states // 2])
-        self.given["velocity"] = np.ascontiguousarray(flat[:, n_states // 2 :])
 
-    def compute(self, quantity: str) -> FloatArray:
-        """Return a quantity at all samples, (n_batch, n_t, ...), NAN where it is not finite."""
-        function = self.model.function(quantity)
-        if any(name in ("coordinate", "velocity") or self._is_batched(name) for name in function.arguments):
-            found, _ = self.model.compute_batch(
-                quantity, threads=self.threads, on_error="status", **self.given
-            )
-        else:
-            found = np.broadcast_to(self.model.compute(quantity, **self.given), self.shape).ravel()
-        return self._mask(found.reshape(*self.shape, *function.spec.shape))
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return what a result file holds, name -> array, of single motions with one more, leading axis."""
+        return {
+            "time": self.time,
+            "node_position": self.node_position,
+            "node_velocity": self.node_velocity,
+            "member_tension": self.member_tension,
+            "kinetic_energy": self.kinetic_energy,
+            "total_energy": self.total_energy,
+            "energy_drift": self.energy_drift,
+            "n_reached": self.n_reached,
+            "node_name": np.array(self.node_name),
+            "member_name": np.array(self.member_name),
+            "status": np.array(self.status),
+            "message": np.array(self.message),
+            "method": np.array(self.method),
+        }
 
-    def _mask(self, values: FloatArray) -> FloatArray:
-        """Return values (n_batch, n_t, ...) with NAN where there is no sample."""
-        rows = self.is_there.reshape(*self.shape, *(1,) * (values.ndim - 2))
-        return np.where(rows, values, np.nan)
-
-    def _is_batched(self, name: str) -> bool:
-        return name in self.arguments and self.arguments[name][1]
-
-    def drop_overflown(self, raw: RawBatch) -> tuple[RawBatch, FloatArray, FloatArray]:
-        """Return the batch and its energies, runs ending before the first sample whose energy is not finite.
-
-        A run that blows up overflows in the square of its velocities before it does in the velocities.
-        """
-        kinetic, total = self.compute("kinetic_energy"), self.compute("total_energy")
-        is_good = np.isfinite(kinetic) & np.isfinite(total)
-        n_good = np.where(is_good | ~self.is_there, self.shape[1], np.arange(self.shape[1])).min(axis=1)
-        status, message = list(raw.status), list(raw.message)
-        for k in np.flatnonzero(n_good < raw.n_reached):
-            if status[k] == "ok":
-                after = raw.time[max(n_good[k] - 1, 0)]
-                status[k] = "unstable"
-                message[k] = f"the energy is not finite after t = {after:.6g} s: take a smaller step"
-        n_reached = np.minimum(raw.n_reached, n_good)
-        self.is_there = np.arange(self.shape[1]) < n_reached[:, None]
-        changed = replace(
-            raw,
-            state=self._mask(raw.state),
-            n_reached=n_reached,
-            status=tuple(status),
-            message=tuple(message),
-        )
-        return changed, self._mask(kinetic), self._mask(total)
-
-    def place(self, quantity: str, stated: FloatArray) -> FloatArray:
-        """Return positions or velocities of all nodes, (n_batch, n_t, n_nodes, 3); `stated` of held ones."""
-        manifest = self.model.manifest
-        result = np.tile(stated, (*self.shape, 1, 1))
-        axes, places = list(manifest.axes), manifest.coordinate_place
-        if not manifest.coordinate_node_axis:
-            result[..., axes] = self.compute(quantity)
-            return self._mask(result)
-        anchors = self.arguments.get("anchor_position")
-        changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
-        if quantity == "node_position" and anchors is not None and changeable is not None:
-            rows = [manifest.node_name.index(name) for name in changeable.over]
-            array, is_batched = anchors
-            result[:, :, np.array(rows)[:, None], axes] = array[:, None] if is_batched else array
-        name = "coordinate" if quantity == "node_position" else "velocity"
-        result[:, :, places[:, 0], places[:, 1]] = self.given[name].reshape(*self.shape, -1)
-        return self._mask(result)
+    def write(self, path: str | Path) -> None:
+        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        write_arrays(path, self.arrays())
 
 
-def _judge(
-    model: CompiledModel, raw: RawBatch, samples: _Samples, kinetic: FloatArray, total: FloatArray
-) -> tuple[FloatArray, list[tuple[str, str]]]:
-    """Return energy drift, and status and message, of every motion."""
-    conservative, is_driven = _find_energy_flow(model, samples)
-    balance = balance_energy(kinetic, total)
-    ends = list(zip(raw.status, raw.message, strict=True))
-    n = raw.state.shape[2] // 2
-    for k, (status, message) in enumerate(ends):
-        if status == "ok":
-            ends[k] = balance.judge(k, raw.time, bool(conservative[k]), bool(is_driven[k]), message)
-        if model.has("chart_margin") and raw.n_reached[k]:
-            ends[k] = judge_charts(model, raw.time, raw.state[k, : raw.n_reached[k], :n], *ends[k])
-    return np.where(conservative, balance.drift, np.nan), ends
-
-
-def _find_energy_flow(model: CompiledModel, samples: _Samples) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return whether each motion keeps its energy, and whether something drives it, (n_batch,) each.
-
-    A model without `energy_rate` keeps its energy if its accelerations depend on no velocity.
-    """
-    needed = {spec.quantity: spec.arguments for spec in model.manifest.functions}
-    nothing = np.zeros(samples.shape[0], dtype=bool)
-    if "energy_rate" not in needed:
-        return np.full(len(nothing), "velocity" not in needed["acceleration"]), nothing
-    if not needed["energy_rate"]:
-        return ~nothing, nothing
-    power = np.nan_to_num(samples.compute("energy_rate"))
-    return ~np.any(power, axis=1), np.max(power, axis=1) > 0.0
+def _largest(values: FloatArray) -> float | None:
+    """Return the largest number, None if all are NAN."""
+    found = float(np.fmax.reduce(values))
+    return None if np.isnan(found) else found

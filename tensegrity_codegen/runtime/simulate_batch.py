@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.arrays import to_batch
 from tensegrity_codegen.runtime.batch import check_threads
 from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS, integrate_batch
-from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory, evaluate_batch
+from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.evaluate_batch import evaluate_batch
 from tensegrity_codegen.runtime.integration import Progress
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.one_by_one import simulate_one_by_one
 from tensegrity_codegen.runtime.simulate import check_arguments, check_options
 
 __all__ = ["simulate_batch"]
@@ -42,15 +44,18 @@ def simulate_batch(
 
     coordinate, velocity: initial states, arguments: run-time parameters and inputs by name. With one more,
     leading axis they hold one row for each motion, without it they are the same for all, and those not given
-    are the scene's; at least one has it. method: "rk853" or "rk54", each step's error of each motion within
-    rtol and atol, or "rk4" with the fixed `step` [s]; steps are not cut at events. threads: how many share
-    the work; results do not depend on it. progress: called with the fraction done.
+    are the scene's; at least one has it. threads: how many share the work; results do not depend on it.
+    progress: called with the fraction done.
+
+    method: "rk853" or "rk54", each step's error of each motion within rtol and atol, or "rk4" with the fixed
+    `step` [s], run side by side in the lanes of a core, and cut no steps at events. Any other method of
+    `simulate`, such as "radau" for stiff bars, does one motion after the other.
 
     A motion that does not come to its end has its own status, and changes nothing of the others. Raises
-    LibraryError for a library without batch functions, FormulationError if it lacks the integrator,
-    InvalidValueError for shapes and options out of range, UnknownNameError for an unknown method or argument.
+    LibraryError for a library without batch functions where lanes are needed, FormulationError if it lacks
+    the integrator, InvalidValueError for shapes and options out of range, UnknownNameError for an unknown
+    method or argument.
     """
-    _check_method(method)
     check_options(t_end, samples, method, step, rtol, atol)
     check_threads(threads)
     passed = dict(arguments or {})
@@ -66,6 +71,20 @@ def simulate_batch(
     lengths |= {"velocity": len(v)} if v_batched else {}
     n_batch = _agree(lengths)
     state = np.concatenate([_tile(q, q_batched, n_batch), _tile(v, v_batched, n_batch)], axis=1)
+    if method not in BATCH_METHODS:
+        return simulate_one_by_one(
+            model,
+            t_end,
+            state,
+            given,
+            samples=samples,
+            threads=threads,
+            progress=progress,
+            method=method,
+            step=step,
+            rtol=rtol,
+            atol=atol,
+        )
     state = _make_consistent(model, state, given)
     raw = integrate_batch(
         method,
@@ -80,17 +99,6 @@ def simulate_batch(
         progress=progress,
     )
     return evaluate_batch(model, raw, given, threads)
-
-
-def _check_method(method: str) -> None:
-    if method not in BATCH_METHODS:
-        raise UnknownNameError(
-            "no method for batches",
-            where="method",
-            given=method,
-            allowed=", ".join(BATCH_METHODS),
-            hint=suggest(str(method), BATCH_METHODS),
-        )
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:

@@ -34,6 +34,7 @@ __all__ = [
     "judge_charts",
     "read_trajectory",
     "simulation_quantities",
+    "write_arrays",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -176,15 +177,20 @@ class Trajectory:
         }
 
     def write(self, path: str | Path) -> None:
-        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written.
+        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
+        write_arrays(path, self.arrays())
 
-        Above MOST_COMPRESSED bytes they are not compressed, which would take longer than the simulation.
-        """
-        arrays: dict[str, Any] = dict(self.arrays())
-        size = sum(np.asarray(array).nbytes for array in arrays.values())
-        save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
-        with replaced(path) as temporary, temporary.open("wb") as file:
-            save(file, **arrays)
+
+def write_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays to an .npz file, whole or not at all; raises OutputError if it cannot be written.
+
+    Above MOST_COMPRESSED bytes they are not compressed, which would take longer than the simulation.
+    """
+    given: dict[str, Any] = dict(arrays)
+    size = sum(np.asarray(array).nbytes for array in given.values())
+    save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
+    with replaced(path) as temporary, temporary.open("wb") as file:
+        save(file, **given)
 
 
 def simulation_quantities(formulation: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -175,6 +176,42 @@ def test_redundant_coordinates_stay_on_their_constraints() -> None:
         np.testing.assert_array_equal(getattr(batch[2], name), getattr(alone, name), err_msg=name)
 
 
+def test_methods_without_lanes_go_motion_by_motion() -> None:
+    structure = prism(150.0, anchored={0: "xyz"}, bar_stiffness=1e8)
+    model = build(structure, parameters={"gravity": ()}, integrators=("radau",), batch_width=0)
+    coordinate, gravity = np.tile(model.nominal("coordinate"), (4, 1)), np.zeros((4, 3))
+    gravity[:, 2] = -np.arange(4.0)
+    coordinate[2, 0] = np.nan
+    told: list[float] = []
+    run = {"samples": SAMPLES, "method": "radau", "rtol": 1e-4, "atol": 1e-4}
+    given = {"coordinate": coordinate, "arguments": {"gravity": gravity}}
+    batch = simulate_batch(model, T_END, progress=told.append, **given, **run)  # type: ignore[arg-type]
+    assert batch.status == ("ok", "ok", "non_finite_input", "ok")
+    assert batch.n_reached.tolist() == [SAMPLES, SAMPLES, 0, SAMPLES]
+    assert np.isnan(batch.node_position[2]).all()
+    assert told == [0.25, 0.5, 0.75, 1.0]
+    alone = simulate(model, T_END, arguments={"gravity": gravity[3]}, **run)  # type: ignore[arg-type]
+    for name in ("node_position", "member_tension", "total_energy"):
+        np.testing.assert_array_equal(getattr(batch[3], name), getattr(alone, name), err_msg=name)
+    again = simulate_batch(model, T_END, threads=3, **given, **run)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(batch.node_position, again.node_position)
+
+
+def test_a_file_holds_all_motions(model: CompiledModel, tmp_path: Path) -> None:
+    coordinate = starts(model, 3)
+    coordinate[1, 0] = np.nan
+    batch = simulate_batch(model, T_END, samples=SAMPLES, coordinate=coordinate)
+    batch.write(tmp_path / "motions.npz")
+    with np.load(tmp_path / "motions.npz") as data:
+        assert data["status"].tolist() == ["ok", "non_finite_input", "ok"]
+        assert data["node_position"].shape == (3, SAMPLES, 6, 3)
+        np.testing.assert_array_equal(data["member_tension"], batch.member_tension)
+    said = batch.summary()
+    assert (said["n_motions"], said["n_ok"]) == (3, 2)
+    assert said["statuses"] == {"ok": 2, "non_finite_input": 1}
+    assert said["largest_error_estimate"] is None
+
+
 # --- refusals --------------------------------------------------------------------------------------
 
 
@@ -191,7 +228,9 @@ def test_what_does_not_fit_is_refused(model: CompiledModel) -> None:
         simulate_batch(model, 1.0, coordinate=q[:, :-1])
     with pytest.raises(UnknownNameError, match="no such argument"):
         simulate_batch(model, 1.0, coordinate=q, arguments={"rest_lenght": rest})
-    with pytest.raises(UnknownNameError, match="no method for batches"):
+    with pytest.raises(UnknownNameError, match="unknown method"):
+        simulate_batch(model, 1.0, coordinate=q, method="rk5")
+    with pytest.raises(FormulationError, match="no integrator 'radau'"):
         simulate_batch(model, 1.0, coordinate=q, method="radau")
     with pytest.raises(InvalidValueError, match="needs a step"):
         simulate_batch(model, 1.0, coordinate=q, method="rk4")
