@@ -19,7 +19,7 @@ from tensegrity_codegen.studies.stability.own import Ending, run_own
 from tensegrity_codegen.studies.stability.peers import list_peers, run_peer
 from tensegrity_codegen.studies.work_precision.problem import set_problem
 
-__all__ = ["Limits", "Outcome", "run_cases"]
+__all__ = ["Limits", "Outcome", "run_case", "run_cases"]
 
 Progress = Callable[[float], None]
 
@@ -28,11 +28,15 @@ REFERENCES = ("rk853", "radau", "rk54")  # the quickest first
 
 @dataclass(frozen=True)
 class Limits:
-    """Seconds that a run may take, and a reference; peers: whether they are run too."""
+    """Seconds that a run may take, and a reference; peers: whether they are run too.
+
+    compiles: whether a reference may be compiled for one case alone, where two methods do not certify it.
+    """
 
     run: float = 10.0
     reference: float = 20.0
     peers: bool = True
+    compiles: bool = True
 
 
 @dataclass(frozen=True)
@@ -73,14 +77,17 @@ def run_cases(
     cases = list(generate_cases(start, t_end))
     outcomes: list[Outcome] = []
     for number, case in enumerate(cases):
-        outcomes += _run_case(models, case, limits)
+        outcomes += run_case(models, case, limits)
         if progress is not None:
             progress((number + 1) / len(cases))
     return tuple(outcomes)
 
 
-def _run_case(models: CaseModels, case: Case, limits: Limits) -> list[Outcome]:
-    methods = list_methods(case.structure) if case.step is None else (FIXED,)
+def run_case(
+    models: CaseModels, case: Case, limits: Limits, methods: Sequence[str] | None = None
+) -> list[Outcome]:
+    """Return the outcomes of one case; methods: of ours, all that apply if not given."""
+    methods = methods or (list_methods(case.structure) if case.step is None else (FIXED,))
     own = {method: _end(models, case, method, case.rtol, limits.run) for method in methods}
     peers = list_peers(case) if limits.peers else ()
     others = {name: run_peer(case, name, limits.run) for name in peers}
@@ -102,7 +109,7 @@ def _references(
     names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
     free = dataclasses.replace(case, step=None)
     runs = [partial(_reference, models, free, name, limits) for name in names]
-    stiff = case.structure.is_bar.any() and not case.is_rigid
+    stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles
     return (*runs, partial(_corrected, models, free, limits)) if stiff and len(names) < 2 else runs
 
 
