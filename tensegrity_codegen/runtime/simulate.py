@@ -24,6 +24,7 @@ from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contac
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
+from tensegrity_codegen.runtime.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
 
 __all__ = ["METHODS", "check_arguments", "check_options", "integrators_for", "simulate"]
@@ -37,7 +38,7 @@ METHODS = {
     "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, each step's error within rtol and atol",
     "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, each step's error within rtol and atol",
     "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
-    "rk4": "Runge-Kutta 4 in C with the fixed step `step`",
+    "rk4": "Runge-Kutta 4 in C with the fixed step `step`, checked by a run with twice that",
     "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
     "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
     "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
@@ -106,14 +107,14 @@ def simulate(
 
     watch = None if condition is None else _watch(model, method, condition, until_condition, arguments)
 
-    def integrate(time: FloatArray) -> RawTrajectory:
+    def integrate(time: FloatArray, step: float | None = step) -> RawTrajectory:
         return _integrate(model, state, time, method, step, rtol, atol, arguments, schedule, progress, watch)
 
     events: tuple[MotionEvent, ...] = ()
     if until_contact:
         raw, events = stop_at_contact(model, integrate, sample_time, arguments=arguments, schedule=schedule)
     else:
-        raw = integrate(sample_time)
+        raw = integrate(sample_time) if step is None else _checked(integrate, sample_time, step, model)
         events = _end_event(raw, condition) if until_condition else ()
     return replace(evaluate_trajectory(model, raw, arguments, schedule), events=events)
 
@@ -154,6 +155,16 @@ def _integrate(
 
         return tighten_until_converged(run, rtol, atol)
     return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
+
+
+def _checked(
+    integrate: Callable[[FloatArray, float], RawTrajectory],
+    time: FloatArray,
+    step: float,
+    model: CompiledModel,
+) -> RawTrajectory:
+    """Return the run with a fixed step, held to one with another step."""
+    return check_by_doubling(lambda h: integrate(time, h), step, model.manifest)
 
 
 def _watch(

@@ -173,9 +173,25 @@ def test_chunks_do_not_change_a_bit(
     chunked = simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77, progress=seen.append)
     np.testing.assert_array_equal(chunked.coordinate, usual.coordinate)
     np.testing.assert_array_equal(chunked.velocity, usual.velocity)
-    assert len(seen) == (16 if seconds < 0 else 5)
-    assert seen == sorted(seen)
+    steps = seen[: seen.index(1.0) + 1]  # the run itself; another, with twice the step, checks it
+    assert len(steps) == (16 if seconds < 0 else 5)
+    assert steps == sorted(steps)
     assert seen[-1] == 1.0
+
+
+def test_a_fixed_step_is_held_to_a_run_with_twice_that(oscillator: CompiledModel) -> None:
+    exact = simulate(oscillator, 20.0, samples=5, rtol=1e-10, atol=1e-12)
+    for step in (0.01, 0.1, 0.2, 0.3, 0.4):
+        run = simulate(oscillator, 20.0, samples=5, method="rk4", step=step / RATE)
+        assert run.error_estimate is not None
+        size, speed = 1.0, np.abs(exact.velocity).max()
+        lost = max(
+            np.abs(run.coordinate - exact.coordinate).max() / (1e-2 * size),
+            np.abs(run.velocity - exact.velocity).max() / (1e-2 * speed),
+        )
+        assert lost < max(1.0, 10.0 * run.error_estimate), step
+        if lost > 10.0:
+            assert run.status != "ok", step
 
 
 def test_two_runs_are_equal_to_the_last_bit(tumbling: CompiledModel) -> None:

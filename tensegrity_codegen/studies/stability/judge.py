@@ -25,7 +25,7 @@ VERDICTS = {
 }
 ALLOWED = 10.0  # times the tolerance
 SHARPER = (1e-1, 1e-2, 1e-3)  # tolerances of references, over that asked for
-LOST = 1e-2  # error, over the size of positions or speeds, from which a result without a tolerance is wrong
+LOST = 1e-2  # error, over mean length or largest speed, from which a result without a tolerance is wrong
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def certify_case(case: Case, runs: Sequence[Callable[[float], Ending]]) -> Truth
 def judge(case: Case, ending: Ending, truth: Truth | None) -> tuple[str, float | None]:
     """Return one of VERDICTS, and the largest certified error over the tolerance where there is one.
 
-    Of a method with a fixed step, which is told no tolerance, a hundredth of the largest coordinate, and of
+    Of a method with a fixed step, which is told no tolerance, a hundredth of the mean member length, and of
     the largest speed, stands for ten times the tolerance.
     """
     verdict = _judge_status(case, ending)
@@ -74,7 +74,7 @@ def judge(case: Case, ending: Ending, truth: Truth | None) -> tuple[str, float |
         return "wrong", None
     error = np.abs(ending.state - truth.state)
     allowed = _allowed(case, truth.state, ending)
-    ratio = float(np.max(error / allowed))
+    ratio = float(np.max(error / np.maximum(allowed, np.finfo(np.float64).tiny)))
     is_wrong = np.any(error > ALLOWED * allowed + truth.apart)
     return ("wrong" if is_wrong else "survived"), ratio
 
@@ -110,8 +110,9 @@ def _allowed(case: Case, state: FloatArray, *endings: Ending) -> FloatArray:
     """
     n = state.shape[1] // 2
     if case.step is not None:
-        sizes = [np.abs(part).max() for part in (state[:, :n], state[:, n:])]
-        return np.repeat(sizes, n)[None, :] * LOST / ALLOWED + np.zeros_like(state)
+        length = float(case.structure.member_length().mean())
+        speed = max(float(np.abs(state[:, n:]).max()), length / case.t_end)
+        return np.repeat([length, speed], n)[None, :] * LOST / ALLOWED + np.zeros_like(state)
     allowed = tolerance_of(state, case.rtol)
     allowed[:, :n] += sum(ending.vibration for ending in endings) / ALLOWED
     allowed[:, n:] += sum(ending.vibration_speed for ending in endings) / ALLOWED

@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.simulate import check_options
+from tensegrity_codegen.runtime.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.models import values_of
@@ -93,7 +94,9 @@ def _simulate(
     if step is None:
         raw = tighten_until_converged(integrate, rtol, atol)
     else:
-        raw = integrate_rk4(model, state, times, step, values, watch)
+        raw = check_by_doubling(
+            lambda h: integrate_rk4(model, state, times, h, values, watch), step, model.manifest
+        )
     found = evaluate_trajectory(model, raw, values)
     return raw, found.status, found.message
 

@@ -27,8 +27,8 @@ LEAD = (
     "Stiff and extreme cases made from each scene, with every method. Whoever calls a result good is held to "
     "it: its error against a reference that two methods certify must be at most ten times the tolerance "
     "asked for, and the vibrations of stiff members that the method says it damps out. Methods with a fixed "
-    "step are told no tolerance and held to a hundredth of the largest coordinate and speed, peers to a "
-    "hundredth of the mean member length in coordinates alone."
+    "step are told no tolerance and held to a hundredth of the mean member length and of the largest "
+    "speed, peers to a hundredth of the mean member length in coordinates alone."
 )
 
 
