@@ -95,14 +95,22 @@ class CoordinateMap:
 
     def member_columns(self, directions: list[list[Scalar]], ends: list[tuple[int, int]]) -> ca.SX:
         """Return one column +u at node i, -u at node j a member, sparse (n_coordinates, n_members)."""
+        parts = [
+            (member, node, direction, sign)
+            for member, (direction, (i, j)) in enumerate(zip(directions, ends, strict=True))
+            for node, sign in ((i, 1), (j, -1))
+        ]
+        return self.node_columns(parts, len(directions))
+
+    def node_columns(self, parts: Iterable[tuple[int, int, list[Scalar], int]], count: int) -> ca.SX:
+        """Return the sum of vectors, (column, node, vector, sign), sparse (n_coordinates, count)."""
         entries: dict[tuple[int, int], Scalar] = {}
-        for member, (direction, (i, j)) in enumerate(zip(directions, ends, strict=True)):
-            for component, axis in zip(direction, self.axes, strict=True):
-                for node, sign in ((i, 1), (j, -1)):
-                    row = self.index.get((node, axis))
-                    if row is not None:
-                        self._add(entries, row, member, component, sign)
-        return self._sparse(entries, len(directions))
+        for column, node, vector, sign in parts:
+            for component, axis in zip(vector, self.axes, strict=True):
+                row = self.index.get((node, axis))
+                if row is not None:
+                    self._add(entries, row, column, component, sign)
+        return self._sparse(entries, count)
 
     def _add(
         self, entries: dict[tuple[int, int], Scalar], row: int, column: int, value: Scalar, sign: int = 1

@@ -14,7 +14,7 @@ from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.structure import ActuatedInput, Structure
 from tests.runtime.build import cable, make_structure, prism, spring
 
 AUTO = ModelRequest(("acceleration",), emitter="auto")
@@ -78,14 +78,16 @@ def test_planar_scenes_and_the_smallest_have_no_vectors() -> None:
     assert chosen(chain(rule.LEAST_VECTORS - 1), AUTO) == "unrolled"
 
 
-def test_jacobians_to_inputs_and_contacts_need_the_unrolled_emitter() -> None:
+def test_jacobians_to_parameters_and_contacts_need_the_unrolled_emitter() -> None:
     wanted = replace(AUTO, integrators=("rk54",))
     assert chosen(chain(120), wanted) == "table"
     assert chosen(chain(120, slack=True), wanted) == "table"
     assert chosen(chain(120, slack=True), replace(wanted, events=("contact",))) == "unrolled"
     assert chosen(chain(120, slack=True), replace(wanted, events=())) == "table"
     assert chosen(chain(120), replace(AUTO, integrators=("radau",))) == "table"
-    assert chosen(chain(120), replace(AUTO, quantities=("input_jacobian",))) == "unrolled"
+    assert chosen(chain(120), replace(AUTO, quantities=("parameter_jacobian",))) == "unrolled"
+    pulled = chain(120).with_changes(inputs=(ActuatedInput("reel", "rest_length", (3, 4)),))
+    assert chosen(pulled, replace(AUTO, quantities=("input_jacobian",))) == "table"
 
 
 def test_what_only_tables_can_write_and_do_not_serve_is_refused_by_them() -> None:

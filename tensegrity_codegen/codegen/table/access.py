@@ -91,21 +91,15 @@ class MemberAccess:
 
     def _changes(self, writer: Writer, counter: str) -> str:
         """Return what inputs add to a rest length, in the order of the inputs."""
-        count = self.group.member_class.n_inputs
-        targets: list[tuple[int, int]] = [
-            (target, number)
-            for number, item in enumerate(self.model.structure.inputs)
-            if item.kind == "rest_length"
-            for target in item.targets
-        ]
-        if not count:
-            return ""
-        table = np.array(targets, dtype=np.int64)
-        table = table[np.argsort(table[:, 0], kind="stable")]
-        first = np.searchsorted(table[:, 0], self.member)
-        columns = [table[first + k, 1] for k in range(count)]
-        texts = [writer.index_at(f"{self.name}_input", column, counter) for column in columns]
+        texts = [writer.index_at(f"{self.name}_input", column, counter) for column in self.inputs]
         return "".join(f" + input[{text}]" for text in texts)
+
+    @property
+    def inputs(self) -> list[IntArray]:
+        """The inputs that change the rest length of each member, first, second and so on."""
+        table = self.model.rest_input_table
+        first = np.searchsorted(table[:, 0], self.member)
+        return [table[first + k, 1] for k in range(self.group.member_class.n_inputs)]
 
 
 def position_reader(writer: Writer, is_rate: bool) -> str:

@@ -12,6 +12,7 @@ from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.clear import ClearBlocks
 from tensegrity_codegen.codegen.table.columns import MemberColumns, StoreColumns
 from tensegrity_codegen.codegen.table.function import Recipe
+from tensegrity_codegen.codegen.table.input_columns import input_jacobian
 from tensegrity_codegen.codegen.table.loops import member_loops
 from tensegrity_codegen.codegen.table.mass import (
     MassDiagonal,
@@ -136,5 +137,6 @@ MATRICES: Mapping[str, Callable[[TableModel], Recipe]] = {
     "damping_matrix": _member_matrix("damping_matrix", "rate_block", damped=True),
     "equilibrium_matrix": _equilibrium_matrix,
     "state_jacobian": _state_jacobian,
+    "input_jacobian": input_jacobian,
     "rest_length_jacobian": _rest_length_jacobian,
 }

@@ -145,6 +145,18 @@ class TableModel:
         direction = np.array([item for _, _, item in self.force_inputs]).reshape(-1, self.n_axes)[order]
         return start, which, direction
 
+    @cached_property
+    def rest_input_table(self) -> IntArray:
+        """(k, 2): member and input of each rest length that an input changes, member by member."""
+        targets = [
+            (target, number)
+            for number, item in enumerate(self.structure.inputs)
+            if item.kind == "rest_length"
+            for target in item.targets
+        ]
+        table = np.array(targets, dtype=np.int64).reshape(-1, 2)
+        return table[np.argsort(table[:, 0], kind="stable")]
+
     @property
     def n_held_arguments(self) -> int:
         """Number of entries of the argument `anchor_position`."""

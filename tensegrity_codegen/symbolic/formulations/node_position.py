@@ -6,6 +6,7 @@ K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import casadi as ca
@@ -14,7 +15,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
-from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_parameters
+from tensegrity_codegen.symbolic.jacobians import below_zeros, by_parameters
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
@@ -126,7 +127,19 @@ class _NodePosition(NodeCoordinates):
         return below_zeros(ca.mtimes(self.inverse_mass, pull))
 
     def input_jacobian(self) -> ca.SX:
-        return by_inputs(self.acceleration(), self.arguments)
+        force = self.map.node_columns(self._pulls_of_inputs(), len(self.structure.inputs))
+        return below_zeros(ca.mtimes(self.inverse_mass, force))
+
+    def _pulls_of_inputs(self) -> Iterable[tuple[int, int, Vector, int]]:
+        """Yield input, node, force that one unit of it adds there, and its sign: members in their order."""
+        inputs = list(enumerate(self.structure.inputs))
+        for e in self.members.plan.member.tolist():
+            for number in (n for n, item in inputs if item.kind == "rest_length" and e in item.targets):
+                for node, sign in zip(self.ends[e], (1, -1), strict=True):
+                    yield number, node, self.members.members[e].rest_pull(), sign
+        for number, item in inputs:
+            for node in item.targets if item.kind == "force" else ():
+                yield number, node, [ca.SX(item.direction[axis]) for axis in self.structure.axes], 1
 
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(self.acceleration(), self.arguments)

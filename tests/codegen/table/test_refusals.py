@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.structure import ActuatedInput, Structure
 from tests.runtime.build import bar, make_structure, prism, spring
 from tests.test_golden import EXAMPLES
 
@@ -63,8 +63,9 @@ def coupled() -> Structure:
 
 
 def test_jacobians_of_coupled_nodes_are_refused_and_say_so() -> None:
-    for quantity in ("state_jacobian", "rest_length_jacobian"):
-        error = refuse(coupled(), ModelRequest((quantity,)))
+    pulled = coupled().with_changes(inputs=(ActuatedInput("reel", "rest_length", (2,)),))
+    for quantity in ("state_jacobian", "rest_length_jacobian", "input_jacobian"):
+        error = refuse(pulled, ModelRequest((quantity,)))
         assert quantity in error.problem
         assert error.given == "2 pairs of coupled nodes"
 
