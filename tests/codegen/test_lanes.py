@@ -63,13 +63,13 @@ def test_every_compiler_and_both_flag_sets_give_the_same_bits(
     family: str, flags: str, changeable: bool
 ) -> None:
     require_compiler(family)
-    for seed in (0, 1):
-        structure = in_space(seed)
-        request, functions = in_lanes(structure, changeable)
-        model = build(structure, request, compiler=family, flags=flags)
-        arguments = arguments_near(model, seed)
-        for name, function in functions.items():
-            assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+    seed = int(changeable)
+    structure = in_space(seed)
+    request, functions = in_lanes(structure, changeable)
+    model = build(structure, request, compiler=family, flags=flags)
+    arguments = arguments_near(model, seed)
+    for name, function in functions.items():
+        assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
 
 
 @pytest.mark.parametrize("flags", ["reference", "native"])
@@ -81,14 +81,14 @@ def test_every_status_is_that_of_the_unrolled_code(flags: str) -> None:
     for spec in lanes.manifest.functions:
         assert raw_call(lanes, spec.quantity)[0] == "ok"
         for name in spec.arguments:
-            for value in (np.nan, np.inf, 1e308):
-                for entry in range(lanes.nominal(name).size):
-                    changed = lanes.nominal(name)
-                    changed.flat[entry] = value
-                    status, result = raw_call(lanes, spec.quantity, **{name: changed})
-                    expected, values = raw_call(plain, spec.quantity, **{name: changed})
-                    assert status == expected, (spec.quantity, name, entry, value)
-                    np.testing.assert_array_equal(result, values)
+            for entry in range(lanes.nominal(name).size):
+                value = (np.nan, np.inf, 1e308)[entry % 3]
+                changed = lanes.nominal(name)
+                changed.flat[entry] = value
+                status, result = raw_call(lanes, spec.quantity, **{name: changed})
+                expected, values = raw_call(plain, spec.quantity, **{name: changed})
+                assert status == expected, (spec.quantity, name, entry, value)
+                np.testing.assert_array_equal(result, values)
 
 
 @pytest.mark.parametrize("flags", ["reference", "native"])

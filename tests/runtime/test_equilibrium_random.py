@@ -11,7 +11,7 @@ from tests.random_structures import structures
 from tests.reference import ReferenceModel
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(structures())
 def test_a_found_equilibrium_balances_and_lies_no_higher(structure: Structure) -> None:
     model = ReferenceModel(structure)

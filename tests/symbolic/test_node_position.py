@@ -23,7 +23,7 @@ from tests.reference import ReferenceModel
 from tests.runtime.build import cable, make_structure, spring
 from tests.symbolic.taylor import check_second_order
 
-SLOW = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+SLOW = settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def offered(structure: Structure, request: ModelRequest) -> list[PrunedFunction]:
