@@ -5,7 +5,8 @@ forces, energies or matrix blocks of members, as unrolled expressions or in loop
 plan, so that all of them return the same bits.
 
 Members of one class obey the same law with the same of its values changeable at run time: one loop, one
-kernel. Within a class, members whose nodes are all free come apart from those that an anchor holds.
+kernel. Within a class, members whose nodes are all free come apart from those that an anchor holds, and those
+of repeated modules come first: their forces are added node by node, those of the others member by member.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.modules import Module, find_modules
 from tensegrity_codegen.structure import Structure
 
 __all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
@@ -58,25 +60,32 @@ class MemberClass:
 class MemberGroup:
     """Members that one loop works through, in its order.
 
-    is_interior: whether all their nodes are free on all modelled axes.
+    is_interior: whether all their nodes are free on all modelled axes; in_module: whether modules hold them.
     """
 
     member_class: MemberClass
     member: IntArray
     is_interior: bool
+    in_module: bool = False
 
     @property
     def ends(self) -> IntArray:
-        """(2 n, 2): (member, end) in the order in which forces are added; end 0 is node i, 1 is node j."""
+        """(2 n, 2): (member, end) in the order in which a loop adds; end 0 is node i, 1 is node j."""
         member = np.repeat(self.member, 2)
         return np.stack([member, np.tile([0, 1], len(self.member))], axis=1)
 
 
 @dataclass(frozen=True)
 class AssemblyPlan:
-    """All members of a structure in groups, one loop each."""
+    """All members of a structure in groups, one loop each; some of them in modules.
+
+    modules: their kinds are places in `classes`; connectivity: (n_members, 2) nodes (i, j).
+    """
 
     groups: tuple[MemberGroup, ...]
+    modules: tuple[Module, ...]
+    classes: tuple[MemberClass, ...]
+    connectivity: IntArray
 
     @cached_property
     def member(self) -> IntArray:
@@ -85,23 +94,56 @@ class AssemblyPlan:
 
     @cached_property
     def ends(self) -> IntArray:
-        """(2 n_members, 2): (member, end) in the order in which they add to their nodes."""
-        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *[group.ends for group in self.groups]])
+        """(2 n_members, 2): (member, end) in the order in which forces add to their nodes."""
+        modules = [self._ends_of_module(module) for module in self.modules]
+        others = [group.ends for group in self.groups if not group.in_module]
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *modules, *others])
+
+    @cached_property
+    def block_ends(self) -> IntArray:
+        """(2 n_members, 2): (member, end) in the order in which matrix blocks add to those of their nodes."""
+        groups = [group.ends for group in self.groups]
+        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *groups])
+
+    def _ends_of_module(self, module: Module) -> IntArray:
+        """Return the ends of a module's members column by column: each node adds up strand by strand."""
+        found = []
+        for column, nodes in enumerate(module.column):
+            for strand, _, offset in module.entries(column):
+                member = module.member[strand]
+                here = nodes[offset : offset + len(member)]
+                found.append(np.stack([member, self.connectivity[member, 1] == here], axis=1))
+        return np.concatenate(found)
 
 
 def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> AssemblyPlan:
     """Return the plan of a structure that keeps `parameters` (argument name -> indices) changeable.
 
-    Groups come in the order of their first members, members in the order of the scene.
+    Groups of members in modules come first, repetition by repetition; then the others, in the order of the
+    scene. Groups of either sort come in the order of their first members.
     """
     features = _features(structure, parameters)
-    kinds, first, kind_of = np.unique(features, axis=0, return_index=True, return_inverse=True)
-    groups = []
-    for kind in np.argsort(first):
-        member = np.flatnonzero(kind_of.reshape(-1) == kind)
-        *values, interior = (int(value) for value in kinds[kind])
-        groups.append(MemberGroup(MemberClass(bool(values[0]), *values[1:]), member, bool(interior)))
-    return AssemblyPlan(tuple(groups))
+    _, first, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
+    classes = [(MemberClass(bool(row[0]), *row[1:-1]), bool(row[-1])) for row in features[first].tolist()]
+    ends = structure.connectivity.reshape(-1, 2)
+    kind = np.where(features[:, -1] == 1, class_of, -1)
+    modules = find_modules(ends, kind, np.arange(structure.n_nodes))
+    held = np.concatenate([np.zeros(0, dtype=np.int64), *[module.member.T.ravel() for module in modules]])
+    left = np.setdiff1d(np.arange(structure.n_members), held, assume_unique=True)
+    groups = [
+        MemberGroup(classes[number][0], member[class_of[member] == number], classes[number][1], in_module)
+        for member, in_module in ((held, True), (left, False))
+        for number in dict.fromkeys(class_of[member].tolist())
+    ]
+    return AssemblyPlan(tuple(groups), tuple(modules), tuple(item for item, _ in classes), ends)
+
+
+def _number(features: IntArray) -> IntArray:
+    """Return one number for each row of small ones, equal for equal rows."""
+    number = np.zeros(len(features), dtype=np.int64)
+    for column in features.T:
+        number = number * (int(column.max(initial=0)) + 1) + column
+    return number
 
 
 def _features(structure: Structure, parameters: Mapping[str, tuple[int, ...]]) -> IntArray:

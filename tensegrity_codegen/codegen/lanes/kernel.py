@@ -9,12 +9,14 @@ from typing import Any
 
 import casadi as ca
 
+from tensegrity_codegen.codegen.instructions import read_instructions
 from tensegrity_codegen.codegen.printer import print_number
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.member import Member
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
 
-__all__ = ["BLOCKS", "DensityKernel", "KernelKind", "build_kernel"]
+__all__ = ["BLOCKS", "DensityKernel", "KernelKind", "build_kernel", "build_row_kernel"]
 
 Scalar = Any
 
@@ -40,6 +42,16 @@ PACK_OPERATIONS: dict[int, str] = {
 }
 HOLDS = "pack_or({a}, pack_less(pack_all(0.0), two_sided))"
 MIXED = PACK_OPERATIONS | {ca.OP_IF_ELSE_ZERO: f"pack_and({HOLDS}, {{b}})"}
+
+# The same over rows of members that repeat each other; a comparison gives a mask of a type of its own.
+ROW_OPERATIONS = PACK_OPERATIONS | {
+    ca.OP_INV: "row_all({one}) / {a}",
+    ca.OP_SQRT: "row_sqrt({a})",
+    ca.OP_LT: "row_less({a}, {b})",
+    ca.OP_AND: "row_both({a}, {b})",
+    ca.OP_IF_ELSE_ZERO: "row_where({a}, {b})",
+}
+MASKS = (ca.OP_LT, ca.OP_AND)
 
 
 # Symmetric blocks by quantity: their upper triangles are results of a kernel, row by row.
@@ -81,19 +93,55 @@ class DensityKernel:
 @functools.cache
 def build_kernel(kind: KernelKind, name: str) -> DensityKernel:
     """Return the kernel of a kind; FormulationError for an operation that packs do not have."""
-    names = (*AXES, *RATES, *VALUES)
+    function, parameters = _build(kind, name, len(AXES))
+    result = function.size1_out(0)
+    lines = _print_pack(function, parameters, MIXED if kind.is_mixed else PACK_OPERATIONS)
+    stores = 0 if kind.result == "density" else int(result)
+    return DensityKernel(name, (*parameters, "two_sided") if kind.is_mixed else parameters, lines, stores)
+
+
+@functools.cache
+def build_row_kernel(kind: KernelKind, name: str, n_axes: int, precision: Precision) -> DensityKernel:
+    """Return the kernel of a kind over rows, of members in so many axes; errors as of build_kernel."""
+    function, parameters = _build(kind, name, n_axes)
+    lines: list[str] = []
+    work: list[str] = []
+    for k, item in enumerate(read_instructions(function)):
+        operands = [work[operand] for operand in item.operands]
+        work.append(f"t{k}")
+        if item.operation == ca.OP_CONST:
+            work[k] = f"row_all({print_number(item.value, precision)})"
+        elif item.operation == ca.OP_INPUT:
+            work[k] = parameters[item.place[0]]
+        elif item.operation == ca.OP_OUTPUT:
+            lines.append(f"result[{item.place[1]}] = {operands[0]};")
+        else:
+            kind_of_row = "lanes_mask" if item.operation in MASKS else "lanes_row"
+            lines.append(f"const {kind_of_row} t{k} = {_row_operation(item.operation, operands, precision)};")
+    return DensityKernel(name, parameters, tuple(lines), int(function.size1_out(0)))
+
+
+def _row_operation(operation: int, operands: list[str], precision: Precision) -> str:
+    if operation not in ROW_OPERATIONS:
+        raise FormulationError(f"CasADi operation {operation} has no form in lanes", where="codegen.lanes")
+    one = f"1.0{precision.suffix}"
+    form: str = ROW_OPERATIONS[operation]
+    return form.format(a=operands[0], b=operands[-1], one=one)
+
+
+def _build(kind: KernelKind, name: str, n_axes: int) -> tuple[ca.Function, tuple[str, ...]]:
+    """Return what a kernel computes as a function of its parameters."""
+    axes, rates = AXES[:n_axes], RATES[:n_axes]
+    names = (*axes, *rates, *VALUES)
     symbols = {key: ca.SX.sym(key) for key in names}
     zero = ca.SX(0.0)
     values = {key: symbols[key] if key in kind.values else zero for key in VALUES}
     member = Member(
-        [symbols[axis] for axis in AXES], [symbols[rate] for rate in RATES], values, kind.tension_only
+        [symbols[axis] for axis in axes], [symbols[rate] for rate in rates], values, kind.tension_only
     )
     result = ca.cse(ca.vertcat(*_results(kind, member)))
     parameters = tuple(key for key in names if ca.depends_on(result, symbols[key]))
-    function = ca.Function(name, [symbols[key] for key in parameters], [ca.densify(result)])
-    lines = _print_pack(function, parameters, MIXED if kind.is_mixed else PACK_OPERATIONS)
-    stores = 0 if kind.result == "density" else int(result.numel())
-    return DensityKernel(name, (*parameters, "two_sided") if kind.is_mixed else parameters, lines, stores)
+    return ca.Function(name, [symbols[key] for key in parameters], [ca.densify(result)]), parameters
 
 
 def _results(kind: KernelKind, member: Member) -> list[Scalar]:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.assembly import ARGUMENT, MemberGroup
-from tensegrity_codegen.codegen.table.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.model import FloatArray, IntArray, TableModel
 from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.symbolic.member_kernel import MemberKernel
 
@@ -21,11 +21,11 @@ class MemberAccess:
     that of a coordinate or of a held position.
     """
 
-    def __init__(self, model: TableModel, number: int, group: MemberGroup, member: IntArray) -> None:
+    def __init__(self, model: TableModel, name: str, group: MemberGroup, member: IntArray) -> None:
         self.model = model
         self.group = group
         self.member = member
-        self.name = f"group{number}"
+        self.name = name
 
     @cached_property
     def place(self) -> IntArray:
@@ -78,16 +78,22 @@ class MemberAccess:
 
     def value(self, writer: Writer, name: str, counter: str = "e") -> str:
         """Return the C expression of a scalar of the member that `counter` counts."""
-        structure, cls, table = self.model.structure, self.group.member_class, f"{self.name}_{name}"
-        if name == "mu":
-            mu = structure.spring_constant + structure.axial_stiffness / structure.rest_length
-            return writer.real_at(table, mu[self.member], counter)
-        if getattr(cls, name) == ARGUMENT:
+        table = f"{self.name}_{name}"
+        if name != "mu" and getattr(self.group.member_class, name) == ARGUMENT:
             index = self.model.argument_index(name)[self.member]
             text = f"{name}[{writer.index_at(f'{table}_at', index, counter)}]"
         else:
-            text = writer.real_at(table, getattr(structure, name)[self.member], counter)
+            text = writer.real_at(table, self.constant(name), counter)
         return text + self._changes(writer, counter) if name == "rest_length" else text
+
+    def constant(self, name: str) -> FloatArray:
+        """Return the scene's own values of the members, "mu" from both stiffnesses."""
+        structure = self.model.structure
+        if name == "mu":
+            mu: FloatArray = structure.spring_constant + structure.axial_stiffness / structure.rest_length
+            return mu[self.member]
+        values: FloatArray = getattr(structure, name)[self.member]
+        return values
 
     def _changes(self, writer: Writer, counter: str) -> str:
         """Return what inputs add to a rest length, in the order of the inputs."""

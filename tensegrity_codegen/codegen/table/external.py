@@ -140,14 +140,16 @@ def mass_text(writer: Writer, node: str, share: FloatArray, name: str, is_argume
     """Return the C expression of a node's mass plus the bars' `share`, constant or maybe an argument."""
     model = writer.model
     chosen = model.argument_index("node_mass")
-    constant = writer.real_at(f"node_{name}_mass", model.structure.node_mass + share, node)
     if not is_argument:
-        return constant
+        return writer.real_at(f"node_{name}_mass", model.structure.node_mass + share, node)
     at = writer.index_at("node_mass_at", chosen, node)
     changeable = f"node_mass[{at}]"
     if share.any():
         changeable = f"(node_mass[{at}] + {writer.real_at(f'node_{name}_share', share, node)})"
-    return changeable if (chosen >= 0).all() else f"({at} >= 0 ? {changeable} : {constant})"
+    if (chosen >= 0).all():
+        return changeable
+    constant = writer.real_at(f"node_{name}_mass", model.structure.node_mass + share, node)
+    return f"({at} >= 0 ? {changeable} : {constant})"
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensegrity_codegen.assembly import ABSENT
+from tensegrity_codegen.assembly import ABSENT, MemberClass
 from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, VALUES, DensityKernel, KernelKind
 from tensegrity_codegen.codegen.table.access import MemberAccess
 from tensegrity_codegen.codegen.table.writer import Writer
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LANES",
+    "PULLS",
     "in_fours",
     "is_served",
     "kind_of",
@@ -41,7 +42,7 @@ def write_fours(writer: Writer, access: MemberAccess, kernel_name: str, sink: Ad
     in_a_row = bool((entry >= 0).all()) and np.array_equal(entry, entry[:, :, :1] + np.arange(entry.shape[2]))
     if kernel_name not in PULLS or not in_a_row or not is_served(writer, access):
         return None
-    kernel = writer.density(kind_of(access, PULLS[kernel_name]))
+    kernel = writer.density(kind_of(access.group.member_class, PULLS[kernel_name]))
     lines = [
         *read_vectors(writer, access, kernel),
         *read_values(writer, access, kernel),
@@ -63,9 +64,8 @@ def in_fours(access: MemberAccess, lines: list[str]) -> list[str]:
     return [head, *(f"  {line}" for line in lines), "}"]
 
 
-def kind_of(access: MemberAccess, is_static: bool, result: str = "density") -> KernelKind:
-    """Return the kind of kernel that gives `result` for the members of a loop."""
-    cls = access.group.member_class
+def kind_of(cls: MemberClass, is_static: bool, result: str = "density") -> KernelKind:
+    """Return the kind of kernel that gives `result` for members of a class."""
     values = tuple(name for name in VALUES if getattr(cls, name) != ABSENT)
     if cls.is_stiffness_constant:
         values = ("spring_constant", *(name for name in values if name in ("rest_length", "damping")))

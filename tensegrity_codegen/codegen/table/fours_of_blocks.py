@@ -42,7 +42,7 @@ def write_block_fours(
     is_damped = kernel_name == "position_block" and access.group.member_class.damping != ABSENT
     if kernel_name not in IN_LANES or is_damped or not is_served(writer, access):
         return None
-    kernel = writer.density(kind_of(access, True, IN_LANES[kernel_name]))
+    kernel = writer.density(kind_of(access.group.member_class, True, IN_LANES[kernel_name]))
     low, high = (
         f"{kernel.name}({passed(kernel, half)}, block{shift})"
         for half, shift in (("LOW", ""), ("HIGH", " + 2"))

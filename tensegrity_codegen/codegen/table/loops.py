@@ -15,11 +15,21 @@ from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.fours import write_fours
 from tensegrity_codegen.codegen.table.fours_of_blocks import write_block_fours
 from tensegrity_codegen.codegen.table.model import IntArray, TableModel
-from tensegrity_codegen.codegen.table.stage import loop
+from tensegrity_codegen.codegen.table.module_forces import ModuleForces
+from tensegrity_codegen.codegen.table.stage import Stage, loop
 from tensegrity_codegen.codegen.table.writer import Writer, index_text
 from tensegrity_codegen.symbolic.member_kernel import MemberKernel, build_member_kernel
 
-__all__ = ["AddToNodes", "AddUp", "MemberLoop", "Sink", "StoreForCables", "StoreForMembers", "member_loops"]
+__all__ = [
+    "AddToNodes",
+    "AddUp",
+    "MemberLoop",
+    "Sink",
+    "StoreForCables",
+    "StoreForMembers",
+    "force_stages",
+    "member_loops",
+]
 
 
 class Sink(Protocol):
@@ -90,13 +100,22 @@ def member_loops(
     sink: Sink,
     keep: Callable[[MemberGroup], bool] = lambda group: True,
 ) -> list[MemberLoop]:
-    """Return the loops over all members that the sink wants, group by group in the order of the plan."""
+    """Return the loops over the members of groups to keep that the sink wants, in the order of the plan."""
     loops = []
     for number, group in enumerate(model.plan.groups):
         member = sink.select(model, group.member) if keep(group) else group.member[:0]
         if len(member):
-            loops.append(MemberLoop(model, MemberAccess(model, number, group, member), kernel, sink))
+            loops.append(
+                MemberLoop(model, MemberAccess(model, f"group{number}", group, member), kernel, sink)
+            )
     return loops
+
+
+def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage]:
+    """Return the stages that add a kernel's pulls to nodes: those in modules, then the others in loops."""
+    inside = member_loops(model, kernel, sink, lambda group: group.in_module)
+    modules: list[Stage] = [ModuleForces(tuple(inside), kernel, sink)] if inside else []
+    return [*modules, *member_loops(model, kernel, sink, lambda group: not group.in_module)]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
 from tensegrity_codegen.codegen.table.function import Recipe
-from tensegrity_codegen.codegen.table.loops import AddToNodes, member_loops
+from tensegrity_codegen.codegen.table.loops import AddToNodes, force_stages
 from tensegrity_codegen.codegen.table.model import FloatArray, IntArray, TableModel
 from tensegrity_codegen.codegen.table.stage import loop
 from tensegrity_codegen.codegen.table.writer import Writer
@@ -32,7 +32,7 @@ class AddCablesToNodes(AddToNodes):
 def cable_force(model: TableModel) -> Recipe:
     """Return how the force without two-sided members is made."""
     fill = FillForces(ExternalForce(model, model.coordinate), "cable_force")
-    loops = member_loops(model, "pull", AddCablesToNodes("cable_force", model.coordinate))
+    loops = force_stages(model, "pull", AddCablesToNodes("cable_force", model.coordinate))
     return Recipe((model.n_coordinates, 1), (fill, *loops))
 
 

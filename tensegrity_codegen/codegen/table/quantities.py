@@ -18,6 +18,7 @@ from tensegrity_codegen.codegen.table.loops import (
     AddUp,
     StoreForCables,
     StoreForMembers,
+    force_stages,
     member_loops,
 )
 from tensegrity_codegen.codegen.table.mass import DivideByMass, KineticEnergy, check_mass
@@ -49,7 +50,7 @@ def _forces(model: TableModel, index: IntArray, target: str, pull: str) -> list[
     """Return the stages that fill `target` with the net force on the components `index` >= 0."""
     return [
         FillForces(ExternalForce(model, index), target),
-        *member_loops(model, pull, AddToNodes(target, index)),
+        *force_stages(model, pull, AddToNodes(target, index)),
     ]
 
 

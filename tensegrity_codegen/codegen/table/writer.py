@@ -8,16 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.assembly import MemberClass
-from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel
+from tensegrity_codegen.codegen.lanes.kernel import DensityKernel, KernelKind, build_kernel, build_row_kernel
 from tensegrity_codegen.codegen.printer import print_body, print_number, print_numbers
 from tensegrity_codegen.codegen.render import render
 from tensegrity_codegen.codegen.table.model import TableModel
+from tensegrity_codegen.modules import NEAR
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.member_kernel import VECTORS, MemberKernel, build_member_kernel
 
-__all__ = ["Writer", "index_text"]
+__all__ = ["BEYOND", "Writer", "index_text"]
 
 Array = NDArray[Any]
+
+BEYOND = 16  # values that rows may reach beyond a line of repetitions: as many as the widest row has
 
 
 class Writer:
@@ -35,6 +38,7 @@ class Writer:
         self._texts: dict[str, str] = {}
         self._kernels: dict[tuple[str, MemberClass], str] = {}
         self._densities: dict[KernelKind, DensityKernel] = {}
+        self._rows: dict[KernelKind, DensityKernel] = {}
 
     def number(self, value: float) -> str:
         """Return a number as an operand in C."""
@@ -78,6 +82,13 @@ class Writer:
             self._densities[kind] = build_kernel(kind, f"lanes_density{len(self._densities)}")
         return self._densities[kind]
 
+    def row_kernel(self, kind: KernelKind) -> DensityKernel:
+        """Return the kernel of the force densities of members of a kind, over rows of repetitions."""
+        if kind not in self._rows:
+            name = f"row_density{len(self._rows)}"
+            self._rows[kind] = build_row_kernel(kind, name, self.model.n_axes, self.precision)
+        return self._rows[kind]
+
     def helper(self, name: str, template: str, **context: Any) -> str:
         """Return the C name of a helper function rendered from a template that takes its `symbol`."""
         return self._define(
@@ -92,7 +103,22 @@ class Writer:
         if self._densities:
             kernels = list(self._densities.values())
             lanes = render("lanes.c", {"kernels": kernels, "has_blocks": any(k.stores for k in kernels)})
-        return [*text.splitlines(), *lanes.splitlines()]
+        return [*text.splitlines(), *lanes.splitlines(), *self._row_lines()]
+
+    def _row_lines(self) -> list[str]:
+        """Return what loops over repeated modules call."""
+        if not self._rows:
+            return []
+        context = {
+            "real": self.real,
+            "suffix": self.precision.suffix,
+            "zero": self.number(0.0),
+            "n_axes": self.model.n_axes,
+            "near": NEAR,
+            "beyond": BEYOND,
+            "kernels": list(self._rows.values()),
+        }
+        return render("rows.c", context).splitlines()
 
     def parameters(self, kernel: MemberKernel) -> list[str]:
         """Return the scalar arguments of a kernel, in order."""

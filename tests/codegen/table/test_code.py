@@ -56,7 +56,7 @@ def code_bytes(levels: int, folder: Path) -> int:
     sys.platform != "linux" or shutil.which("size") is None, reason="reads the sections of ELF objects"
 )
 def test_code_does_not_grow_with_the_structure(tmp_path: Path) -> None:
-    few, many = code_bytes(11, tmp_path / "few"), code_bytes(111, tmp_path / "many")
+    few, many = code_bytes(31, tmp_path / "few"), code_bytes(111, tmp_path / "many")
     assert 0.9 * few < many < 1.1 * few
 
 

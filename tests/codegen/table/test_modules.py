@@ -1,0 +1,75 @@
+"""Loops over repeated modules: found whatever they are, with the bits of the virtual machine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.assembly import plan_assembly
+from tensegrity_codegen.codegen.prune import prune
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import ActuatedInput, Structure
+from tensegrity_codegen.symbolic.build import build_model
+from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.subjects import all_parameters
+from tests.codegen.table.modules import grid, spine, tower, twisted
+from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
+from tests.compare import run_in_casadi
+
+FORCES = ("node_residual", "acceleration", "cable_force")
+REQUEST = ModelRequest(FORCES, emitter="table")
+SUBJECTS = {
+    "tower": tower(21),
+    "damped": tower(19, damping=0.3),
+    "spine": spine(18),
+    "grid": grid(19, 4),
+    "flat": grid(18, 3, axes="xy"),
+    "equal": tower(20, spread=0.0),
+    "two": twisted(34),
+}
+
+
+def assert_equal_to_casadi(structure: Structure, request: ModelRequest, **build: str) -> None:
+    functions = prune(build_model(structure, request), request.quantities)
+    model = build_library(structure, request, **build).load()
+    for seed in range(2):
+        arguments = arguments_near(model, seed)
+        for function in functions:
+            name = function.quantity.name
+            assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_forces_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
+    structure = SUBJECTS[name]
+    assert plan_assembly(structure, {}).modules
+    assert_equal_to_casadi(structure, REQUEST)
+
+
+@pytest.mark.parametrize("flags", ["reference", "native"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_compiler_and_both_flag_sets_agree(family: str, flags: str) -> None:
+    require_compiler(family)
+    assert_equal_to_casadi(SUBJECTS["damped"], REQUEST, compiler=family, flags=flags)
+
+
+def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None:
+    structure = SUBJECTS["damped"]
+    every = tuple(range(structure.n_members))
+    pulled = structure.with_changes(inputs=(ActuatedInput("pull", "rest_length", every[1::2]),))
+    assert_equal_to_casadi(structure, replace(REQUEST, parameters=all_parameters(structure)))
+    assert_equal_to_casadi(pulled, REQUEST)
+
+
+def test_coincident_nodes_are_reported_from_within_a_module() -> None:
+    structure = SUBJECTS["tower"]
+    model = build_library(structure, ModelRequest(("node_residual",), emitter="table")).load()
+    position = model.nominal("coordinate").reshape(-1, 3)
+    plan = plan_assembly(structure, {})
+    i, j = structure.connectivity[plan.modules[0].member[1, 7]] - 3  # three anchored nodes come first
+    position[j] = position[i]
+    status, result = raw_call(model, "node_residual", coordinate=position.ravel())
+    assert (status, np.isnan(result).all()) == ("non_finite_result", True)
