@@ -308,21 +308,43 @@ const double two_nodes_nominal_velocity[3] = {
     0.0};
 
 
+#if defined(__GNUC__)
+#if defined(__AVX512F__)
+#define FINITE_BYTES 64
+#elif defined(__AVX__)
+#define FINITE_BYTES 32
+#else
+#define FINITE_BYTES 16
+#endif
+enum { FINITE_ROW = FINITE_BYTES / sizeof(double) };
+typedef double finite_row __attribute__((vector_size(FINITE_BYTES)));
+typedef double finite_load __attribute__((vector_size(FINITE_BYTES), aligned(sizeof(double)), may_alias));
+#endif
+
 /* Non-zero if every value is finite: x - x is 0 then, else NAN. Four sums, so that none waits for the last. */
 static int all_finite(const double *values, int count)
 {
-  double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
-  int k;
-  for (k = 0; k + 3 < count; k += 4) {
-    a += values[k] - values[k];
-    b += values[k + 1] - values[k + 1];
-    c += values[k + 2] - values[k + 2];
-    d += values[k + 3] - values[k + 3];
+  double sum = 0.0;
+  int k = 0;
+#if defined(__GNUC__)
+  finite_row a = {0.0}, b = a, c = a, d = a;
+  int j;
+  for (; k + 4 * FINITE_ROW <= count; k += 4 * FINITE_ROW) {
+    const finite_load *v = (const finite_load *)(const void *)(values + k);
+    a += v[0] - v[0];
+    b += v[1] - v[1];
+    c += v[2] - v[2];
+    d += v[3] - v[3];
   }
+  a += b + (c + d);
+  for (j = 0; j < FINITE_ROW; ++j) {
+    sum += a[j];
+  }
+#endif
   for (; k < count; ++k) {
-    a += values[k] - values[k];
+    sum += values[k] - values[k];
   }
-  return a + b + (c + d) == 0.0;
+  return sum == 0.0;
 }
 
 static void fill_nan(double *values, int count)
