@@ -9,6 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.simulate_batch import build_for_batch, check_no_other, simulate_starts
 from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.files import check_target
 from tensegrity_codegen.structure import Structure
@@ -44,6 +45,10 @@ def simulate(
     until: Annotated[
         str | None, typer.Option("--until", help="End early: contact, the first contact of two bars.")
     ] = None,
+    batch: Annotated[
+        Path | None, typer.Option("--batch", help="File of many starts (.npz), simulated side by side.")
+    ] = None,
+    threads: Annotated[int, typer.Option("--threads", help="Threads that share a batch.")] = 1,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
@@ -53,6 +58,9 @@ def simulate(
 
     With --until contact the last sample is the first contact of two bars, if there is one by --t-end; it
     is in "events" of the result, and in event_time, event_kind, event_name of the file.
+
+    With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument,
+    in that file is a motion of its own; methods rk853, rk54 and rk4 run eight of them in one core.
 
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
@@ -66,6 +74,18 @@ def simulate(
         _check_until(until)
         if out is not None:
             check_target(out)
+        if batch is not None:
+            check_no_other(settle=settle, until=until)
+            of_method: dict[str, Any] = {
+                "samples": samples,
+                "step": step,
+                "rtol": rtol,
+                "atol": atol,
+                "threads": threads,
+            }
+            build = build_for_batch(scene, method, compiler, flags)
+            simulate_starts(output, build, batch, out, t_end=t_end, method=method, **of_method)
+            return
         built, start = _build(scene, method, settle, until is not None, compiler, flags)
         model = built.load()
         with output.progress("simulating") as progress:

@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SIMULATION_QUANTITIES",
+    "UNREADABLE",
     "RawTrajectory",
     "Schedule",
     "Trajectory",
     "evaluate_trajectory",
     "judge_charts",
+    "read_arrays",
     "read_trajectory",
     "simulation_quantities",
     "write_arrays",
@@ -280,7 +282,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     members.
     """
     try:
-        data = _read_arrays(Path(path))
+        data = read_arrays(Path(path))
         names = tuple(data["node_name"].tolist()), tuple(data["member_name"].tolist())
         places = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in RESULT_ARRAYS}
@@ -313,7 +315,8 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     )
 
 
-def _read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an .npz file by name; raises one of UNREADABLE for what is none."""
     # Opened here, since NumPy leaves a file open that turns out to be no archive.
     with path.open("rb") as file:
         if file.read(2) != b"PK":  # else NumPy speaks of pickled data

@@ -1,0 +1,75 @@
+"""`tensegrity-codegen simulate --batch`: many motions of one scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.pipeline import BuiltLibrary
+
+__all__ = ["WIDTH", "build_for_batch", "check_no_other", "simulate_starts"]
+
+WIDTH = 8  # lanes, where the scene names no batch width
+
+
+def simulate_starts(
+    output: Output,
+    built: BuiltLibrary,
+    starts: Path,
+    out: Path | None,
+    *,
+    t_end: float,
+    **options: Any,
+) -> None:
+    """Simulate every start of a file and say how many motions came to their end; exit code 3 unless all did.
+
+    options: of `simulate_batch`.
+    """
+    from tensegrity_codegen.report.tables import run_table
+    from tensegrity_codegen.runtime.read_starts import read_starts
+    from tensegrity_codegen.runtime.simulate_batch import simulate_batch
+
+    model = built.load()
+    given = read_starts(starts, model.manifest)
+    with output.progress("simulating") as progress:
+        batch = simulate_batch(model, t_end, progress=progress, **given, **options)
+    if out is not None:
+        batch.write(out)
+    data = batch.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
+    output.result(data, run_table(data))
+    if not batch.is_ok.all():
+        bad = int(batch.is_ok.argmin())
+        count = len(batch) - data["n_ok"]
+        output.warn(
+            f"{count} of {len(batch)} motions; number {bad}: {batch.status[bad]}: {batch.message[bad]}"
+        )
+        raise typer.Exit(3)
+
+
+def check_no_other(**options: Any) -> None:
+    """Raise InvalidValueError for options that batches do not have."""
+    for name, value in options.items():
+        if value:
+            raise InvalidValueError(
+                "not together with --batch", where=f"--{name}", given=value if value is not True else ""
+            )
+
+
+def build_for_batch(scene: Path, method: str, compiler: str | None, flags: str | None) -> BuiltLibrary:
+    """Return the library of a scene with what a batch of its motions needs; lanes if the method has any."""
+    from tensegrity_codegen.pipeline import build_library, load_scene, simulation_quantities
+    from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS
+    from tensegrity_codegen.runtime.simulate import integrators_for
+
+    structure, request = load_scene(scene)
+    wanted = request.wanting(*simulation_quantities(request.formulation), integrators=integrators_for(method))
+    if method in BATCH_METHODS:
+        wanted = replace(wanted, batch_width=request.batch_width or WIDTH)
+    return build_library(structure, wanted, compiler=compiler, flags=flags)
