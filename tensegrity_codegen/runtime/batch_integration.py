@@ -207,7 +207,8 @@ class _Batch:
         step = self.step if self.name == "rk4" else None
         times = self.count[:, 0] * np.float64(step) if step else self.times
         end = (self.n_steps_wanted - 0.5) * self.step if step else self.end
-        ends = judge_ends(self.status, times, end, self.count, step)
+        n_cables = self.spec.unwatched + len(self.spec.cables)
+        ends = judge_ends(self.status, times, end, self.count, step, n_cables)
         n_steps, n_evaluations = self.count[:, 0].copy(), self.count[:, 2].copy()
         if step:
             n_evaluations = 4 * n_steps + 1

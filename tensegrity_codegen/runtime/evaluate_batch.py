@@ -41,7 +41,7 @@ def evaluate_batch(
         kinetic_energy=kinetic,
         total_energy=total,
         energy_drift=drift,
-        error_estimate=np.full(len(ends), np.nan),
+        error_estimate=np.full(len(ends), np.nan) if raw.error_estimate is None else raw.error_estimate,
         status=tuple(word for word, _ in ends),
         message=tuple(message for _, message in ends),
         n_reached=raw.n_reached,

@@ -24,7 +24,7 @@ class RawBatch:
 
     time (n_t,) [s]; state (n_batch, n_t, n_states); n_reached: samples of each run; status, message: a word
     and what it means, one a run; n_steps, n_rejected, n_evaluations (n_batch,); step [s]: of a fixed-step
-    method.
+    method; error_estimate (n_batch,), if there is one.
     """
 
     time: FloatArray
@@ -37,16 +37,24 @@ class RawBatch:
     n_rejected: CountArray
     n_evaluations: CountArray
     step: float | None = None
+    error_estimate: FloatArray | None = None
 
 
 def judge_ends(
-    status: NDArray[np.int32], time: FloatArray, end: float, count: CountArray, step: float | None
+    status: NDArray[np.int32],
+    time: FloatArray,
+    end: float,
+    count: CountArray,
+    step: float | None,
+    n_cables: int,
 ) -> list[tuple[str, str]]:
     """Return status word and message of every run.
 
     status (n_batch,): what C says, or GIVEN_UP; time (n_batch,) [s]: where each stopped; end [s]: where all
-    should; count (n_batch, 3): steps taken, steps tried in vain, evaluations; step [s]: if it is fixed.
+    should; count (n_batch, 3): steps taken, steps tried in vain, evaluations; step [s]: if it is fixed;
+    n_cables: how many can go slack, at which no step is cut.
     """
+    quiet = f", no events of {n_cables} cables" if n_cables else ""
     ends: list[tuple[str, str]] = []
     for number, stopped, (taken, rejected, _) in zip(status, time, count, strict=True):
         word = "ok" if number == GIVEN_UP else STATUS[number]
@@ -55,7 +63,7 @@ def judge_ends(
             continue
         verdict, message = judge_end(word, float(stopped), end)
         if step is None:
-            ends.append((verdict, message or f"{taken} steps, {rejected} rejected"))
+            ends.append((verdict, message or f"{taken} steps, {rejected} rejected{quiet}"))
         else:
             more = ": take a smaller step" if verdict == "unstable" else ""
             ends.append((verdict, message + more or f"fixed step {step:.6g} s"))

@@ -18,7 +18,10 @@ from tensegrity_codegen.runtime.evaluate_batch import evaluate_batch
 from tensegrity_codegen.runtime.integration import Progress
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.one_by_one import simulate_one_by_one
+from tensegrity_codegen.runtime.raw_batch import RawBatch
+from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.simulate import check_arguments, check_options
+from tensegrity_codegen.runtime.step_doubling import check_batch_by_doubling
 
 __all__ = ["simulate_batch"]
 
@@ -48,8 +51,8 @@ def simulate_batch(
     progress: called with the fraction done.
 
     method: "rk853" or "rk54", each step's error of each motion within rtol and atol, or "rk4" with the fixed
-    `step` [s], run side by side in the lanes of a core, and cut no steps at events. Any other method of
-    `simulate`, such as "radau" for stiff bars, does one motion after the other.
+    `step` [s], held to a run with twice that, run side by side in the lanes of a core, and cut no steps at
+    events. Any other method of `simulate`, such as "radau" for stiff bars, does one motion after the other.
 
     A motion that does not come to its end has its own status, and changes nothing of the others. Raises
     LibraryError for a library without batch functions where lanes are needed, FormulationError if it lacks
@@ -70,6 +73,7 @@ def simulate_batch(
     lengths |= {"coordinate": len(q)} if q_batched else {}
     lengths |= {"velocity": len(v)} if v_batched else {}
     n_batch = _agree(lengths)
+    check_sample_memory(model.manifest, n_batch * samples)
     state = np.concatenate([_tile(q, q_batched, n_batch), _tile(v, v_batched, n_batch)], axis=1)
     if method not in BATCH_METHODS:
         return simulate_one_by_one(
@@ -86,18 +90,14 @@ def simulate_batch(
             atol=atol,
         )
     state = _make_consistent(model, state, given)
-    raw = integrate_batch(
-        method,
-        model,
-        state,
-        np.linspace(0.0, t_end, samples),
-        step=step,
-        rtol=rtol,
-        atol=atol,
-        arguments={name: array for name, (array, _) in given.items()},
-        threads=threads,
-        progress=progress,
-    )
+    own = {name: array for name, (array, _) in given.items()}
+    options: dict[str, Any] = {"rtol": rtol, "atol": atol, "threads": threads, "progress": progress}
+
+    def integrate(step: float | None) -> RawBatch:
+        time = np.linspace(0.0, t_end, samples)
+        return integrate_batch(method, model, state, time, step=step, arguments=own, **options)
+
+    raw = integrate(None) if step is None else check_batch_by_doubling(integrate, step, model.manifest)
     return evaluate_batch(model, raw, given, threads)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.runtime.raw_batch import RawBatch
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
-__all__ = ["check_by_doubling"]
+__all__ = ["check_batch_by_doubling", "check_by_doubling"]
 
 FloatArray = NDArray[np.float64]
 
@@ -38,27 +39,70 @@ def check_by_doubling(
         n_evaluations += other.n_evaluations
     error = None
     if other.status == "ok":
-        share = min(1.0, 1.0 / abs(_ratio(other, found) ** 2 - 1.0))
-        error = share * float(np.max(np.abs(found.state - other.state) / _lost(found, manifest)))
+        error = float(_error(found.state, other.state, _ratio(other, found), float(found.time[-1]), manifest))
     checked = replace(found, n_evaluations=n_evaluations, error_estimate=error)
     if error is not None and error <= 1.0:
         return checked
+    return replace(checked, status="inaccurate", message=_say(error))
+
+
+def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manifest: Manifest) -> RawBatch:
+    """Return a batch of runs with this step [s], each held to another step as `check_by_doubling` does."""
+    found = run(step)
+    end, is_good = float(found.time[-1]), _is_ok(found)
+    error, n_evaluations = np.full(len(is_good), np.nan), found.n_evaluations.copy()
+    for factor in (2.0, 0.5):
+        is_open = is_good & np.isnan(error)
+        if not is_open.any():
+            break
+        other = run(factor * step)
+        ratio = _ratio(other, found)
+        n_evaluations[is_open] += other.n_evaluations[is_open]
+        if factor < 1.0 or ratio > 1.1:
+            known = is_open & _is_ok(other)
+            error[known] = _error(found.state[known], other.state[known], ratio, end, manifest)
+    status, message = list(found.status), list(found.message)
+    for k in np.flatnonzero(is_good & ~(error <= 1.0)):
+        status[k], message[k] = "inaccurate", _say(None if np.isnan(error[k]) else float(error[k]))
+    return replace(
+        found,
+        status=tuple(status),
+        message=tuple(message),
+        n_evaluations=n_evaluations,
+        error_estimate=error,
+    )
+
+
+def _is_ok(batch: RawBatch) -> NDArray[np.bool_]:
+    return np.array([word == "ok" for word in batch.status])
+
+
+def _error(state: FloatArray, other: FloatArray, ratio: float, end: float, manifest: Manifest) -> FloatArray:
+    """Return the estimated error of runs (..., n_t, n_states) to `end` [s], over that which loses them."""
+    share = min(1.0, 1.0 / abs(ratio**2 - 1.0))
+    apart = np.abs(state - other) / _lost(state, end, manifest)[..., None, :]
+    return share * np.asarray(apart.max(axis=(-2, -1)))
+
+
+def _say(error: float | None) -> str:
     told = "not known" if error is None else f"{100.0 * MOST_ERROR * error:.3g} % of the structure's size"
-    message = f"the estimated error is {told}: take a smaller step"
-    return replace(checked, status="inaccurate", message=message)
+    return f"the estimated error is {told}: take a smaller step"
 
 
-def _ratio(other: RawTrajectory, found: RawTrajectory) -> float:
+def _ratio(other: RawTrajectory | RawBatch, found: RawTrajectory | RawBatch) -> float:
     return float(other.step or 0.0) / float(found.step or 1.0)
 
 
-def _lost(run: RawTrajectory, manifest: Manifest) -> FloatArray:
-    """Return the error of each component (n_states,) at which a result is lost."""
-    n = run.state.shape[1] // 2
+def _lost(state: FloatArray, end: float, manifest: Manifest) -> FloatArray:
+    """Return the error of each component (..., n_states) at which runs (..., n_t, n_states) are lost."""
+    n = state.shape[-1] // 2
     place = np.array(manifest.node_position).reshape(-1, 3)
     ends = place[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-    length = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
-    if manifest.formulation == "bodies" or not length > 0.0:
-        length = float(np.abs(run.state[:, :n]).max()) or 1.0
-    speed = max(float(np.abs(run.state[:, n:]).max()), length / float(run.time[-1]))
-    return MOST_ERROR * np.repeat([length, speed], n)
+    longest = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
+    farthest, fastest = (np.abs(part).max(axis=(-2, -1)) for part in (state[..., :n], state[..., n:]))
+    if manifest.formulation == "bodies" or not longest > 0.0:
+        length = np.where(farthest > 0.0, farthest, 1.0)
+    else:
+        length = np.full_like(farthest, longest)
+    speed = np.maximum(fastest, length / end)
+    return MOST_ERROR * np.repeat(np.stack([length, speed], axis=-1), n, axis=-1)

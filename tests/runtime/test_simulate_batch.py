@@ -12,7 +12,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError, UnknownNameError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import batch_integration
+from tensegrity_codegen.runtime import batch_integration, sample_memory
 from tensegrity_codegen.runtime.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
@@ -139,6 +139,19 @@ def test_a_motion_that_blows_up_keeps_the_samples_it_reached(model: CompiledMode
         assert len(found[k].time) == reached[k]
 
 
+@pytest.mark.parametrize("step", [2e-3, 5e-3, 7e-3])
+def test_a_fixed_step_is_judged_as_in_a_simulation_of_its_own(model: CompiledModel, step: float) -> None:
+    coordinate = starts(model, 3)
+    coordinate[1] += 0.02 * np.sin(np.arange(coordinate.shape[1]))
+    run: dict[str, Any] = {"samples": 21, "method": "rk4", "step": step}
+    batch = simulate_batch(model, 0.1, coordinate=coordinate, **run)
+    for k in range(3):
+        alone = simulate(model, 0.1, coordinate=coordinate[k], **run)
+        assert (batch.status[k], batch.message[k]) == (alone.status, alone.message)
+        assert batch[k].error_estimate == alone.error_estimate
+        assert batch[k].n_evaluations == alone.n_evaluations
+
+
 def test_a_tolerance_that_no_step_meets_is_told_of_each(
     model: CompiledModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,6 +162,15 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
     found = simulate_batch(model, T_END, coordinate=coordinate)
     assert found.status == ("not_converged",) * 3
     assert "too many steps" in found.message[0]
+
+
+def test_more_samples_than_memory_holds_are_refused(
+    model: CompiledModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sample_memory, "MOST_BYTES", 2**17)
+    simulate_batch(model, T_END, coordinate=starts(model, 2), samples=20)
+    with pytest.raises(InvalidValueError, match="memory"):
+        simulate_batch(model, T_END, coordinate=starts(model, 20), samples=20)
 
 
 def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None:
