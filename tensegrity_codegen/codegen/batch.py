@@ -16,7 +16,7 @@ __all__ = ["MOST_OPERATIONS", "MOST_STACK", "batch_context", "write_lanes"]
 MOST_STACK = 200_000
 MOST_OPERATIONS = 20_000
 
-# Rows of lanes that registers of 512 bits hold: the fast square roots serve whole multiples of it.
+# Rows of lanes that registers of 512 bits hold: they are transposed in whole multiples of it.
 REGISTER_LANES = 8
 
 
@@ -29,20 +29,18 @@ def write_lanes(
         if not function.arguments or function.operations > MOST_OPERATIONS:
             continue
         name = function.quantity.name
-        lanes = print_lanes(function.function, list(function.arguments), [name], width, precision)
-        rows = function.function.nnz_in() + function.function.nnz_out() + lanes.n_spare + 2 * lanes.n_roots
-        if rows * width * precision.dtype.itemsize <= MOST_STACK:
-            found[name] = lanes
+        rows = function.function.nnz_in() + function.function.nnz_out()
+        if rows * width * precision.dtype.itemsize > MOST_STACK:
+            continue
+        found[name] = print_lanes(function.function, list(function.arguments), name, precision)
     return found
 
 
 def batch_context(width: int, lanes: Mapping[str, PrintedLanes], precision: Precision) -> dict[str, Any]:
-    """Return what all batch functions share; roots: whether there are any, and whether AVX-512 helps them."""
-    has_roots = any(item.n_roots for item in lanes.values())
+    """Return what all batch functions share; has_avx512: whether it turns 8 rows at once."""
     return {
         "width": width,
         "line": count_line(precision),
         "has_lanes": bool(lanes),
-        "has_roots": has_roots,
         "has_avx512": bool(lanes) and precision.name == "double" and width % REGISTER_LANES == 0,
     }

@@ -1,8 +1,9 @@
-"""Every operation over lanes, compared bit for bit with CasADi's virtual machine; how blocks are cut."""
+"""Every operation over lanes, bit for bit that of CasADi's virtual machine, for every width of registers."""
 
 from __future__ import annotations
 
 import ctypes
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,152 +11,182 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen import lane_printer
 from tensegrity_codegen.codegen.compile import compile_library
-from tensegrity_codegen.codegen.flags import FLAG_SETS
+from tensegrity_codegen.codegen.flags import FLAG_SETS, FlagSet
 from tensegrity_codegen.codegen.instructions import read_instructions
-from tensegrity_codegen.codegen.lane_printer import SCALAR_CALLS, PrintedLanes, print_lanes
+from tensegrity_codegen.codegen.lane_printer import BLOCK, COMPARISONS, NUMBERS, print_lanes
+from tensegrity_codegen.codegen.printer import OPERATIONS
+from tensegrity_codegen.codegen.render import render
 from tensegrity_codegen.codegen.toolchain import find_compiler
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.precision import PRECISIONS
 from tests.codegen.test_printer import NAMES, PRINTED, operand_pairs, operation_function
 
-WIDTH = 4
-HEAD = """#include <math.h>
-#define TENSEGRITY_OVER(a, root, inverse) ((a) / (root))
-"""
+WIDTH = 8
+
+# Registers -> options of the compiler, and what the CPU must have.
+REGISTERS = {
+    "none": (("-DTENSEGRITY_NO_LANES",), ()),
+    "128 bit": ((), ()),
+    "256 bit": (("-mavx",), ("avx",)),
+    "512 bit": (("-mavx512f", "-mavx512dq"), ("avx512f", "avx512dq")),
+    "512 bit, by estimate": (
+        ("-mavx512f", "-mavx512dq", "-DTENSEGRITY_NATIVE"),
+        ("avx512f", "avx512dq"),
+    ),
+}
 
 
-def define(name: str, lanes: PrintedLanes, arguments: Sequence[str], result: str, width: int) -> str:
-    """Return a C function of the blocks, with square roots taken one by one."""
-    signature = ", ".join([*(f"const double *{name}" for name in arguments), f"double *{result}"])
-    text = f"void {name}({signature});\nvoid {name}({signature})\n{{\n  int k;\n"
-    text += f"  double spare[{max(1, lanes.n_spare) * width}], root[{max(1, lanes.n_roots) * width}];\n"
-    text += "  (void)spare;\n  (void)root;\n" + "".join(f"  (void){name};\n" for name in arguments)
-    for block in lanes.blocks:
-        body = "\n    ".join(block.lines)
-        text += f"  for (k = 0; k < {width}; ++k) {{\n    {body}\n  }}\n"
-        first, last = block.first_root * width, (block.first_root + block.n_roots) * width
-        text += f"  for (k = {first}; k < {last}; ++k) {{ root[k] = sqrt(root[k]); }}\n"
-    return text + "}\n"
+def common(width: int) -> str:
+    """Return what all functions over lanes stand on."""
+    batch = {"width": width, "has_avx512": width % 8 == 0}
+    context = {"batch": batch, "real": "double", "suffix": "", "NAME": "LANES"}
+    return f"#include <math.h>\n#include <stddef.h>\n{render('batch_common.c', context)}"
 
 
-def load(text: str, folder: Path) -> ctypes.CDLL:
-    artifact = compile_library(
-        {"lanes.c": HEAD + text}, name="lanes", compiler=find_compiler(), flags=FLAG_SETS["reference"]
+def define(function: ca.Function, name: str, arguments: Sequence[str], width: int) -> str:
+    """Return a C function of rows of arguments, one a lane, to rows of results."""
+    lines = "\n  ".join(print_lanes(function, arguments, "result").lines)
+    sizes = [function.nnz_in(k) for k in range(len(arguments))]
+    lanes = ", ".join(f"const double *{argument}" for argument in arguments)
+    text = f"static void {name}_lanes({lanes}, double *result)\n{{\n"
+    text += "  wide probe = wide_all(0.0);\n  wide_mask odd = wide_less(probe, probe);\n  "
+    text += f"{lines}\n  (void)probe;\n  (void)odd;\n"
+    text += "".join(f"  (void){argument};\n" for argument in arguments)
+    text += f"}}\nvoid {name}({lanes}, double *result);\nvoid {name}({lanes}, double *result)\n{{\n  int i;\n"
+    text += f"  double filled[{max(sizes)} * WIDE];\n"
+    text += "".join(
+        f"  double {argument}_lanes[{size} * WIDE];\n"
+        for argument, size in zip(arguments, sizes, strict=True)
     )
+    text += f"  for (i = 0; i < {width}; i += WIDE) {{\n"
+    for argument, size in zip(arguments, sizes, strict=True):
+        rows = f"{argument} + i * {size}, {size}, {size}, {width} - i, filled, {argument}_lanes"
+        text += f"    load_lanes({rows});\n"
+    passed = ", ".join(f"{argument}_lanes" for argument in arguments)
+    return text + f"    {name}_lanes({passed}, result + i * {function.nnz_out(0)});\n  }}\n}}\n"
+
+
+def load(text: str, folder: Path, registers: str) -> ctypes.CDLL:
+    options, needed = REGISTERS[registers]
+    if not set(needed) <= cpu_flags():
+        pytest.skip(f"this CPU has no registers of {registers}")
+    flags = FlagSet("lanes", (*FLAG_SETS["reference"].options, *options))
+    artifact = compile_library({"lanes.c": text}, name="lanes", compiler=find_compiler(), flags=flags)
     path = folder / artifact.file_name
     path.write_bytes(artifact.library)
     return ctypes.CDLL(str(path))
+
+
+@functools.cache
+def cpu_flags() -> frozenset[str]:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return frozenset()
+    return frozenset(next((line for line in lines if line.startswith("flags")), "").split())
 
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
 
 
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+@functools.cache
+def expected_of(operation: int) -> np.ndarray:
+    function = operation_function(operation)
+    pairs = operand_pairs()
+    return np.array([float(function(x, y)) for x, y in pairs[: len(pairs) // WIDTH * WIDTH]])
+
+
+@pytest.fixture(scope="module", params=[name for name in REGISTERS if "estimate" not in name])
+def compiled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     """One library with one function over lanes an operation."""
-    text = ""
-    for operation in PRINTED:
-        lanes = print_lanes(operation_function(operation), ("a", "b"), ("r",), WIDTH)
-        text += define(f"op_{operation}", lanes, ("a", "b"), "r", WIDTH)
-    return load(text, Path(tmp_path_factory.mktemp("lanes")))
+    functions = [(operation, operation_function(operation)) for operation in PRINTED]
+    text = common(WIDTH) + "".join(define(f, f"op_{k}", ("a", "b"), WIDTH) for k, f in functions)
+    return load(text, Path(tmp_path_factory.mktemp("lanes")), request.param)
 
 
 @pytest.mark.parametrize("operation", PRINTED, ids=lambda number: NAMES[number][3:].lower())
 def test_each_operation_in_lanes_is_that_of_the_virtual_machine(
     compiled: ctypes.CDLL, operation: int
 ) -> None:
-    function, run = operation_function(operation), compiled[f"op_{operation}"]
-    pairs = operand_pairs()
-    for group in pairs[: len(pairs) // WIDTH * WIDTH].reshape(-1, WIDTH, 2):
-        a, b, result = np.ascontiguousarray(group[:, 0]), np.ascontiguousarray(group[:, 1]), np.zeros(WIDTH)
-        run(pointer(a), pointer(b), pointer(result))
-        expected = np.array([float(function(x, y)) for x, y in group])
-        np.testing.assert_array_equal(result, expected)
-        if operation not in (ca.OP_FMIN, ca.OP_FMAX):  # C leaves open which of +0 and -0 is the smaller
-            known = ~np.isnan(expected)
-            np.testing.assert_array_equal(np.signbit(result[known]), np.signbit(expected[known]))
+    expected, run = expected_of(operation), compiled[f"op_{operation}"]
+    result = np.zeros(len(expected))
+    for first in range(0, len(expected), WIDTH):
+        a, b = np.ascontiguousarray(operand_pairs()[first : first + WIDTH].T)
+        run(pointer(a), pointer(b), pointer(result[first:]))
+    np.testing.assert_array_equal(result, expected)
+    if operation not in (ca.OP_FMIN, ca.OP_FMAX):  # C leaves open which of +0 and -0 is the smaller
+        known = ~np.isnan(expected)
+        np.testing.assert_array_equal(np.signbit(result[known]), np.signbit(expected[known]))
 
 
-# --- blocks ----------------------------------------------------------------------------------------
+# --- whole functions -------------------------------------------------------------------------------
 
 
 def chain() -> ca.Function:
-    """Square roots of square roots, quotients by them, calls between: every kind of border."""
+    """Square roots of square roots, quotients by them, calls between, comparisons that are reckoned with."""
     x = ca.SX.sym("x", 6)
     first = ca.sqrt(x * x + 1)
     angle = ca.sin(x / first) + ca.exp(-ca.sqrt(first))
     second = ca.sqrt(angle * angle + first)
-    return ca.Function(
-        "chain", [x], [ca.vertcat(1 / second, ca.sum1(x / first) * angle, second, ca.cumsum(x) * 3, 7.5)]
-    )
+    larger = x < angle
+    chosen = ca.if_else(ca.logic_or(larger, ca.logic_not(second < 1.2)), x, 3 * larger - angle)
+    rows = (1 / second, ca.sum1(x / first) * angle, second, ca.cumsum(x) * 3, 7.5, chosen)
+    return ca.Function("chain", [x], [ca.vertcat(*rows)])
 
 
-@pytest.mark.parametrize("most", [1, 2, 5, 1000])
-@pytest.mark.parametrize("width", [2, 8])
-def test_blocks_of_any_length_give_the_same_bits(
-    most: int, width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("registers", REGISTERS)
+@pytest.mark.parametrize("width", [2, 8, 16])
+def test_whole_functions_have_the_bits_of_the_virtual_machine(
+    registers: str, width: int, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(lane_printer, "BLOCK_STATEMENTS", most)
     function = chain()
-    lanes = print_lanes(function, ("x",), ("r",), width)
-    library = load(define("chain", lanes, ("x",), "r", width), tmp_path)
-    x = np.random.default_rng(3).normal(size=(6, width))
-    result = np.zeros((function.numel_out(0), width))
+    library = load(common(width) + define(function, "chain", ("x",), width), tmp_path, registers)
+    x = np.random.default_rng(3).normal(size=(width, 6))
+    result = np.zeros((width, function.numel_out(0)))
     library.chain(pointer(x), pointer(result))
-    expected = np.array([np.array(function(x[:, k])).ravel() for k in range(width)]).T
+    expected = np.array([np.array(function(row)).ravel() for row in x])
     np.testing.assert_array_equal(result, expected)
 
 
-def test_roots_are_due_before_they_are_read_and_once() -> None:
-    lanes = print_lanes(chain(), ("x",), ("r",), 8)
-    taken = [k for block in lanes.blocks for k in range(block.first_root, block.first_root + block.n_roots)]
-    assert taken == list(range(lanes.n_roots))
-    assert lanes.n_roots == 18
-    done = 0
-    for block in lanes.blocks:
-        for line in block.lines:
-            if "= root[" in line or "TENSEGRITY_OVER" in line:
-                place = int(line.split("root[")[1].split(" ")[0]) // 8
-                assert place < done, line
-        done += block.n_roots
+def test_comparisons_choose_without_being_numbers_first() -> None:
+    x = ca.SX.sym("x", 2)
+    chosen = ca.Function("f", [x], [ca.if_else(x[0] < x[1], x[0] * 2, 0)])
+    text = "\n".join(print_lanes(chosen, ("x",), "r").lines)
+    assert "const wide_mask" in text
+    assert text.count("wide_if(m") == 1
+    reckoned = ca.Function("f", [x], [(x[0] < x[1]) * x[0]])
+    assert "wide_all(1.0)" in "\n".join(print_lanes(reckoned, ("x",), "r").lines)
 
 
-def test_functions_without_vectors_stand_in_loops_of_their_own() -> None:
-    lanes = print_lanes(chain(), ("x",), ("r",), 8)
-    for block in lanes.blocks:
-        calls = [line for line in block.lines if "sin(" in line or "exp(" in line]
-        if calls:
-            others = [line for line in block.lines if line not in calls and "spare[" not in line]
-            assert not others
+@pytest.mark.parametrize("size", [1, 7, 8, 9, 24])
+def test_results_are_handed_out_in_blocks_each_once(size: int) -> None:
+    x = ca.SX.sym("x", size)
+    lines = print_lanes(ca.Function("f", [x], [x * x]), ("x",), "r").lines
+    blocks = [line for line in lines if line.startswith("put_rows(")]
+    assert sorted(line.split(",")[0] for line in blocks) == sorted(
+        f"put_rows(r + {first}" for first in range(0, size, BLOCK)
+    )
+    assert sum(int(line.split(",")[2]) for line in blocks) == size
 
 
-def test_slots_are_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lane_printer, "BLOCK_STATEMENTS", 1)
+def test_every_operation_has_a_form() -> None:
     x = ca.SX.sym("x")
-    value = x
-    for _ in range(50):
-        value = value * x + 1
-    lanes = print_lanes(ca.Function("f", [x], [value]), ("x",), ("r",), 8)
-    assert len(lanes.blocks) == 101
-    assert lanes.n_spare == 2
-
-
-def test_every_scalar_call_is_an_operation_that_is_printed() -> None:
-    assert set(PRINTED) > SCALAR_CALLS
+    assert set(OPERATIONS) > NUMBERS.keys() | COMPARISONS.keys()
+    for operation in PRINTED:
+        assert print_lanes(operation_function(operation), ("a", "b"), "r").lines
+    assert print_lanes(ca.Function("f", [x], [x]), ("x",), "r").reads == {0}
 
 
 def test_an_operation_without_c_form_is_refused() -> None:
     x = ca.SX.sym("x")
     with pytest.raises(FormulationError, match="has no C form"):
-        print_lanes(ca.Function("f", [x], [ca.erfinv(x)]), ("x",), ("r",), 8)
+        print_lanes(ca.Function("f", [x], [ca.erfinv(x)]), ("x",), "r")
 
 
 def test_single_precision_has_its_own_literals_and_functions() -> None:
-    lanes = print_lanes(chain(), ("x",), ("r",), 8, PRECISIONS["single"])
-    text = "\n".join(line for block in lanes.blocks for line in block.lines)
+    text = "\n".join(print_lanes(chain(), ("x",), "r", PRECISIONS["single"]).lines)
     assert "sinf(" in text
     assert "1.0f" in text
     assert "double" not in text
