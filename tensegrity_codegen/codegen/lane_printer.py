@@ -1,8 +1,8 @@
 """CasADi SX functions as C over lanes: the same operations for W evaluations side by side.
 
-A `wide` holds as many values as one register (templates/wide.c.j2), arrays hold one an entry, [entry][WIDE]:
+A `wide` holds as many values as one register (templates/wide.c.j2), entries of arrays are `stride` apart:
 
-    const wide t5 = wide_load(coordinate + 1 * WIDE) - wide_load(coordinate + 2 * WIDE);
+    const wide t5 = wide_load(coordinate + 1 * stride) - wide_load(coordinate + 2 * stride);
 
 What compares gives a wide_mask, which chooses; functions without a vector form are called lane by lane.
 Results are turned into rows while later ones are still worked out: the divider is what a force waits for.
@@ -75,8 +75,8 @@ def print_lanes(
 ) -> PrintedLanes:
     """Return the statements that evaluate an SX function for as many lanes as a wide has.
 
-    inputs: names of its C arrays, [non-zero][WIDE]; output: of the first of its rows, see put_rows, which
-    also adds up `probe`. A square root is printed as WIDE_ROOT(root, a), a quotient by one as
+    inputs: names of its C arrays, non-zeros `stride` apart; output: of the array of results, see put_results,
+    which also adds up `probe`. A square root is printed as WIDE_ROOT(root, a), a quotient by one as
     WIDE_OVER(a, root), which may know its inverse. Raises what print_body raises.
     """
     return _Lanes(read_instructions(function), inputs, output, precision, function).print()
@@ -119,9 +119,8 @@ class _Lanes:
         if all(k in self.results for k in block):
             values = [self.results[k] for k in block]
             values += values[-1:] * (BLOCK - len(values))
-            self.lines.append(
-                f"put_rows({self.output} + {first}, {size}, {len(block)}, {', '.join(values)}, &probe);"
-            )
+            given = f"{self.output}, {first}, {size}, {len(block)}, stride, in_lanes, {', '.join(values)}"
+            self.lines.append(f"put_results({given}, &probe);")
 
     def _read_as_numbers(self) -> set[int]:
         """Return the comparisons whose one or zero something reckons with."""
@@ -179,7 +178,7 @@ class _Lanes:
             return self._literal(item.value)
         if item.operation == ca.OP_INPUT:
             self.reads.add(item.place[0])
-            return f"wide_load({self.inputs[item.place[0]]} + {item.place[1]} * WIDE)"
+            return f"wide_load({self.inputs[item.place[0]]} + {item.place[1]} * stride)"
         return f"t{k}"
 
     def _literal(self, value: float) -> str:

@@ -49,7 +49,7 @@ def define(function: ca.Function, name: str, arguments: Sequence[str], width: in
     lines = "\n  ".join(print_lanes(function, arguments, "result").lines)
     sizes = [function.nnz_in(k) for k in range(len(arguments))]
     lanes = ", ".join(f"const double *{argument}" for argument in arguments)
-    text = f"static void {name}_lanes({lanes}, double *result)\n{{\n"
+    text = f"static void {name}_lanes({lanes}, int stride, int in_lanes, double *result)\n{{\n"
     text += "  wide probe = wide_all(0.0);\n  wide_mask odd = wide_less(probe, probe);\n  "
     text += f"{lines}\n  (void)probe;\n  (void)odd;\n"
     text += "".join(f"  (void){argument};\n" for argument in arguments)
@@ -64,7 +64,7 @@ def define(function: ca.Function, name: str, arguments: Sequence[str], width: in
         rows = f"{argument} + i * {size}, {size}, {size}, {width} - i, filled, {argument}_lanes"
         text += f"    load_lanes({rows});\n"
     passed = ", ".join(f"{argument}_lanes" for argument in arguments)
-    return text + f"    {name}_lanes({passed}, result + i * {function.nnz_out(0)});\n  }}\n}}\n"
+    return text + f"    {name}_lanes({passed}, WIDE, 0, result + i * {function.nnz_out(0)});\n  }}\n}}\n"
 
 
 def load(text: str, folder: Path, registers: str) -> ctypes.CDLL:
@@ -164,11 +164,11 @@ def test_comparisons_choose_without_being_numbers_first() -> None:
 def test_results_are_handed_out_in_blocks_each_once(size: int) -> None:
     x = ca.SX.sym("x", size)
     lines = print_lanes(ca.Function("f", [x], [x * x]), ("x",), "r").lines
-    blocks = [line for line in lines if line.startswith("put_rows(")]
-    assert sorted(line.split(",")[0] for line in blocks) == sorted(
-        f"put_rows(r + {first}" for first in range(0, size, BLOCK)
-    )
-    assert sum(int(line.split(",")[2]) for line in blocks) == size
+    blocks = [line for line in lines if line.startswith("put_results(")]
+    places = [[int(word) for word in line.split(", ")[1:4]] for line in blocks]
+    assert sorted(first for first, _, _ in places) == list(range(0, size, BLOCK))
+    assert {whole for _, whole, _ in places} == {size}
+    assert sum(count for _, _, count in places) == size
 
 
 def test_every_operation_has_a_form() -> None:

@@ -75,6 +75,7 @@ def test_lives_are_ended_where_registers_are_few(monkeypatch: pytest.MonkeyPatch
         place = {k: n for n, k in enumerate(found)}
         return max(sum(place[o] <= n < last[o] for o in last if o in place) for n in range(len(found)))
 
+    monkeypatch.setattr(order, "REGISTERS", 10**6)
     found = order_instructions(instructions)
     with_many = most_alive()
     monkeypatch.setattr(order, "REGISTERS", 6)
