@@ -52,6 +52,10 @@ class WantedFunction(Protocol):
         """Floating-point operations in one evaluation."""
 
     @property
+    def written_operations(self) -> int:
+        """Floating-point operations in its text: those of a loop count once."""
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the result."""
 

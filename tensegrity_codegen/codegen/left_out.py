@@ -170,6 +170,7 @@ def _row(
     what: str, why: str, without: tuple[WantedFunction, ...], with_it: tuple[WantedFunction, ...]
 ) -> LeftOut:
     operations = sum(f.operations for f in with_it) - sum(f.operations for f in without)
+    written = sum(f.written_operations for f in with_it) - sum(f.written_operations for f in without)
     arguments = sum(len(f.arguments) for f in with_it) - sum(len(f.arguments) for f in without)
     return LeftOut(
         what=what,
@@ -177,7 +178,7 @@ def _row(
         functions=len(with_it) - len(without),
         arguments=arguments,
         operations=operations,
-        object_bytes=operations * BYTES_AN_OPERATION,
+        object_bytes=written * BYTES_AN_OPERATION,
     )
 
 

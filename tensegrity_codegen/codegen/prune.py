@@ -30,6 +30,11 @@ class PrunedFunction:
         return count_operations(self.function)
 
     @property
+    def written_operations(self) -> int:
+        """Floating-point operations in its text, which has no loops."""
+        return self.operations
+
+    @property
     def sparsity(self) -> ca.Sparsity:
         """Sparsity of the result."""
         return self.function.sparsity_out(0)

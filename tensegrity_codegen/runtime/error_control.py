@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 MOST_ROUNDS = 7
 TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
-MOST_WORK = 5e10  # evaluations times states; some minutes on one core
+MOST_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
 BLOCK = 2**20  # numbers compared at a time
 

@@ -25,6 +25,17 @@ def left_out(structure: Structure, request: ModelRequest = WANTED) -> dict[str, 
     return {row.what: row for row in emit(structure, request).manifest.left_out}
 
 
+def tower_of(stages: int) -> Structure:
+    """A chain of tetrahedra, bars and cables, its first nodes anchored."""
+    count = 3 * (stages + 1)
+    turn = np.arange(count) % 3 * 2 * np.pi / 3
+    position = np.column_stack([np.cos(turn), np.sin(turn), np.arange(count) // 3])
+    members = [spring(3 * s + i, 3 * s + 3 + (i + 1) % 3, 1.5) for s in range(stages) for i in range(3)]
+    members += [cable(3 * s + i, 3 * s + 3 + i, 0.9) for s in range(stages) for i in range(3)]
+    members += [cable(3 * s + i, 3 * s + (i + 1) % 3, 1.6) for s in range(stages) for i in range(3)]
+    return make_structure(position.tolist(), members, anchored=dict.fromkeys(range(3), "xyz"), mass=0.4)
+
+
 def triangle(**more: Any) -> Structure:
     members = [spring(0, 1, 0.9), spring(1, 2, 1.1), spring(2, 0, 1.0)]
     return make_structure([[0, 0, 0], [1, 0, 0], [0.5, 0, 0.8]], members, axes="xz", **more)
@@ -151,3 +162,17 @@ def test_a_structure_that_has_everything_leaves_out_only_what_nobody_wants() -> 
     )
     request = ModelRequest(WANTED.quantities, parameters=all_parameters(structure))
     assert set(left_out(structure, request)) == {UNWANTED}
+
+
+def test_bytes_of_loops_do_not_grow_with_the_structure() -> None:
+    def rows(stages: int) -> dict[str, LeftOut]:
+        tower = tower_of(stages)
+        request = ModelRequest(("node_force", "elastic_energy", "acceleration"), emitter="table")
+        return left_out(tower, request)
+
+    small, large = rows(3), rows(30)
+    assert small.keys() == large.keys()
+    for what, row in small.items():
+        assert abs(large[what].object_bytes) <= 1.2 * abs(row.object_bytes) + 200, what
+    assert large["damping"].operations > 9 * small["damping"].operations > 0
+    assert 0 < large["damping"].object_bytes < 20_000

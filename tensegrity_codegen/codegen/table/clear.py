@@ -28,6 +28,7 @@ class ClearBlocks:
     loops: tuple[MemberLoop, ...]
     arguments: frozenset[str] = frozenset()
     operations: int = 0
+    repeats: int = 1
 
     @cached_property
     def written(self) -> IntArray:

@@ -88,6 +88,11 @@ class SolveCoupled:
     def _factorise(self, nodes: tuple[int, ...]) -> SymmetricFactor:
         return factorise(self._mass[list(nodes)].tolist(), self.model.inertia.coupling_of(nodes))
 
+    @property
+    def repeats(self) -> int:
+        """Coupled coordinates."""
+        return len(self._sweeps[2][0])
+
     def write(self, writer: Writer) -> list[str]:
         """Return the loops: forward, divide, backward."""
         forward, backward, (at, value) = self._sweeps

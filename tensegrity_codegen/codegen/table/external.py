@@ -169,6 +169,11 @@ class FillForces:
         """Floating-point operations that are left to run time."""
         return self.external.operations
 
+    @property
+    def repeats(self) -> int:
+        """Nodes on which a force may act."""
+        return int(self.external.wanted.any(axis=1).sum())
+
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over entries, or over nodes where forces are not all constant."""
         external = self.external

@@ -50,6 +50,11 @@ class TableFunction:
         """Floating-point operations in one evaluation."""
         return sum(stage.operations for stage in self.recipe.stages)
 
+    @cached_property
+    def written_operations(self) -> int:
+        """Floating-point operations in its text: those of a loop count once."""
+        return sum(-(-stage.operations // max(stage.repeats, 1)) for stage in self.recipe.stages)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the result."""

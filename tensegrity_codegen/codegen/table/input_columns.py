@@ -91,6 +91,7 @@ class FillPushes:
     columns: InputColumns
     arguments: frozenset[str] = frozenset()
     operations: int = 0
+    repeats: int = 1
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over all entries."""

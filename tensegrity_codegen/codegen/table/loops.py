@@ -72,6 +72,11 @@ class MemberLoop:
         """Floating-point operations of the whole loop."""
         return len(self.access.member) * (self.kernel.operations + self.sink.operations(self.kernel))
 
+    @property
+    def repeats(self) -> int:
+        """Its members."""
+        return len(self.access.member)
+
     def write(self, writer: Writer) -> list[str]:
         """Return the loop."""
         access = self.access

@@ -55,7 +55,7 @@ class DivideByMass:
     @cached_property
     def _coordinate(self) -> IntArray:
         """Coordinates of nodes that are coupled to no other."""
-        return np.setdiff1d(np.arange(self.model.n_coordinates), coupled_coordinates(self.model))
+        return np.flatnonzero(~_is_coupled(self.model))
 
     @cached_property
     def _chosen(self) -> NDArray[np.bool_]:
@@ -71,6 +71,11 @@ class DivideByMass:
     @property
     def operations(self) -> int:
         """One multiplication or division a coordinate."""
+        return len(self._coordinate)
+
+    @property
+    def repeats(self) -> int:
+        """Its coordinates."""
         return len(self._coordinate)
 
     def write(self, writer: Writer) -> list[str]:
@@ -92,8 +97,15 @@ class DivideByMass:
 
 def coupled_coordinates(model: TableModel) -> IntArray:
     """Return the coordinates that bars with own mass couple to others, rising."""
+    return np.flatnonzero(_is_coupled(model))
+
+
+def _is_coupled(model: TableModel) -> NDArray[np.bool_]:
+    """Return (n_coordinates,): whether bars with own mass couple each coordinate to another."""
     first, second, _ = pairs_of_coordinates(model)
-    return np.unique(np.concatenate([first, second]))
+    found = np.zeros(model.n_coordinates, dtype=bool)
+    found[first] = found[second] = True
+    return found
 
 
 @dataclass(frozen=True)
@@ -116,6 +128,11 @@ class KineticEnergy:
     def operations(self) -> int:
         """Three operations a coordinate and for each coupled pair."""
         return 3 * self.model.n_coordinates + 3 * len(pairs_of_coordinates(self.model)[0])
+
+    @property
+    def repeats(self) -> int:
+        """Coordinates."""
+        return self.model.n_coordinates
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loops over coordinates and coupled pairs of them."""
@@ -175,6 +192,11 @@ class MassDiagonal:
         """One addition for each changeable mass at the end of a bar."""
         node = np.nonzero(self.model.free)[0][self._changeable]
         return int((self.model.inertia.diagonal_share[node] != 0).sum())
+
+    @property
+    def repeats(self) -> int:
+        """Changeable masses."""
+        return len(self._changeable)
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loops over all entries, and over changeable ones."""
@@ -236,6 +258,11 @@ class ScaleRows:
     def operations(self) -> int:
         """One operation an entry of a node with about a dozen neighbours."""
         return (2 if self.turn else 1) * self.model.n_axes * (self.column[1] - self.column[0])
+
+    @property
+    def repeats(self) -> int:
+        """Its columns."""
+        return self.column[1] - self.column[0]
 
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over columns and their entries."""

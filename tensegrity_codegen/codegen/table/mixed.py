@@ -102,6 +102,11 @@ class FillLaws:
         offset = held[model.ends[:, 0]] - held[model.ends[:, 1]]
         return np.column_stack([s.rest_length, s.spring_constant, s.damping, offset])
 
+    @property
+    def repeats(self) -> int:
+        """Members."""
+        return self.model.structure.n_members
+
     def write(self, writer: Writer) -> list[str]:
         """Return the loops."""
         width, values = self.width, self._constants().ravel()

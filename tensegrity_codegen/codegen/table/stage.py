@@ -21,6 +21,10 @@ class Stage(Protocol):
     def operations(self) -> int:
         """Floating-point operations in one evaluation."""
 
+    @property
+    def repeats(self) -> int:
+        """How many times what it writes is done in one evaluation."""
+
     def write(self, writer: Writer) -> list[str]:
         """Return its statements."""
 

@@ -18,6 +18,7 @@ class Statements:
     find: Callable[[], Sequence[str]]
     arguments: frozenset[str] = frozenset()
     operations: int = 0
+    repeats: int = 1
 
     @classmethod
     def loop(

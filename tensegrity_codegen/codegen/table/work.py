@@ -52,6 +52,11 @@ class ExternalWork:
         """A multiplication and an addition a component."""
         return self.external.operations + 2 * self.model.n_axes * len(self.node)
 
+    @property
+    def repeats(self) -> int:
+        """Nodes on which a force may act."""
+        return len(self.node)
+
     def write(self, writer: Writer) -> list[str]:
         """Return the loop over nodes."""
         model, n_axes = self.model, self.model.n_axes
