@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from large_scenes import write_scene_of
 
-QUANTITIES = ("acceleration", "member_tension", "node_force", "total_energy")
+QUANTITIES = ("acceleration", "member_tension", "node_force", "total_energy", "tangent_stiffness")
 SIZES = (1_000, 9_003, 100_000)
 KINDS = ("tower", "random")
 LEAST_SECONDS = 0.2  # of evaluations for one figure

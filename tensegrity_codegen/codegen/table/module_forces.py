@@ -47,6 +47,12 @@ class ModuleForces:
         """Floating-point operations."""
         return sum(item.operations for item in self.loops)
 
+    @property
+    def repeats(self) -> int:
+        """Repetitions of the modules of a shape, on average."""
+        shapes = shapes_of(self.loops[0].model)
+        return sum(module.n_repetitions for shape in shapes for module in shape) // max(len(shapes), 1)
+
     def write(self, writer: Writer) -> list[str]:
         """Return one block of loops for each shape of modules."""
         groups = {item.access.group.member_class: item.access.group for item in self.loops}
