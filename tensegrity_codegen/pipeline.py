@@ -46,6 +46,7 @@ __all__ = [
     "compile_scene",
     "equilibrium_quantities",
     "has_statics",
+    "is_corrected",
     "linearize_quantities",
     "load_nodes",
     "load_scene",
@@ -185,7 +186,7 @@ def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[s
 
 def has_statics(request: ModelRequest) -> bool:
     """Return whether a model of this request finds its equilibria itself."""
-    return request.formulation not in WITHOUT_STATICS and not _is_corrected(request)
+    return request.formulation not in WITHOUT_STATICS and not is_corrected(request)
 
 
 def with_statics(structure: Subject, request: ModelRequest) -> ModelRequest:
@@ -214,7 +215,8 @@ def settle_structure(
     return structure.with_changes(node_position=find_equilibrium(model).node_position)
 
 
-def _is_corrected(request: ModelRequest) -> bool:
+def is_corrected(request: ModelRequest) -> bool:
+    """Return whether the lengths of rigid bars follow their tensions in a model of this request."""
     return request.formulation == "rigid_bar" and request.options.get("correction") == "first_order"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from tensegrity_codegen.body_system import BodySystem
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.equilibrium import Equilibrium
     from tensegrity_codegen.runtime.model import CompiledModel
+    from tensegrity_codegen.runtime.snap import Snap
     from tensegrity_codegen.structure import Structure
 
 __all__ = ["equilibrium", "equilibrium_data"]
@@ -60,19 +62,19 @@ def equilibrium(
         if out is not None:
             check_target(out, overwrite=overwrite)
         structure, request = load_scene(scene)
-        arguments: dict[str, Any] = {}
-        parameters: dict[str, tuple[int, ...]] = {}
-        if load:
-            total = structure.node_load + parse_loads(load, structure)
-            parameters["node_load"] = tuple(range(structure.n_nodes))
-            arguments["node_load"] = total[:, list(structure.axes)]
+        added = parse_loads(load or [], structure)
+        loads = _Loads(structure, added)
         statics = with_statics(structure, request)
-        wanted = statics.wanting(*equilibrium_quantities(structure, statics), parameters=parameters)
+        quantities = (*equilibrium_quantities(structure, statics), *loads.quantities)
+        wanted = statics.wanting(*quantities, parameters=loads.parameters)
         model = build_library(structure, wanted, compiler=compiler).load()
         found = find_equilibrium(
-            model, arguments=arguments, tolerance=tolerance, method=method, raise_on_failure=False
+            model, arguments=loads.arguments, tolerance=tolerance, method=method, raise_on_failure=False
         )
-        data = equilibrium_data(model, found) | {"out": None}
+        snap = loads.find_snap(model, found)
+        if snap.snapped:
+            output.warn(_tell_snap(snap))
+        data = equilibrium_data(model, found) | snap.as_evidence() | {"out": None}
         if out is not None and found.is_found:
             write_scene(_describe_settled(structure, request, found), out, overwrite=overwrite)
             data["out"] = str(out)
@@ -89,6 +91,49 @@ def equilibrium(
         )
         if not found.is_found:
             raise typer.Exit(3)
+
+
+class _Loads:
+    """The loads of a scene and those added to them, as run-time arguments of its model."""
+
+    def __init__(self, structure: Structure | BodySystem, added: NDArray[np.float64]) -> None:
+        axes = list(structure.axes)
+        scene = structure.node_load[:, axes]
+        # What grows: the added loads, or those of the scene where there are none.
+        self.base = scene if added.any() else np.zeros_like(scene)
+        self.total = scene + added[:, axes]
+        self.is_loaded = bool(self.total.any() or added.any())
+        bars = structure.is_bar
+        self.cables = [name for name, bar in zip(structure.member_name, bars, strict=True) if not bar]
+        self.n_nodes = structure.n_nodes
+
+    @property
+    def parameters(self) -> dict[str, tuple[int, ...]]:
+        return {"node_load": tuple(range(self.n_nodes))} if self.is_loaded else {}
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        return {"node_load": self.total} if self.is_loaded else {}
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Return what a load path needs besides, to find its kinks."""
+        return ("member_extension",) if self.is_loaded and self.cables else ()
+
+    def find_snap(self, model: CompiledModel, found: Equilibrium) -> Snap:
+        from tensegrity_codegen.runtime.snap import Snap, find_snap
+
+        if not found.is_found or not self.is_loaded:
+            return Snap(None if self.is_loaded else False)
+        return find_snap(model, found, self.base, self.total, cables=self.cables)
+
+
+def _tell_snap(snap: Snap) -> str:
+    """Return the warning that the equilibrium was reached by a jump."""
+    reached = "the growing load leads along another branch"
+    if snap.limit_load_factor is not None:
+        reached = f"the growing load turns back at {snap.limit_load_factor:.6g} of its full size"
+    return f"snapped: {reached}; this equilibrium is on a far branch (see load-path)"
 
 
 def _describe_settled(

@@ -15,6 +15,8 @@ from tensegrity_codegen.structure import Structure
 
 __all__ = ["linearize"]
 
+SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
+
 
 def linearize(
     scene: SceneArgument,
@@ -37,9 +39,11 @@ def linearize(
             build_library,
             equilibrium_quantities,
             has_statics,
+            is_corrected,
             linearize_quantities,
             load_scene,
             settle_structure,
+            with_statics,
         )
         from tensegrity_codegen.runtime.equilibrium import find_equilibrium
         from tensegrity_codegen.runtime.linearize import linearize as run
@@ -47,6 +51,10 @@ def linearize(
         if out is not None:
             check_target(out)
         structure, request = load_scene(scene)
+        if isinstance(structure, Structure) and is_corrected(request):
+            request = with_statics(
+                structure, request
+            )  # springs are exact, and however stiff cost nothing here
         if settle and isinstance(structure, Structure) and not has_statics(request):
             structure = settle_structure(structure, request, compiler=compiler)
             structure = structure.with_changes(node_velocity=0 * structure.node_velocity)
@@ -54,7 +62,8 @@ def linearize(
         quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
         wanted = request.wanting(*quantities, *(equilibrium_quantities(structure, request) if settle else ()))
         model = build_library(structure, wanted, compiler=compiler).load()
-        start = find_equilibrium(model).coordinate if settle else None
+        # What is left of the forces turns neutral motions into slow ones.
+        start = find_equilibrium(model, tolerance=SETTLED).coordinate if settle else None
         linear = run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))
         if out is not None:
             write_linear_model(linear, out)

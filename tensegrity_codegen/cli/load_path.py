@@ -133,7 +133,17 @@ def _build(subject: Subject, request: ModelRequest, load: list[str], compiler: s
     quantities = dict.fromkeys((*equilibrium_quantities(subject, request), *extra))
     wanted = request.wanting(*quantities, parameters={"node_load": tuple(range(subject.n_nodes))})
     model = build_library(subject, wanted, compiler=compiler).load()
-    return build_path(model, pattern[:, list(subject.axes)])
+    path = build_path(model, pattern[:, list(subject.axes)])
+    held = path.find_held()
+    if held:
+        raise InvalidValueError(
+            "the load acts on what is held, and moves nothing",
+            where=f"--load {held[0]}",
+            given=", ".join(held),
+            allowed="nodes that can move along the load",
+            hint="leave these loads out",
+        )
+    return path
 
 
 def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list[Watch]:

@@ -75,15 +75,17 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     Example: tensegrity-codegen check prism.toml
     """
     output = Output(json)
-    with output.guard():
+    with output.guard(scene):
         from tensegrity_codegen.pipeline import load_scene
         from tensegrity_codegen.scene.doubts import find_body_warnings, find_warnings
+        from tensegrity_codegen.symbolic.rigid_bar_check import check_formulation
 
         structure, request = load_scene(scene)
         if isinstance(structure, BodySystem):
             warnings = find_body_warnings(structure)
         else:
             warnings = find_warnings(structure)
+            check_formulation(structure, request)
         for warning in warnings:
             output.warn(warning)
         n_bars, n_cables = _count_bars(structure)

@@ -78,6 +78,7 @@ def linearize(
     NonFiniteError for a state without finite derivatives.
     """
     require_double(model.manifest, "linearization")
+    _check_lengths(model.manifest)
     inputs = model.manifest.input_name
     _check_functions(model, with_inputs=bool(inputs))
     q = _value(model, "coordinate", coordinate)
@@ -131,6 +132,17 @@ def _state_names(manifest: Manifest) -> tuple[str, ...]:
     names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
     names = names or list(manifest.coordinate_name)
     return (*names, *(f"{name}'" for name in names))
+
+
+def _check_lengths(manifest: Manifest) -> None:
+    if manifest.formulation == "rigid_bar" and not manifest.rigid_bar:
+        raise FormulationError(
+            "bars whose lengths follow their tensions have no linear model of their own",
+            where=manifest.name,
+            given='options.correction = "first_order"',
+            allowed='correction = "none", or formulation = "node_position"',
+            hint="as springs in node positions the same bars are exact, and cost no more there",
+        )
 
 
 def _check_functions(model: Model, *, with_inputs: bool) -> None:

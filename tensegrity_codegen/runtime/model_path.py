@@ -106,6 +106,20 @@ class ModelPath:
             return None
         return lambda coordinate, stiffness: find_neutral_motions(stiffness, permitted(coordinate), 0.0)
 
+    def find_held(self) -> tuple[str, ...]:
+        """Return the names of loaded nodes whose load moves nothing, since they are held where it acts."""
+        manifest, loaded = self.model.manifest, self._spread() != 0
+        moves = np.zeros_like(loaded)
+        if manifest.coordinate_node_axis:
+            column = {axis: k for k, axis in enumerate(manifest.axes)}
+            for node, axis in manifest.coordinate_node_axis:
+                moves[node, column[axis]] = True
+        else:
+            jacobian = self.compute("node_jacobian", self.model.nominal("coordinate").ravel(), 0.0)
+            moves = np.asarray(abs(jacobian).sum(axis=1)).reshape(loaded.shape) > 0
+        held = loaded.any(axis=1) & ~(loaded & moves).any(axis=1)
+        return tuple(manifest.node_name[node] for node in np.flatnonzero(held))
+
     def _constant_load(self) -> FloatArray:
         manifest = self.model.manifest
         column = {axis: k for k, axis in enumerate(manifest.axes)}

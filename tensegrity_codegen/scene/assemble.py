@@ -25,6 +25,8 @@ __all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble"]
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
 MASSLESS_QUANTITIES = ("member_tension", "node_residual", "potential_energy")
+# Tensions of rigid bars follow from the motion.
+MASSLESS_RIGID_QUANTITIES = ("spring_tension", "node_residual", "potential_energy")
 
 
 def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelRequest]:
@@ -140,13 +142,13 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         anchored=structure.node_anchored,
         axes=structure.axes,
     )
-    default = MASSLESS_QUANTITIES if _massless(structure).any() else DEFAULT_QUANTITIES
+    formulation = _choose_formulation(scene, structure)
     return ModelRequest(
-        quantities=scene.model.quantities or default,
+        quantities=scene.model.quantities or _choose_quantities(structure, formulation),
         parameters=parameters,
         integrators=tuple(dict.fromkeys(scene.model.integrators)),
         solvers=tuple(dict.fromkeys(scene.model.solvers)),
-        formulation=_choose_formulation(scene, structure),
+        formulation=formulation,
         emitter=scene.model.emitter,
         precision=scene.model.precision,
         events=scene.model.events,
@@ -161,6 +163,13 @@ def _choose_formulation(scene: Scene, structure: Structure) -> str:
     if "formulation" in scene.model.model_fields_set or not structure.is_rigid.any():
         return scene.model.formulation
     return "rigid_bar"
+
+
+def _choose_quantities(structure: Structure, formulation: str) -> tuple[str, ...]:
+    """Return what is wanted of a scene that says nothing: motion, or statics where a node has no mass."""
+    if not _massless(structure).any():
+        return DEFAULT_QUANTITIES
+    return MASSLESS_RIGID_QUANTITIES if formulation == "rigid_bar" else MASSLESS_QUANTITIES
 
 
 def _massless(structure: Structure) -> NDArray[np.bool_]:

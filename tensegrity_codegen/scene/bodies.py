@@ -28,6 +28,7 @@ Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).
 SMALLEST_MARGIN = 1e-3
+ROUNDED = 1e-9  # by which rounded inertias of a flat body may break the triangle's inequality
 CENTRE = "centre"
 
 
@@ -300,6 +301,15 @@ def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
         inertia.tolist(),
         "a symmetric matrix with principal values > 0",
         "take it about the centre of mass",
+    )
+    principal = np.linalg.eigvalsh(inertia)
+    _need(
+        bool(principal[2] <= (principal[0] + principal[1]) * (1 + ROUNDED)),
+        "no body has this inertia: the largest principal value is above the sum of the others",
+        f"{place}.inertia",
+        inertia.tolist(),
+        f"principal values a <= b <= c with c <= a + b, here {', '.join(f'{x:.6g}' for x in principal)}",
+        "each is an integral of y^2 + z^2, z^2 + x^2 or x^2 + y^2 over the mass",
     )
     _check_margin(abs(math.cos(math.radians(table.phi_deg))), f"{place}.phi_deg", "turn the body's frame")
     a, b, c = ((float(x), float(y), float(z)) for x, y, z in inertia)

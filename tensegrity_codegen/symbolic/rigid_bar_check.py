@@ -12,9 +12,17 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["check_no_rigid_bar", "check_rigid_bars", "find_rigid_bars"]
+__all__ = ["check_formulation", "check_no_rigid_bar", "check_rigid_bars", "find_rigid_bars"]
 
 DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
+
+
+def check_formulation(structure: Structure, request: ModelRequest) -> None:
+    """Raise FormulationError where the requested formulation cannot have the structure's rigid bars."""
+    if request.formulation == "rigid_bar":
+        check_rigid_bars(structure, find_rigid_bars(structure, request), request.parameters)
+    else:
+        check_no_rigid_bar(structure, request.formulation)
 
 
 def check_no_rigid_bar(structure: Structure, formulation: str) -> None:
@@ -77,7 +85,7 @@ def check_rigid_bars(
             where=f"{structure.name}: members.{names[0]}",
             given=shown,
             allowed="bars of which none follows from the others and the anchors",
-            hint="give these bars a stiffness",
+            hint="give these bars a stiffness, or leave out those that hold nothing",
         )
 
 

@@ -178,3 +178,29 @@ def test_a_file_is_kept_unless_told_otherwise(run: Run, folder: Path) -> None:
     assert path.read_text(encoding="utf-8") == HANGING
     assert run("equilibrium", path, "--out", path, "--overwrite").code == 0
     assert path.read_text(encoding="utf-8") != HANGING
+
+
+SHALLOW = """\
+name = "shallow"
+axes = "xz"
+[classes.rod]
+kind = "bar"
+spring_constant = 1000
+[nodes]
+a = { position = [-1, 0, 0], anchored = true }
+b = { position = [1, 0, 0], anchored = true }
+c = { position = [0, 0, 0.2] }
+[members]
+r1 = { class = "rod", nodes = ["a", "c"] }
+r2 = { class = "rod", nodes = ["b", "c"] }
+"""
+
+
+def test_a_snap_is_told(run: Run, folder: Path) -> None:
+    path = write(folder / "shallow.toml", SHALLOW)
+    held = run("equilibrium", path, "--load", "c=0,0,-2", "--json")
+    assert (held.code, held.data["snapped"], held.err) == (0, False, "")
+    through = run("equilibrium", path, "--load", "c=0,0,-20", "--json")
+    assert (through.code, through.data["status"], through.data["snapped"]) == (0, "converged", True)
+    assert through.data["limit_load_factor"] == pytest.approx(0.15095737, rel=1e-6)
+    assert "snapped" in through.err

@@ -98,3 +98,10 @@ def test_wrong_usage_is_refused(run: Run, prism: Path, words: tuple[str, ...], s
     assert ended.code == 2
     assert said in ended.err
     assert ended.data["status"] == "error"
+
+
+def test_a_load_on_what_is_held_is_refused(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GOOD)
+    ended = run("load-path", path, "--load", "b=0,0,-1", "--load", "a=0,0,-1", "--most", 1, "--json")
+    assert ended.code == 2
+    assert (ended.data["error"], ended.data["given"]) == ("InvalidValueError", "'a'")

@@ -76,3 +76,35 @@ def test_linearize_tells_the_frequencies_of_what_the_bars_allow(
     assert ended.data["natural_frequency"] == pytest.approx([swing, swing], rel=1e-12)
     with np.load(folder / "linear.npz") as linear:
         assert tuple(linear["variation_shape"]) == (6, 4)
+
+
+def test_linearize_takes_bars_that_follow_their_tension_for_springs(
+    run: Run, prism: Path, folder: Path
+) -> None:
+    words = '[model]\nformulation = "rigid_bar"\noptions = { bars = "all", correction = "first_order" }'
+    text = prism.read_text(encoding="utf-8")
+    head, tail = text.split("quantities = [")[0], text.split("integrators =")[1]
+    corrected = (head + "integrators =" + tail).replace("[model]", words, 1)
+    path = write(folder / "corrected.toml", corrected)
+    found = run("linearize", path.name, "--settle", "--json").data
+    springs = run("linearize", prism, "--settle", "--json").data
+    assert found["natural_frequency"] == pytest.approx(springs["natural_frequency"], rel=1e-6)
+
+
+def test_bars_that_repeat_each_other_are_refused_by_check_too(run: Run, folder: Path) -> None:
+    anchor = "c = { position = [1, 0, 0], anchored = true }"
+    bar = 'r2 = { kind = "bar", nodes = ["a", "c"] }'
+    path = write(folder / "pendulum.toml", PENDULUM.replace("\n[members]", f"{anchor}\n\n[members]\n{bar}"))
+    for verb in ("check", "equilibrium"):
+        ended = run(verb, path.name, "--json")
+        assert ended.code == 2
+        assert ended.data["error"] == "FormulationError"
+        assert "r2" in ended.data["given"]
+
+
+def test_without_masses_there_is_statics(run: Run, folder: Path) -> None:
+    path = write(folder / "pendulum.toml", PENDULUM.replace(", mass = 1.0", ""))
+    assert "spring_tension" in run("build", path.name, "--json").data["functions"]
+    found = run("equilibrium", path.name, "--load", "b=0,0,-2", "--json").data
+    assert found["member_tension"]["r1"] == pytest.approx(2.0, rel=1e-14)
+    assert run("simulate", path.name, "--t-end", 1, "--json").data["error"] == "FormulationError"

@@ -196,6 +196,12 @@ def test_doubts() -> None:
             "inertia",
         ),
         (
+            change("bodies", "plate", "inertia", to=[1, 1, 2.1]),
+            InvalidValueError,
+            "bodies.plate.inertia",
+            "sum of the others",
+        ),
+        (
             change("bodies", "plate", "inertia", to=[[1, 2, 0], [2, 1, 0], [0, 0, 1]]),
             InvalidValueError,
             "bodies.plate.inertia",
@@ -361,3 +367,8 @@ def test_a_misspelt_point_gets_the_close_one() -> None:
 def test_a_scene_of_nodes_has_nothing_of_bodies(part: dict[str, Any]) -> None:
     with pytest.raises(InvalidValueError, match="bodies"):
         assemble(parse_scene({**ARCH, **part}))
+
+
+def test_the_inertia_of_a_flat_body_is_possible() -> None:
+    system, _ = assemble_document(change("bodies", "plate", "inertia", to=[0.1, 0.2, 0.1 + 0.2]))
+    assert system.bodies

@@ -57,8 +57,8 @@ def compile_problem(
     rigid = problem.structure.is_rigid
     if rigid.any() != (title == "rigid_bar") and not options:
         raise Unavailable("has rigid bars" if rigid.any() else "has no rigid bars")
-    if options and not problem.structure.is_bar.any():
-        raise Unavailable("has no bars")
+    if options and not (problem.structure.is_bar & ~rigid).any():
+        raise Unavailable("has no bars with a stiffness")
     extra = ("consistent_coordinate", "consistent_velocity") if formulation == "rigid_bar" else ()
     request = ModelRequest(
         (*simulation_quantities(formulation), *extra),
