@@ -30,11 +30,12 @@ def test_a_line_is_the_cheapest_setting_that_meets_the_error() -> None:
     pytest.importorskip("mujoco")
     ensemble = ensembles.Ensemble(ensembles.make_structure(), 9, 0.05, None)
     assert ensemble.apart < 1e-10
-    own = ensembles.find_own(ensemble, "rk853", (1.0, 1e-4, 1e-8), 1e-6)
+    own = ensembles.find_own(ensemble, "node_position", "rk853", (1.0, 1e-4, 1e-8), 1e-6)
     assert own is not None
     assert own.error <= 1e-6
     assert own.count == 9
     assert own.setting < 1.0
+    assert ensembles.find_own(ensemble, "rigid_bar", "rk853", (1e-4, *[1e-8] * 6), 1e-9) is None
     makers = dict(ensembles.list_peers(ensemble, 2))["MuJoCo RK4"]
     peer = ensembles.find_peer(ensemble, makers, (1e-2, 1e-3), 1e-6)  # parts of the time
     assert peer is not None
