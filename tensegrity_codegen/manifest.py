@@ -109,7 +109,7 @@ class IntegratorSpec:
     whose going slack or taut is one; tensions: of those whose tensions it hands out beside the states;
     unwatched: how many members can go slack without an event, which steps with error control pass over;
     batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
-    none.
+    none; keeps: what it can keep constant from step to step, "energy".
     """
 
     name: str
@@ -121,6 +121,7 @@ class IntegratorSpec:
     tensions: tuple[int, ...] = ()
     unwatched: int = 0
     batch_work_size: int = 0
+    keeps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

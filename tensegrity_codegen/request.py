@@ -80,7 +80,8 @@ class ModelRequest:
     "contact", "condition"; None: cables that can go slack, if there are any, and a condition.
     flags: "reference" (bit-equal to CasADi's virtual machine, for every machine of an architecture) or
     "native" (for the machine that compiles it).
-    batch_width: how many evaluations the batch functions do side by side, 0 for none.
+    batch_width: how many evaluations the batch functions do side by side, 0 for none. keep: what integrators
+    with error control can keep constant, "energy".
     """
 
     quantities: tuple[str, ...]
@@ -94,6 +95,7 @@ class ModelRequest:
     events: tuple[str, ...] | None = None
     flags: str = "reference"
     batch_width: int = 0
+    keep: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_batch_width(self.batch_width)

@@ -11,7 +11,7 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    2, "two_nodes", "5526f9d65b03769c56b30af22582d7d6c981bb505baf1181bcfd03e3f89b4056", "node_position", "unrolled", "double",
+    2, "two_nodes", "9b34dd6b9cc390ecd14967c32be349edf3719268ee49477ad5d062af5756066c", "node_position", "unrolled", "double",
     "tensegrity_codegen 0.1.0, casadi 3.8.2"};
 
 const char two_nodes_instruction_sets[] = "instruction sets:"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -37,10 +38,16 @@ def simulate(
         str,
         typer.Option(
             "--method",
-            help="auto, rk853, rk54, radau (stiff bars), rk4, or a check through SciPy: scipy_radau, ...",
+            help="auto (says why), rk853, rk54, radau (stiff bars), rk4, or through SciPy: scipy_radau, ...",
         ),
     ] = "auto",
     step: Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")] = None,
+    max_steps: Annotated[
+        int, typer.Option("--max-steps", help="Steps that one run of a method in C may try.")
+    ] = 1_000_000,
+    keep: Annotated[
+        str, typer.Option("--keep", help="energy: hold it at each step, for long undamped motions.")
+    ] = "",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
     until: Annotated[
         str | None, typer.Option("--until", help="End early: contact, the first contact of two bars.")
@@ -70,12 +77,22 @@ def simulate(
         from tensegrity_codegen.runtime.simulate import check_options
         from tensegrity_codegen.runtime.simulate import simulate as run
 
-        check_options(t_end, samples, method, step, rtol, atol, until_contact=until is not None)
+        check_options(
+            t_end,
+            samples,
+            method,
+            step,
+            rtol,
+            atol,
+            until_contact=until is not None,
+            max_steps=max_steps,
+            keep=keep,
+        )
         _check_until(until)
         if out is not None:
             check_target(out)
         if batch is not None:
-            check_no_other(settle=settle, until=until)
+            check_no_other(settle=settle, until=until, keep=keep)
             of_method: dict[str, Any] = {
                 "samples": samples,
                 "step": step,
@@ -86,7 +103,7 @@ def simulate(
             build = build_for_batch(scene, method, compiler, flags)
             simulate_starts(output, build, batch, out, t_end=t_end, method=method, **of_method)
             return
-        built, start = _build(scene, method, settle, until is not None, compiler, flags)
+        built, start = _build(scene, method, rtol, keep, settle, until is not None, compiler, flags)
         model = built.load()
         with output.progress("simulating") as progress:
             trajectory = run(
@@ -100,6 +117,8 @@ def simulate(
                 coordinate=start,
                 until_contact=until is not None,
                 progress=progress,
+                max_steps=max_steps,
+                keep=keep,
             )
         if out is not None:
             trajectory.write(out)
@@ -111,7 +130,14 @@ def simulate(
 
 
 def _build(
-    scene: Path, method: str, settle: bool, until_contact: bool, compiler: str | None, flags: str | None
+    scene: Path,
+    method: str,
+    rtol: float,
+    keep: str,
+    settle: bool,
+    until_contact: bool,
+    compiler: str | None,
+    flags: str | None,
 ) -> tuple[BuiltLibrary, Any]:
     """Return the library that the run needs, and where it starts (None: where the scene says)."""
     from tensegrity_codegen.pipeline import (
@@ -132,11 +158,13 @@ def _build(
         settle = False
     quantities = simulation_quantities(request.formulation)
     quantities += equilibrium_quantities(structure, request) if settle else ()
-    integrators = integrators_for(method)
+    nodes = structure if isinstance(structure, Structure) else None
+    integrators = integrators_for(method, nodes, request.formulation, rtol)
     if until_contact:
         quantities += CONTACT_QUANTITIES
         integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
     wanted = request.wanting(*quantities, integrators=integrators)
+    wanted = replace(wanted, keep=(keep,)) if keep else wanted
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     return built, find_equilibrium(built.load()).coordinate if settle else None
 

@@ -79,7 +79,7 @@ def describe(
 def _integrator_spec(
     model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...], request: ModelRequest
 ) -> IntegratorSpec:
-    spec = integrator_spec(model, name, functions, request.events or ())
+    spec = integrator_spec(model, name, functions, request.events or (), request.keep)
     sizes = [model.arguments[argument].nominal.size for argument in spec.arguments]
     n = len(model.frame.coordinate_name)
     return with_batch(spec, n, sizes, request.batch_width, find_precision(request.precision))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
+from tensegrity_codegen.codegen.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators import PROJECTION, find_events, needed_quantities
 from tensegrity_codegen.codegen.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.lanes.emitter import LANES
@@ -104,7 +105,9 @@ def _with_integrator_needs(structure: Subject, request: ModelRequest) -> ModelRe
     model = emitter.build(structure, request)
     n_cables = int(structure.tension_only.sum())
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), n_cables)
-    called = (*PROJECTION, *(item for name in request.integrators for item in needed_quantities(name)))
+    check_keep(request, structure.name)
+    kept = KEPT_QUANTITIES if request.keep else ()
+    called = (*PROJECTION, *kept, *(item for name in request.integrators for item in needed_quantities(name)))
     wanted = [name for name in called if emitter.is_offered(model, name)]
     return replace(request, quantities=(*request.quantities, *wanted, *watched), events=events)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.batch_integrators import BatchMemory, plan_memory
 from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.codegen.energy_keeping import KEPT_QUANTITIES, keeper_context, keeper_memory
 from tensegrity_codegen.codegen.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.tableaus import TABLEAUS, Row, Tableau
 from tensegrity_codegen.errors import FormulationError, suggest
@@ -89,7 +90,11 @@ def needed_quantities(name: str) -> tuple[str, ...]:
 
 
 def integrator_spec(
-    model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...], events: tuple[str, ...]
+    model: EmittedModel,
+    name: str,
+    functions: tuple[FunctionSpec, ...],
+    events: tuple[str, ...],
+    keep: tuple[str, ...] = (),
 ) -> IntegratorSpec:
     """Return what a library says of an integrator that watches these kinds of events, if it can.
 
@@ -110,7 +115,8 @@ def integrator_spec(
             hint='add "acceleration" to the wanted quantities',
         )
     quantities = [EVENT_QUANTITIES[kind] for kind in events if kind in EVENT_QUANTITIES]
-    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *quantities)]
+    kept = KEPT_QUANTITIES[:2] if keep and name in TABLEAUS else ()
+    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *quantities, *kept)]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
     watched = events if name in TABLEAUS else ()
@@ -118,9 +124,17 @@ def integrator_spec(
     n = len(model.frame.coordinate_name)
     margins = 1 + sum(f.shape[0] for f in called if f.quantity in quantities)
     work = _work(name) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
+    work += keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
     slack = int(model.subject.tension_only.sum()) if name in TABLEAUS else 0
     return IntegratorSpec(
-        name, f"{model.name}_integrate_{name}", passed, work, watched, cables, unwatched=slack - len(cables)
+        name,
+        f"{model.name}_integrate_{name}",
+        passed,
+        work,
+        watched,
+        cables,
+        unwatched=slack - len(cables),
+        keeps=keep if kept else (),
     )
 
 
@@ -145,6 +159,7 @@ def integrator_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any
         "integrators": [_context(spec, manifest, functions, arguments) for spec in manifest.integrators],
         "first_explicit": next((spec.name for spec in manifest.integrators if spec.name != RADAU), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
+        "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
         "events": _events_context(manifest, adaptive[0], functions)
         if adaptive and adaptive[0].events
         else None,

@@ -30,6 +30,7 @@ RUN_ROWS = {
     "status": ("status", ""),
     "message": ("message", ""),
     "method": ("method", ""),
+    "why_method": ("why this method", ""),
     "t_end": ("simulated time", "s"),
     "n_samples": ("samples", ""),
     "n_steps": ("steps", ""),

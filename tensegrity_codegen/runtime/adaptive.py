@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, Watch, choose_watch
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator, Progress
+from tensegrity_codegen.runtime.keep import require_keep
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
+from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach, judge_end
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
-__all__ = ["MOST_TRIALS", "integrate_adaptive"]
+__all__ = ["integrate_adaptive"]
 
 FloatArray = NDArray[np.float64]
 
-MOST_TRIALS = 50_000_000  # steps tried in one run
 EVENT_ROW = np.dtype(
     {"names": ["time", "kind", "which", "direction"], "formats": ["f8", "i4", "i4", "i4"], "itemsize": 24}
 )
@@ -37,22 +37,31 @@ def integrate_adaptive(
     arguments: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     watch: Watch | None = None,
+    *,
+    max_steps: int = MOST_STEPS,
+    keep: str = "",
 ) -> RawTrajectory:
     """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
 
     name: "rk54" or "rk853". Every step's estimated error is at most atol + rtol |x|, component by component.
-    watch: events at which steps are cut; None: cables that go slack or taut. A run that an event ends has the
+    watch: events at which steps are cut; None: cables that go slack or taut. keep: "energy": every step ends
+    at the energy of the start, see templates/integrate_energy.c.j2. A run that an event ends has the
     state there as its last sample. Status "unstable" where the state stops being finite, "not_converged"
-    where no step meets the tolerance or too many would be needed, "too_many_events" where events follow each
-    other too closely; with the samples reached. Raises as integrate_rk4, what a condition raises, and
-    FormulationError for events that the library lacks.
+    where no step meets the tolerance or more than max_steps would be needed, "too_many_events" where events
+    follow each other too closely; with the samples reached. Raises as integrate_rk4, what a condition raises,
+    and FormulationError for events that the library lacks.
     """
     bound = BoundIntegrator(name, model, state, sample_time, arguments or {})
+    require_keep(bound.spec, keep)
     ffi, end = bound.ffi, float(sample_time[-1])
     time, step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
     run, chunk, word = _EventRun(bound, model, watch), FIRST_CHUNK, "ok"
     counts = run.counts
-    while time[0] < end and word == "ok" and not run.is_over and _is_within_reach(counts, time[0] / end):
+    if keep:
+        counts.keeps_energy = 1
+    while (
+        time[0] < end and word == "ok" and not run.is_over and run.is_within_reach(time[0] / end, max_steps)
+    ):
         started = clock.perf_counter()
         status = bound.call(
             end,
@@ -138,6 +147,11 @@ class _EventRun:
         if self.raised:
             raise self.raised[0]
 
+    def is_within_reach(self, fraction: float, max_steps: int) -> bool:
+        """Whether the end may be reached with so many trials; fraction: part of the time span done."""
+        trials = int(self.counts.n_accepted + self.counts.n_rejected)
+        return is_within_reach(trials, fraction, max_steps, FORESIGHT)
+
     @property
     def is_over(self) -> bool:
         """Whether an event has ended the run."""
@@ -149,8 +163,3 @@ class _EventRun:
             return EMPTY_LOG
         count = int(self.counts.n_events)
         return EventLog.from_rows(self.rows[:count], count, self.manifest)
-
-
-def _is_within_reach(counts: Any, fraction: float) -> bool:
-    trials = int(counts.n_accepted + counts.n_rejected)
-    return is_within_reach(trials, fraction, MOST_TRIALS, FORESIGHT)

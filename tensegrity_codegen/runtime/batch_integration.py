@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.manifest import STATUS, IntegratorSpec
-from tensegrity_codegen.runtime.adaptive import FORESIGHT, MOST_TRIALS
+from tensegrity_codegen.runtime.adaptive import FORESIGHT
 from tensegrity_codegen.runtime.arrays import to_batch
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, Progress, find_integrator
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.raw_batch import GIVEN_UP, RawBatch, judge_ends
-from tensegrity_codegen.runtime.run_end import is_within_reach
+from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach
 
 __all__ = ["BATCH_METHODS", "integrate_batch"]
 
@@ -152,7 +152,7 @@ class _Batch:
             return bool(good.any()) and done < self.n_steps_wanted
         trials = self.count[rows, :2].sum(axis=1)
         reach = [
-            is_within_reach(int(n), float(t) / self.end, MOST_TRIALS, FORESIGHT)
+            is_within_reach(int(n), float(t) / self.end, MOST_STEPS, FORESIGHT)
             for n, t in zip(trials, self.times[rows], strict=True)
         ]
         open_ = good & (self.times[rows] < self.end)

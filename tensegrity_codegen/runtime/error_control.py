@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,19 +11,26 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
-__all__ = ["tighten_until_converged"]
+__all__ = ["MOST_OF_TOLERANCE", "tighten_until_converged"]
 
 FloatArray = NDArray[np.float64]
+LeftOut = Callable[[RawTrajectory], FloatArray]
 
 MOST_ROUNDS = 7
 TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
 MOST_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
 BLOCK = 2**20  # numbers compared at a time
+MOST_OF_TOLERANCE = 10.0  # that is still good where nothing better can be had
 
 
 def tighten_until_converged(
-    run: Callable[[float, float], RawTrajectory], rtol: float, atol: float
+    run: Callable[[float, float], RawTrajectory],
+    rtol: float,
+    atol: float,
+    left_out: LeftOut | None = None,
+    *,
+    least_atol: float = 0.0,
 ) -> RawTrajectory:
     """Return a run whose estimated error is within atol + rtol |x| at every sample, component by component.
 
@@ -31,28 +39,43 @@ def tighten_until_converged(
     which is returned: errors shrink with the tolerance, here trusted to a third of that. Where rounding ends
     the tightening, ten times the tolerance is still good. Status "not_converged" with the last run and
     estimate if the rounds do not come together, or the next one would take all beyond MOST_WORK.
+
+    left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
+    those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
+    which the steps' absolute tolerance does not go; where it stays s counts as 1.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
         return _beyond_rounding(run, rtol, atol)
-    factor, previous, error = 1.0, run(rtol, atol), np.inf
+    factor, previous, error, least = 1.0, run(rtol, atol), np.inf, min(least_atol, atol)
     n_evaluations = previous.n_evaluations
     for _ in range(MOST_ROUNDS):
         if previous.status == "unstable":
             return replace(previous, method=_name(previous))
+        if previous.status != "ok":
+            return _give_up(previous, error, previous.message)
         shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
         shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
         expected = n_evaluations + previous.n_evaluations * shrink ** (-1.0 / ORDER)
         if expected * previous.state.shape[1] > MOST_WORK:
             why = f"a run with steps of rtol = {rtol * factor * shrink:.3g} would take too long to wait for"
             return _give_up(previous, error, why)
-        factor *= shrink
-        finer = run(rtol * factor, atol * factor)
+        before, factor = max(atol * factor, least), factor * shrink
+        finer = run(rtol * factor, max(atol * factor, least))
         n_evaluations += finer.n_evaluations
+        if finer.status != "ok" and finer.status != "unstable" and shrink < 0.1:
+            # Too tight for rounding, perhaps: halfway there.
+            factor /= math.sqrt(shrink)
+            shrink = math.sqrt(shrink)
+            finer = run(rtol * factor, max(atol * factor, least))
+            n_evaluations += finer.n_evaluations
         if finer.status != "ok":
             return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
-        error = _difference(previous, finer, rtol, atol) * min(1.0 / 3.0, 3.0 * shrink)
+        off = left_out(finer) if left_out else np.zeros(finer.state.shape[1])
+        trusted = max(shrink, max(atol * factor, least) / before)
+        error = _difference(previous, finer, rtol, atol, off) * min(1.0 / 3.0, 3.0 * trusted)
         at_floor = factor * rtol <= TIGHTEST_RTOL
-        if error <= (10.0 if at_floor else 1.0):
+        if error <= (MOST_OF_TOLERANCE if at_floor else 1.0):
+            error += _share(finer, rtol, atol, off)
             message = f"{finer.message}; estimated error {error:.2g} of the tolerance"
             return replace(
                 finer, method=_name(finer), message=message, error_estimate=error, n_evaluations=n_evaluations
@@ -74,18 +97,28 @@ def _beyond_rounding(run: Callable[[float, float], RawTrajectory], rtol: float, 
     return _give_up(tight, error, f"the tolerance is below rounding{stopped}")
 
 
-def _difference(loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: float) -> float:
-    """Return the largest difference over atol + rtol |x|; infinite if a run did not reach the same end."""
+def _difference(
+    loose: RawTrajectory, tight: RawTrajectory, rtol: float, atol: float, off: FloatArray | float = 0.0
+) -> float:
+    """Return the largest difference over off + atol + rtol |x|; infinite if a run ended early."""
     if loose.status != "ok" or loose.state.shape != tight.state.shape:
         return float(np.inf)
     count, width = tight.state.shape
     rows = max(1, BLOCK // max(width, 1))
     parts = [slice(start, start + rows) for start in range(0, count, rows)]
-    return float(np.max([_worst(tight.state[part], loose.state[part], rtol, atol) for part in parts]))
+    return float(np.max([_worst(tight.state[part], loose.state[part], off, rtol, atol) for part in parts]))
 
 
-def _worst(tight: FloatArray, loose: FloatArray, rtol: float, atol: float) -> float:
-    return float(np.max(np.abs(tight - loose) / (atol + rtol * np.abs(tight)), initial=0.0))
+def _worst(tight: FloatArray, loose: FloatArray, off: FloatArray | float, rtol: float, atol: float) -> float:
+    return float(np.max(np.abs(tight - loose) / (off + atol + rtol * np.abs(tight)), initial=0.0))
+
+
+def _share(run: RawTrajectory, rtol: float, atol: float, off: FloatArray) -> float:
+    """Return the largest part of the tolerance that positions are off by after the start."""
+    n = run.state.shape[1] // 2
+    if not off[:n].any():
+        return 0.0
+    return float(np.max(off[:n] / (atol + rtol * np.abs(run.state[1:, :n])), initial=0.0))
 
 
 def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:

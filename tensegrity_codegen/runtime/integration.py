@@ -40,7 +40,7 @@ class BoundIntegrator:
         spec = find_integrator(model.manifest, name)
         n_states = 2 * len(model.manifest.coordinate_name)
         self.name, self.spec, self.ffi = name, spec, model.library.ffi
-        self.call = model.library.symbol(spec.symbol if name in ("rk4", "radau") else f"{spec.symbol}_run")
+        self.call = model.library.symbol(spec.symbol if name == "rk4" else f"{spec.symbol}_run")
         self.state = _sized("state", state, (n_states,)).copy()
         self.sample_time = np.array(sample_time, dtype=np.float64)
         self.samples = np.empty((len(sample_time), n_states))

@@ -37,28 +37,16 @@ typedef struct {
 } equilibrium_report;
 """
 
-RUN = """
-typedef struct {
-  long long n_accepted;
-  long long n_rejected;
-  long long n_evaluations;
-  int is_started;
-  int may_grow;
-} integrator_run;
-"""
-
-RUN_WITH_EVENTS = """
+EVENT = """
 typedef struct {
   double time;
   int kind;
   int which;
   int direction;
 } integrator_event;
+"""
 
-typedef struct {
-  long long n_accepted;
-  long long n_rejected;
-  long long n_evaluations;
+EVENT_SETTINGS = """
   int watch;
   int stop;
   double (*condition)(double, const double *, const double *, void *);
@@ -67,8 +55,9 @@ typedef struct {
   long long most_events;
   long long n_events;
   int is_stopped;
-  int is_started;
-  int may_grow;
+"""
+
+EVENT_MEMORY = """
   int succession;
   int crowd;
   int n_stalled;
@@ -80,7 +69,6 @@ typedef struct {
   double remaining;
   double loudness;
   double last_event;
-} integrator_run;
 """
 
 
@@ -172,7 +160,7 @@ def _declarations(manifest: Manifest) -> str:
     lines += [_function_declaration(spec, real) for spec in manifest.functions]
     if manifest.batch_width:
         lines += [_batch_declaration(spec, real) for spec in manifest.functions]
-    lines += [RUN_WITH_EVENTS if any(spec.events for spec in manifest.integrators) else RUN]
+    lines += [_run_declaration(manifest)]
     lines += [_integrator_declaration(spec, real) for spec in manifest.integrators]
     lines += [
         _batch_integrator_declaration(spec, real) for spec in manifest.integrators if spec.batch_work_size
@@ -180,6 +168,24 @@ def _declarations(manifest: Manifest) -> str:
     lines += [REPORT for _ in manifest.solvers[:1]]
     lines += [_solver_declaration(spec) for spec in manifest.solvers]
     return "\n".join(lines)
+
+
+def _run_declaration(manifest: Manifest) -> str:
+    """Return the counters of integrators with error control, as templates/integrate_run.h.j2 has them."""
+    watches = any(spec.events for spec in manifest.integrators)
+    keeps = any(spec.keeps for spec in manifest.integrators)
+    return "\n".join(
+        [
+            EVENT if watches else "",
+            "typedef struct { long long n_accepted; long long n_rejected; long long n_evaluations;",
+            EVENT_SETTINGS if watches else "",
+            "int keeps_energy;" if keeps else "",
+            "int is_started; int may_grow;",
+            "double energy;" if keeps else "",
+            EVENT_MEMORY if watches else "",
+            "} integrator_run;",
+        ]
+    )
 
 
 def _function_declaration(spec: FunctionSpec, real: str) -> str:
@@ -199,7 +205,7 @@ def _integrator_declaration(spec: IntegratorSpec, real: str) -> str:
     run = f"double, double, double, long long, double *, double *, {real} *"
     if spec.name == "radau":
         sampled = "long long, const double *, double *, double *, long long *"
-        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, double *, double *);"
+        return f"int {spec.symbol}_run({run}, {passed}{sampled}, double, long long *, double *, double *);"
     return f"int {spec.symbol}_run({run}, {passed}{sampled}, integrator_run *, {real} *);"
 
 

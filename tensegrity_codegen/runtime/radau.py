@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator, Progress
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
+from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach, judge_end
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
-__all__ = ["RADAU_COUNTS", "integrate_radau"]
+__all__ = ["RADAU_COUNTS", "integrate_radau", "listen_to_members"]
 
 FloatArray = NDArray[np.float64]
 
 # What the C function counts, in its order.
 RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
-MOST_TRIALS = 20_000_000  # steps tried in one run
 FIRST_CHUNK = 64  # steps of the first call into C
 FORESIGHT = 5_000  # steps after which a run that would need ten times that many is given up
 
@@ -33,29 +32,81 @@ def integrate_radau(
     atol: float,
     arguments: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    *,
+    quiet: float = 0.0,
+    max_steps: int = MOST_STEPS,
 ) -> RawTrajectory:
     """Integrate the mixed form from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
 
     Every step's estimated error is at most atol + rtol |x|, component by component; where stiff members
-    vibrate less than that about their smooth motion this is damped out, and `evidence` says how much they did
-    at the start: vibration [m], vibration_speed [m/s], vibration_tension [N]. Status "unstable" where the
-    state stops being finite, "not_converged" where no step meets the tolerance or too many would be needed;
-    with the samples reached. Raises as integrate_rk4.
+    vibrate less than that, or than `quiet` [m], about their smooth motion this is damped out, and `evidence`
+    says how much they did at the start: vibration [m], vibration_speed [m/s], vibration_tension [N]. Status
+    "unstable" where the state stops being finite, "not_converged" where no step meets the tolerance or more
+    than max_steps would be needed; with the samples reached. Raises as integrate_rk4.
     """
-    bound = BoundIntegrator("radau", model, state, sample_time, arguments or {})
-    ffi, end = bound.ffi, float(sample_time[-1])
-    time, step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
-    count, vibration = ffi.new("long long[]", len(RADAU_COUNTS)), ffi.new("double[]", 3)
+    run = _Run(model, state, sample_time, rtol, atol, arguments or {}, quiet)
     chunk, word = FIRST_CHUNK, "ok"
-    while time[0] < end and word == "ok" and _is_within_reach(sum(count[0:3]), time[0] / end):
+    while not run.is_done and word == "ok" and run.is_within_reach(max_steps):
         started = clock.perf_counter()
+        word = run.advance(chunk)
+        if progress is not None:
+            progress(run.fraction)
+        if clock.perf_counter() - started < CHUNK_SECONDS:
+            chunk *= 2
+    return run.result(word)
+
+
+def listen_to_members(
+    model: CompiledModel, state: FloatArray, arguments: Mapping[str, Any] | None = None
+) -> dict[str, float]:
+    """Return the amplitudes with which stiff members vibrate at this state, see integrate_radau."""
+    run = _Run(model, state, np.array([0.0, 1.0]), 1e-3, 1e-3, arguments or {}, 0.0)
+    run.advance(0)
+    return run.vibrations()
+
+
+class _Run:
+    """One integration in C: its counters, and what it says of vibrations."""
+
+    def __init__(
+        self,
+        model: CompiledModel,
+        state: FloatArray,
+        sample_time: FloatArray,
+        rtol: float,
+        atol: float,
+        arguments: Mapping[str, Any],
+        quiet: float,
+    ) -> None:
+        self.bound = BoundIntegrator("radau", model, state, sample_time, arguments)
+        ffi, self.end = self.bound.ffi, float(sample_time[-1])
+        self.tolerance, self.quiet, self.asked_time = (rtol, atol), quiet, sample_time
+        self.time, self.step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
+        self.count, self.vibration = ffi.new("long long[]", len(RADAU_COUNTS)), ffi.new("double[]", 3)
+
+    @property
+    def fraction(self) -> float:
+        """Part of the time span that is done."""
+        return float(self.time[0]) / self.end
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the end is reached."""
+        return bool(self.time[0] >= self.end)
+
+    def is_within_reach(self, max_steps: int) -> bool:
+        """Whether the end may be reached with so many trials."""
+        return is_within_reach(sum(self.count[0:3]), self.fraction, max_steps, FORESIGHT)
+
+    def advance(self, chunk: int) -> str:
+        """Try so many steps; return the status as a word."""
+        bound = self.bound
         status = bound.call(
-            end,
-            rtol,
-            atol,
+            self.end,
+            *self.tolerance,
             chunk,
-            time,
-            step,
+            self.time,
+            self.step,
             bound.pointer(bound.state),
             *bound.arguments(),
             len(bound.sample_time),
@@ -63,36 +114,33 @@ def integrate_radau(
             bound.pointer(bound.samples),
             bound.pointer(bound.tensions),
             bound.n_sampled,
-            count,
-            vibration,
+            self.quiet,
+            self.count,
+            self.vibration,
             bound.pointer(bound.work),
         )
-        word = bound.check(status, ("non_finite_result", "step_too_small"))
-        if progress is not None:
-            progress(float(time[0]) / end)
-        if clock.perf_counter() - started < CHUNK_SECONDS:
-            chunk *= 2
-    status_word, message = judge_end(word, float(time[0]), end)
-    reached, evidence = bound.n_reached, dict(zip(RADAU_COUNTS, (int(n) for n in count), strict=True))
-    told = f"{evidence['accepted']} steps, {evidence['rejected'] + evidence['newton_failures']} rejected"
-    return RawTrajectory(
-        time=sample_time[:reached],
-        state=bound.samples[:reached],
-        status=status_word,
-        message=message or told,
-        method="radau",
-        n_steps=evidence["accepted"],
-        n_evaluations=evidence["evaluations"],
-        tension=bound.tensions[:reached],
-        tension_member=bound.tension_member,
-        evidence=evidence
-        | {
-            "vibration": float(vibration[0]),
-            "vibration_speed": float(vibration[1]),
-            "vibration_tension": float(vibration[2]),
-        },
-    )
+        return bound.check(status, ("non_finite_result", "step_too_small"))
 
+    def vibrations(self) -> dict[str, float]:
+        """Return the largest amplitudes with which members vibrate."""
+        names = ("vibration", "vibration_speed", "vibration_tension")
+        return dict(zip(names, (float(value) for value in self.vibration), strict=True))
 
-def _is_within_reach(trials: int, fraction: float) -> bool:
-    return is_within_reach(trials, fraction, MOST_TRIALS, FORESIGHT)
+    def result(self, word: str) -> RawTrajectory:
+        """Return the samples reached; word: the last status."""
+        status, message = judge_end(word, float(self.time[0]), self.end)
+        bound, reached = self.bound, self.bound.n_reached
+        evidence = dict(zip(RADAU_COUNTS, (int(n) for n in self.count), strict=True))
+        told = f"{evidence['accepted']} steps, {evidence['rejected'] + evidence['newton_failures']} rejected"
+        return RawTrajectory(
+            time=self.asked_time[:reached],
+            state=bound.samples[:reached],
+            status=status,
+            message=message or told,
+            method="radau",
+            n_steps=evidence["accepted"],
+            n_evaluations=evidence["evaluations"],
+            tension=bound.tensions[:reached],
+            tension_member=bound.tension_member,
+            evidence=evidence | self.vibrations(),
+        )

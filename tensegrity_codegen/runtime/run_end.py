@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["is_within_reach", "judge_end"]
+__all__ = ["MOST_STEPS", "is_within_reach", "judge_end"]
+
+MOST_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members
 
 
 def is_within_reach(trials: int, fraction: float, most: int, foresight: int) -> bool:
@@ -25,6 +27,7 @@ def judge_end(word: str, time: float, end: float) -> tuple[str, str]:
     if time < end:
         return (
             "not_converged",
-            f"too many steps: stopped at t = {time:.6g} s; simulate a shorter time, or loosen the tolerance",
+            f"too many steps: stopped at t = {time:.6g} s; simulate a shorter time, loosen the tolerance, "
+            "or allow more (--max-steps)",
         )
     return "ok", ""

@@ -13,19 +13,23 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.automatic import integrate_auto
+from tensegrity_codegen.runtime.choice import wanted_integrators
 from tensegrity_codegen.runtime.condition import build_condition
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.double_only import require_double
-from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.event_log import Condition, Watch
 from tensegrity_codegen.runtime.flow import build_derivative
+from tensegrity_codegen.runtime.keep import check_keep
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.run_end import MOST_STEPS
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory, evaluate_trajectory
+from tensegrity_codegen.structure import Structure
 
 __all__ = ["METHODS", "check_arguments", "check_options", "integrators_for", "simulate"]
 
@@ -34,7 +38,8 @@ Progress = Callable[[float], None]
 
 # Every method by name, and what it is.
 METHODS = {
-    "auto": "rk54 with ever tighter steps until the estimated error at the samples meets rtol and atol",
+    "auto": "rk853, rk54 or radau, by stiffness, damping and tolerance, with ever tighter steps until the "
+    "estimated error at the samples meets rtol and atol",
     "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, each step's error within rtol and atol",
     "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, each step's error within rtol and atol",
     "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
@@ -45,7 +50,6 @@ METHODS = {
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
 ADAPTIVE = ("rk54", "rk853")
-AUTO = "rk54"  # what auto runs
 MOST_SAMPLES = 1_000_000
 LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
 SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
@@ -74,12 +78,15 @@ def simulate(
     condition: str | Condition | None = None,
     until_condition: bool = False,
     progress: Progress | None = None,
+    max_steps: int = MOST_STEPS,
+    keep: str = "",
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
 
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
     name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
-    methods; step [s]: for the method "rk4" only; progress: called with the fraction done. until_contact: end
+    methods; step [s]: for the method "rk4" only; progress: called with the fraction done; max_steps: that one
+    run of a method in C may try, "not_converged" where they do not reach the end. until_contact: end
     with the first contact of bars, as the last sample and in `events`, at t = 0 where they touch from the
     start; needs bar_distance and bar_distance_jacobian, else FormulationError.
 
@@ -88,12 +95,17 @@ def simulate(
     (time, coordinate, velocity) -> number, for libraries with the event "condition"; `log` has all of them.
     until_condition: end with the first such change, as with a contact.
 
+    keep: "energy", for undamped motions over long times: each step of rk54, rk853 or auto ends at the energy
+    of the start; needs a library built with keep = ("energy",), else FormulationError.
+
     A run that becomes unstable or misses its tolerance comes back with that status and the samples it
     reached. Raises InvalidValueError for values outside their range, UnknownNameError for an unknown method
     or argument, FormulationError where the model lacks the integrator, NonFiniteError for values that are
     not finite.
     """
-    check_options(t_end, samples, method, step, rtol, atol, until_contact=until_contact)
+    check_options(
+        t_end, samples, method, step, rtol, atol, until_contact=until_contact, max_steps=max_steps, keep=keep
+    )
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
     arguments = dict(arguments or {})
@@ -108,7 +120,21 @@ def simulate(
     watch = None if condition is None else _watch(model, method, condition, until_condition, arguments)
 
     def integrate(time: FloatArray, step: float | None = step) -> RawTrajectory:
-        return _integrate(model, state, time, method, step, rtol, atol, arguments, schedule, progress, watch)
+        return _integrate(
+            model,
+            state,
+            time,
+            method,
+            step,
+            rtol,
+            atol,
+            arguments,
+            schedule,
+            progress,
+            watch,
+            max_steps,
+            keep,
+        )
 
     events: tuple[MotionEvent, ...] = ()
     if until_contact:
@@ -119,11 +145,16 @@ def simulate(
     return replace(evaluate_trajectory(model, raw, arguments, schedule), events=events)
 
 
-def integrators_for(method: str) -> tuple[str, ...]:
-    """Return the integrators that a library must hold for `method`, none for SciPy's methods."""
+def integrators_for(
+    method: str, structure: Structure | None = None, formulation: str = "node_position", rtol: float = 1e-6
+) -> tuple[str, ...]:
+    """Return the integrators that a library must hold for `method`, none for SciPy's methods.
+
+    structure, formulation, rtol: what is simulated and how well, by which `auto` wants one or more.
+    """
     if method in SCIPY_NAME:
         return ()
-    return (AUTO,) if method == "auto" else (method,)
+    return wanted_integrators(structure, formulation, rtol) if method == "auto" else (method,)
 
 
 def _integrate(
@@ -138,22 +169,19 @@ def _integrate(
     schedule: Schedule | None,
     progress: Progress | None,
     watch: Watch | None,
+    max_steps: int,
+    keep: str,
 ) -> RawTrajectory:
     """Return the states at the sample times by one of METHODS."""
     if method == "rk4":
         return integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
+    given = (model, state, sample_time, rtol, atol, arguments, progress)
     if method == "radau":
-        return integrate_radau(model, state, sample_time, rtol, atol, arguments, progress)
+        return integrate_radau(*given, max_steps=max_steps)
     if method in ADAPTIVE:
-        return integrate_adaptive(method, model, state, sample_time, rtol, atol, arguments, progress, watch)
+        return integrate_adaptive(method, *given, watch, max_steps=max_steps, keep=keep)
     if method == "auto":
-
-        def run(step_rtol: float, step_atol: float) -> RawTrajectory:
-            return integrate_adaptive(
-                AUTO, model, state, sample_time, step_rtol, step_atol, arguments, progress, watch
-            )
-
-        return tighten_until_converged(run, rtol, atol)
+        return integrate_auto(*given, watch, max_steps=max_steps, keep=keep)
     return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
 
 
@@ -183,8 +211,7 @@ def _watch(
             allowed=", ".join(("auto", *ADAPTIVE)),
         )
     call = build_condition(condition, model, arguments) if isinstance(condition, str) else condition
-    name = AUTO if method == "auto" else method
-    known = next((spec.events for spec in model.manifest.integrators if spec.name == name), ())
+    known = next((spec.events for spec in model.manifest.integrators if spec.name in ADAPTIVE), ())
     kinds = (*(kind for kind in known if kind == "cable"), "condition")
     return Watch(kinds, ("condition",) if until_condition else (), call)
 
@@ -286,6 +313,8 @@ def check_options(
     atol: float,
     *,
     until_contact: bool = False,
+    max_steps: int = MOST_STEPS,
+    keep: str = "",
 ) -> None:
     """Raise InvalidValueError or UnknownNameError for options that `simulate` cannot work with."""
     if method not in METHODS:
@@ -300,6 +329,7 @@ def check_options(
             allowed="with --until contact: auto, rk54, rk853, rk4 or SciPy's methods",
             hint="--method auto",
         )
+    check_keep(keep, method)
     for key, value in (("--t-end", t_end), ("--rtol", rtol), ("--atol", atol)):
         if not (np.isfinite(value) and value > 0):
             raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0")
@@ -335,10 +365,15 @@ def check_options(
         )
     if step is not None and not (np.isfinite(step) and step > 0):
         raise InvalidValueError("out of range", where="--step", given=step, allowed="a finite number > 0 [s]")
-    if step is not None and t_end > LARGEST_COUNT * step:
+    if not 1 <= max_steps <= LARGEST_COUNT:
+        raise InvalidValueError(
+            "out of range", where="--max-steps", given=max_steps, allowed=f"1 to {LARGEST_COUNT}"
+        )
+    if step is not None and t_end > max_steps * step * (1.0 + 1e-9):
         raise InvalidValueError(
             "too small for the simulated time",
             where="--step",
             given=step,
-            allowed=f"more than {t_end / LARGEST_COUNT:.3g} s, which makes {LARGEST_COUNT:.3g} steps",
+            allowed=f"at least {t_end / max_steps:.3g} s, which makes {max_steps} steps",
+            hint="a longer step, a shorter time, or more steps by --max-steps",
         )

@@ -82,7 +82,7 @@ class RawTrajectory:
     """What an integrator returns: samples (n_t, n_states) that it reached, and how it ended.
 
     tension (n_t, len(tension_member)) [N]: of members whose tension is an unknown of its own; evidence: what
-    the method counted.
+    the method counted; why: why this method, where it was chosen.
     """
 
     time: FloatArray
@@ -98,6 +98,7 @@ class RawTrajectory:
     tension: FloatArray | None = None
     tension_member: tuple[int, ...] = ()
     evidence: Mapping[str, float] = field(default_factory=dict)
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,8 @@ class Trajectory:
     schedule, which change energy rightly. status: "ok", "unstable", "inaccurate", "not_converged",
     "too_many_events" or "at_pole" (a body of which the angles lost their meaning); message says why.
     events: what ended the motion before its time, at the last sample; log: events at which steps were cut,
-    such as cables that went slack or taut; evidence: what the method counted and found out; none of them is
-    read back from a file.
+    such as cables that went slack or taut; evidence: what the method counted and found out; why_method: why
+    `auto` took this method; none of them is read back from a file.
     """
 
     time: FloatArray
@@ -135,6 +136,7 @@ class Trajectory:
     events: tuple[MotionEvent, ...] = ()
     log: EventLog = EMPTY_LOG
     evidence: Mapping[str, float] = field(default_factory=dict)
+    why_method: str = ""
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""
@@ -142,6 +144,7 @@ class Trajectory:
             "status": self.status,
             "message": self.message,
             "method": self.method,
+            "why_method": self.why_method,
             "t_end": float(self.time[-1]),
             "n_samples": len(self.time),
             "n_steps": self.n_steps,
@@ -240,6 +243,7 @@ def evaluate_trajectory(
         error_estimate=raw.error_estimate,
         log=raw.log,
         evidence=raw.evidence,
+        why_method=raw.why,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
     )

@@ -152,6 +152,7 @@ def _build_request(scene: Scene, structure: Structure, targets: Targets) -> Mode
         emitter=scene.model.emitter,
         precision=scene.model.precision,
         events=scene.model.events,
+        keep=scene.model.keep,
         flags=scene.model.flags,
         batch_width=scene.model.batch_width,
         options=scene.model.options,

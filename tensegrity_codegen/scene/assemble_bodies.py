@@ -227,6 +227,7 @@ def _request(scene: Scene, system: BodySystem, targets: Targets) -> ModelRequest
         emitter=scene.model.emitter,
         precision=scene.model.precision,
         events=scene.model.events,
+        keep=scene.model.keep,
         flags=scene.model.flags,
         batch_width=scene.model.batch_width,
     )

@@ -103,6 +103,8 @@ def describe_request(
     }
     if request.events is not None:
         model["events"] = list(request.events)
+    if request.keep:
+        model["keep"] = list(request.keep)
     if request.precision != "double":
         model["precision"] = request.precision
     if request.flags != "reference":

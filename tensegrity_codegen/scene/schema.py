@@ -184,6 +184,9 @@ class ModelOptions(Table):
     integrators: Annotated[tuple[Annotated[str, *_INTEGRATOR], ...], Strict(False)] = Field(
         (), description="Time integrators to put into the library."
     )
+    keep: Annotated[tuple[Literal["energy"], ...], Strict(False)] = Field(
+        (), description="What integrators with error control can keep from step to step."
+    )
     events: Annotated[tuple[Annotated[str, *_EVENT], ...], Strict(False)] | None = Field(
         None,
         description="Events at which integrators with error control cut their steps; "

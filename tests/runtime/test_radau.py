@@ -114,6 +114,7 @@ class BoundSteps:
                 bound.pointer(bound.samples),
                 bound.pointer(bound.tensions),
                 bound.n_sampled,
+                0.0,
                 counts,
                 vibration,
                 bound.pointer(bound.work),

@@ -156,7 +156,7 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
     model: CompiledModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     coordinate = starts(model, 3)
-    monkeypatch.setattr(batch_integration, "MOST_TRIALS", 2)
+    monkeypatch.setattr(batch_integration, "MOST_STEPS", 2)
     monkeypatch.setattr(batch_integration, "FORESIGHT", 1)
     monkeypatch.setattr(batch_integration, "FIRST_CHUNK", 4)
     found = simulate_batch(model, T_END, coordinate=coordinate)

@@ -133,7 +133,7 @@ def test_a_reference_needs_two_methods_that_agree() -> None:
 
 def test_a_run_ends_when_its_time_is_up() -> None:
     model = models(prism()).springs
-    stiff = [item for item in generate_cases(prism(), 10.0) if item.name == "1e+10"]
+    stiff = [item for item in generate_cases(prism(), 2.0) if item.name == "1e+08"]
     started = time.monotonic()
     ended = run_own(model, stiff[0], "rk54", 1e-6, 0.5)
     assert ended.status == "over time"

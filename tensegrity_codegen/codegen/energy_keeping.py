@@ -1,0 +1,85 @@
+"""Integrators that keep the energy: which models can have them, and what the template reads.
+
+After each step velocities are changed by as little as brings the energy back, in the metric of the mass
+matrix, along what of them is no rigid motion, so that momentum and angular momentum stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.request import ModelRequest
+
+__all__ = ["KEPT", "KEPT_QUANTITIES", "check_keep", "keeper_context", "keeper_memory"]
+
+KEPT = ("energy",)
+KEPT_QUANTITIES = ("total_energy", "mass_matrix", "energy_rate")
+FORMULATIONS = ("node_position", "rigid_bar")
+N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions
+
+
+def check_keep(request: ModelRequest, name: str) -> None:
+    """Raise FormulationError for what no integrator can keep in this formulation; name: of the scene."""
+    for word in request.keep:
+        if word not in KEPT:
+            raise FormulationError(
+                "unknown thing to keep", where="model.keep", given=word, hint=suggest(word, KEPT)
+            )
+    if request.keep and (request.formulation not in FORMULATIONS or request.precision != "double"):
+        raise FormulationError(
+            "the energy is kept in node coordinates and double precision alone",
+            where=f"{name}: model.keep",
+            given=f"{request.formulation}, {request.precision}",
+            allowed=f"formulations {', '.join(FORMULATIONS)} in double precision",
+            hint="leave it out, and tighten the tolerance",
+        )
+
+
+def check_conservative(model: EmittedModel, functions: Mapping[str, FunctionSpec]) -> None:
+    """Raise FormulationError for a model whose motion does not keep its energy."""
+    rate = functions.get("energy_rate")
+    depends = "velocity" in functions["acceleration"].arguments if rate is None else bool(rate.arguments)
+    if depends:
+        raise FormulationError(
+            "nothing keeps the energy where damping takes some",
+            where=f"{model.name}: model.keep",
+            given="energy",
+            allowed="structures without damping",
+            hint="set all damping to 0, or leave --keep energy out",
+        )
+
+
+def keeper_memory(model: EmittedModel, functions: Mapping[str, FunctionSpec]) -> int:
+    """Return the doubles of work memory that it takes; raises as check_conservative."""
+    check_conservative(model, functions)
+    return _mass_size(functions["mass_matrix"]) + 4 * len(model.frame.coordinate_name)
+
+
+def keeper_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
+    """Return what the template reads."""
+    mass = functions["mass_matrix"]
+    axes, n = len(manifest.axes), len(manifest.coordinate_name)
+    is_free = n == axes * len(manifest.node_name)
+    pattern = mass.pattern
+    diagonal = pattern is None or (
+        len(pattern.row) == n and np.array_equal(pattern.row, np.arange(n, dtype=np.int32))
+    )
+    return {
+        "energy_arguments": functions["total_energy"].arguments,
+        "mass_arguments": mass.arguments,
+        "mass_size": _mass_size(mass),
+        "is_mass_diagonal": diagonal,
+        "axes": axes,
+        "rigid": N_RIGID[axes] if is_free else 0,
+        "memory": _mass_size(mass) + 4 * n,
+    }
+
+
+def _mass_size(mass: FunctionSpec) -> int:
+    return len(mass.pattern.row) if mass.pattern is not None else int(np.prod(mass.shape))

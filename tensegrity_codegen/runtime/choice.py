@@ -1,0 +1,175 @@
+"""Which method `auto` takes: by how fast members vibrate, how the rest moves, and the tolerance.
+
+Steps are estimated from the bounds of rates.py; the numbers are measured: docs/decisions/0018-auto-method.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.radau import listen_to_members
+from tensegrity_codegen.runtime.rates import Rates, find_rates
+from tensegrity_codegen.runtime.vibration import Vibration, find_vibration
+from tensegrity_codegen.structure import Structure
+
+__all__ = ["Choice", "choose_method", "wanted_integrators"]
+
+FloatArray = NDArray[np.float64]
+
+EXPLICIT = ("rk853", "rk54")
+CHEAP = 5_000  # steps that resolve every vibration in hundredths of a second
+LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8
+JUMPS_LOOSE = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
+RADAU_STEP = 1.5  # time of a step of radau over that of one of rk853
+MOST_EXPLICIT = 100_000  # steps, at most, where radau misses the tolerance
+ROUNDING = 2e-18  # of positions, in velocities that steps still hold
+STIFF = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
+NODES = ("node_position", "rigid_bar")  # formulations that radau knows
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A method, a sentence that says why, and the one to take where it fails.
+
+    noise: what rounding of positions makes of velocities [m/s], below which no step can be held; quiet:
+    amplitude [m] of vibrations that radau takes along smoothly; vibration: these, as far as known.
+    """
+
+    name: str
+    why: str
+    otherwise: str = ""
+    noise: float = 0.0
+    quiet: float = 0.0
+    vibration: Vibration | None = None
+
+
+def wanted_integrators(structure: Structure | None, formulation: str, rtol: float) -> tuple[str, ...]:
+    """Return the integrators that a library shall hold for `auto`; structure: None for one of bodies."""
+    if structure is None:
+        return (_explicit_for(rtol, False),)
+    jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
+    explicit = _explicit_for(rtol, jumps)
+    mu = structure.spring_constant + structure.axial_stiffness / structure.rest_length
+    free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
+    stiff = ~structure.tension_only & (mu > 0) & free[structure.connectivity].any(axis=1)
+    soft = float(mu[structure.tension_only].max(initial=0.0))
+    is_stiff = formulation in NODES and bool(np.any(mu[stiff] >= STIFF * soft))
+    return (explicit, "radau") if is_stiff else (explicit,)
+
+
+def choose_method(
+    model: CompiledModel,
+    state: FloatArray,
+    span: tuple[float, float],
+    rtol: float,
+    atol: float,
+    arguments: Mapping[str, Any],
+    *,
+    watches: bool = False,
+) -> Choice:
+    """Return the best of the methods that the library holds.
+
+    span: times of the first sample after the start and of the last [s]; watches: whether events are asked for
+    that only explicit methods watch. Raises FormulationError where the library has no method with error
+    control.
+    """
+    specs = {spec.name: spec for spec in model.manifest.integrators}
+    explicit = _choose_explicit(model, tuple(specs), rtol)
+    if "radau" not in specs or not explicit.name or watches:
+        return _need(model, explicit if explicit.name else Choice("radau" if "radau" in specs else "", ""))
+    rates = find_rates(model, specs["radau"].tensions, arguments)
+    if rates is None:
+        return explicit
+    return _weigh(model, state, span, rtol, atol, arguments, rates, explicit)
+
+
+def _weigh(
+    model: CompiledModel,
+    state: FloatArray,
+    span: tuple[float, float],
+    rtol: float,
+    atol: float,
+    arguments: Mapping[str, Any],
+    rates: Rates,
+    explicit: Choice,
+) -> Choice:
+    """Return radau or the explicit method, whichever takes less for these rates."""
+    first, last = span
+    size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
+    explicit = replace(explicit, noise=ROUNDING * size * rates.frequency)
+    steps = _explicit_steps(rates.frequency, rates.decay, last, rtol)
+    told = f"bars {rates.stiffness_ratio:.2g} times as stiff as cables"
+    if steps <= CHEAP:
+        why = f"{explicit.why}; {told}, whose vibration about {steps:.2g} steps resolve"
+        return replace(explicit, why=why)
+    slow = RADAU_STEP * _radau_steps(rates.slow_frequency, rates.slow_decay, last, rtol)
+    if slow >= steps:
+        return replace(explicit, why=f"{explicit.why}; cables or their damping set the steps, not bars")
+    stiff = next(spec.tensions for spec in model.manifest.integrators if spec.name == "radau")
+    amplitude = listen_to_members(model, state, arguments)["vibration"]
+    with np.errstate(all="ignore"):  # members without a length have no direction
+        vibration = find_vibration(model, state, stiff, rates, arguments)
+    if not vibration.error(first, last)[0] <= atol + rtol * size:
+        why = f"{explicit.why}; {told} and vibrate by {amplitude:.2g} m, which only short steps resolve"
+        return replace(explicit, why=why)
+    why = (
+        f"{told}, vibrating by {amplitude:.2g} m: about {steps:.2g} explicit steps, {slow:.2g} with their "
+        "tensions as unknowns"
+    )
+    return replace(
+        explicit,
+        name="radau",
+        why=why,
+        otherwise=explicit.name if steps <= MOST_EXPLICIT else "",
+        quiet=vibration.other[0],
+        vibration=vibration,
+    )
+
+
+def _choose_explicit(model: CompiledModel, names: tuple[str, ...], rtol: float) -> Choice:
+    """Return the better explicit method for a tolerance, with an empty name where the library has none."""
+    held = [name for name in EXPLICIT if name in names]
+    cables = any("cable" in spec.events for spec in model.manifest.integrators)
+    slopes = next((s.arguments for s in model.manifest.functions if s.quantity == "cable_margin"), ())
+    jumps = cables and "velocity" in slopes
+    wanted = _explicit_for(rtol, jumps)
+    if not held:
+        return Choice("", "")
+    if wanted not in held:
+        return Choice(held[0], f"the library holds no {wanted}")
+    cause = "damped cables jump" if jumps and wanted == "rk54" else f"relative tolerance {rtol:.0e}"
+    order = "order 5 steps over little" if jumps else "order 5 is enough"
+    return Choice(wanted, f"{cause}: {'order 8' if wanted == 'rk853' else order}")
+
+
+def _explicit_for(rtol: float, jumps: bool) -> str:
+    return "rk54" if rtol > LOOSE or (jumps and rtol > JUMPS_LOOSE) else "rk853"
+
+
+def _need(model: CompiledModel, choice: Choice) -> Choice:
+    if choice.name:
+        return choice
+    raise FormulationError(
+        "the library has no integrator with error control",
+        where=model.manifest.name,
+        allowed='a library that was built with integrators = ["rk853"]',
+        hint='build it with integrators=("rk853",), or use one of the methods scipy_*',
+    )
+
+
+def _explicit_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:
+    """Return about how many steps rk853 takes to follow this frequency [rad/s] and decay rate [1/s]."""
+    return t_end * (0.75 * frequency * math.pow(1e-6 / rtol, 0.12) + 0.2 * decay)
+
+
+def _radau_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:
+    """Return about how many steps radau takes for the motion without stiff members."""
+    return t_end * (10.0 * frequency * math.pow(1e-6 / rtol, 0.26) + decay)

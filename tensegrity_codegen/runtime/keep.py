@@ -1,0 +1,40 @@
+"""What a run shall keep constant from step to step: checks of the option and of the library."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.manifest import IntegratorSpec
+
+__all__ = ["check_keep", "require_keep"]
+
+KEPT = ("energy",)
+METHODS = ("auto", "rk853", "rk54")
+
+
+def check_keep(keep: str, method: str) -> None:
+    """Raise UnknownNameError or InvalidValueError for what no method, or not this one, can keep."""
+    if not keep:
+        return
+    if keep not in KEPT:
+        raise UnknownNameError(
+            "unknown thing to keep", where="--keep", given=keep, allowed="energy", hint=suggest(keep, KEPT)
+        )
+    if method not in METHODS:
+        raise InvalidValueError(
+            f"method {method!r} cannot keep the energy",
+            where="--keep",
+            given=keep,
+            allowed=f"with the methods {', '.join(METHODS)}",
+            hint="--method auto",
+        )
+
+
+def require_keep(spec: IntegratorSpec, keep: str) -> None:
+    """Raise FormulationError where the library's integrator was not built to keep this."""
+    if keep and keep not in spec.keeps:
+        raise FormulationError(
+            f"the library was not built to keep the {keep}",
+            where=spec.symbol,
+            allowed=", ".join(spec.keeps) or "nothing",
+            hint=f'build it with keep = ["{keep}"]',
+        )

@@ -1,0 +1,142 @@
+"""The method auto: what it takes, why, and that its error holds from soft bars to nearly rigid ones."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.choice import wanted_integrators
+from tensegrity_codegen.runtime.event_log import Watch
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.simulate import simulate
+from tensegrity_codegen.runtime.trajectory import Trajectory
+from tensegrity_codegen.structure import Structure
+from tests.runtime.build import make_structure, prism, spring
+from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio
+
+SPAN, RTOL, ATOL = 0.3, 1e-6, 1e-9
+
+
+@functools.cache
+def model_of(make: Callable[[float], Structure]) -> CompiledModel:
+    """One library for all stiffnesses of the bars."""
+    structure = make(1e4)
+    bars = tuple(np.flatnonzero(structure.is_bar).tolist())
+    kept = {"spring_constant": bars, "damping": bars}
+    return build_library(
+        structure, ModelRequest(SIMULATION_QUANTITIES, kept, integrators=("rk853", "radau"))
+    ).load()
+
+
+def run(
+    make: Callable[[float], Structure], ratio: float, method: str = "auto", rtol: float = RTOL, **more: float
+) -> Trajectory:
+    model, structure = model_of(make), make(ratio)
+    known = {item.name for item in model.manifest.arguments}
+    bars = structure.is_bar
+    values = {"spring_constant": structure.spring_constant[bars], "damping": structure.damping[bars]}
+    given = {name: value for name, value in values.items() if name in known}
+    span, atol = more.get("span", SPAN), more.get("atol", 1e-3 * rtol)
+    return simulate(
+        model, span, samples=31, method=method, rtol=rtol, atol=atol, arguments=given, max_steps=10**7
+    )
+
+
+def worst(found: Trajectory, exact: Trajectory) -> tuple[float, float]:
+    """Errors of positions and velocities over the tolerance, component by component."""
+    pairs = ((found.coordinate, exact.coordinate), (found.velocity, exact.velocity))
+    shares = [np.abs(a - b) / (ATOL + RTOL * np.abs(b)) for a, b in pairs]
+    return float(shares[0].max()), float(shares[1].max())
+
+
+@pytest.mark.parametrize("make", [prism_of_ratio, class_two, pendulums])
+@pytest.mark.parametrize("ratio", [1e1, 1e3, 1e5])
+def test_vibrations_that_few_steps_resolve_are_resolved(
+    make: Callable[[float], Structure], ratio: float
+) -> None:
+    found = run(make, ratio)
+    exact = run(make, ratio, "rk853", 1e-12)
+    assert found.status == "ok"
+    assert found.method.startswith("auto (rk853")
+    assert max(worst(found, exact)) <= found.error_estimate <= 1.0
+
+
+def test_bars_that_vibrate_alone_are_right_in_positions_velocities_and_tensions() -> None:
+    found, exact = run(prism_of_ratio, 1e7), run(prism_of_ratio, 1e7, "rk853", 1e-11)
+    assert found.status == "ok"
+    assert found.method.startswith("auto (radau")
+    assert "tensions as unknowns" in found.why_method
+    assert found.n_steps < 3000
+    assert found.error_estimate <= 1.0
+    assert worst(found, exact)[0] <= 1.0
+    off, speed = found.evidence["vibration_speed_error"], np.sqrt(2e9) * 7.8e-8
+    assert np.abs(found.velocity - exact.velocity).max() <= off + 1e-6 < 0.03 * speed
+    tension = np.abs(found.member_tension - exact.member_tension).max()
+    assert tension < 0.02 * np.abs(exact.member_tension).max()
+
+
+def test_nearly_rigid_bars_move_as_rigid_ones() -> None:
+    found = run(prism_of_ratio, 1e12)
+    assert (found.status, found.method[:11]) == ("ok", "auto (radau")
+    exact, _ = move_rigidly(prism_of_ratio(1e12), found.time)
+    assert np.max(np.abs(found.coordinate - exact) / (ATOL + RTOL * np.abs(exact))) <= 1.0
+
+
+def test_velocities_that_nothing_resolves_are_told() -> None:
+    """Bars that share nodes exchange their vibrations, here within the tolerance of positions."""
+    found = run(class_two, 1e9)
+    assert (found.status, found.method[:11]) == ("ok", "auto (radau")
+    assert "velocities of bars are known to" in found.message
+    exact, _ = move_rigidly(class_two(1e9), found.time)
+    assert np.abs(found.coordinate - exact).max() < 1e-7
+    speed = found.evidence["vibration_speed_error"]
+    assert speed > 1e-5
+
+
+def test_damping_of_bars_sets_no_step() -> None:
+    found = run(pendulums, 1e9)
+    assert (found.status, found.method[:11]) == ("ok", "auto (radau")
+    exact, _ = move_rigidly(pendulums(1e9), found.time)
+    assert np.max(np.abs(found.coordinate - exact) / (ATOL + RTOL * np.abs(exact))) <= 10.0
+
+
+def test_where_radau_misses_the_tolerance_the_explicit_method_has_its_turn() -> None:
+    found = run(class_two, 2e7, span=0.1)
+    assert found.status == "ok"
+    assert found.method.startswith("auto (rk853")
+    assert found.error_estimate <= 1.0
+
+
+def test_events_are_for_explicit_methods() -> None:
+    model = model_of(prism_of_ratio)
+    given = {"spring_constant": np.full(3, 1e11)}
+    watched = simulate(model, 1e-3, condition="time - 5e-4", arguments=given, rtol=1e-4)
+    assert watched.method.startswith("auto (rk853")
+    assert watched.log.kind == ("condition",)
+    assert Watch().kinds == ()
+
+
+def test_what_a_library_shall_hold_follows_from_stiffness_damping_and_tolerance() -> None:
+    soft, stiff = prism(bar_stiffness=5e3), prism(bar_stiffness=1e6)
+    assert wanted_integrators(soft, "node_position", 1e-6) == ("rk853",)
+    assert wanted_integrators(stiff, "node_position", 1e-6) == ("rk853", "radau")
+    assert wanted_integrators(stiff, "node_position", 1e-2) == ("rk54", "radau")
+    assert wanted_integrators(stiff, "node_distance", 1e-6) == ("rk853",)
+    damped = soft.with_changes(damping=np.where(soft.tension_only, 1.0, 0.0))
+    assert wanted_integrators(damped, "node_position", 1e-6) == ("rk54",)
+    assert wanted_integrators(damped, "node_position", 1e-9) == ("rk853",)
+    lone = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz"})
+    assert wanted_integrators(lone, "node_position", 1e-6) == ("rk853", "radau")
+    assert wanted_integrators(None, "bodies", 1e-6) == ("rk853",)
+
+
+def test_a_library_without_error_control_says_how_to_get_it() -> None:
+    model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
+    with pytest.raises(FormulationError, match="no integrator with error control"):
+        simulate(model, 1.0)
