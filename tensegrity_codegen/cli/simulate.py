@@ -11,17 +11,14 @@ import typer
 from tensegrity_codegen.cli.options import CompilerOption, FlagsOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.simulate_batch import build_for_batch, check_no_other, simulate_starts
-from tensegrity_codegen.errors import UnknownNameError, suggest
+from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.files import check_target
 from tensegrity_codegen.structure import Structure
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
 
-__all__ = ["UNTIL", "simulate"]
-
-# What --until may name.
-UNTIL = ("contact",)
+__all__ = ["simulate"]
 
 
 def simulate(
@@ -50,7 +47,8 @@ def simulate(
     ] = "",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
     until: Annotated[
-        str | None, typer.Option("--until", help="End early: contact, the first contact of two bars.")
+        str | None,
+        typer.Option("--until", help="End early: contact of two bars, or a condition: 'top.z < 0.1'."),
     ] = None,
     batch: Annotated[
         Path | None, typer.Option("--batch", help="File of many starts (.npz), simulated side by side.")
@@ -64,7 +62,8 @@ def simulate(
     """Simulate the motion of a scene and write it to an .npz file.
 
     With --until contact the last sample is the first contact of two bars, if there is one by --t-end; it
-    is in "events" of the result, and in event_time, event_kind, event_name of the file.
+    is in "events" of the result, and in event_time, event_kind, event_name of the file. So it is with a
+    condition: the run ends where a comparison becomes true, or another expression changes its sign.
 
     With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument,
     in that file is a motion of its own; methods rk853, rk54 and rk4 run eight of them in one core.
@@ -77,6 +76,7 @@ def simulate(
         from tensegrity_codegen.runtime.simulate import check_options
         from tensegrity_codegen.runtime.simulate import simulate as run
 
+        until_contact, condition = read_until(until)
         check_options(
             t_end,
             samples,
@@ -84,11 +84,10 @@ def simulate(
             step,
             rtol,
             atol,
-            until_contact=until is not None,
+            until_contact=until_contact,
             max_steps=max_steps,
             keep=keep,
         )
-        _check_until(until)
         if out is not None:
             check_target(out)
         if batch is not None:
@@ -103,7 +102,7 @@ def simulate(
             build = build_for_batch(scene, method, compiler, flags)
             simulate_starts(output, build, batch, out, t_end=t_end, method=method, **of_method)
             return
-        built, start = _build(scene, method, rtol, keep, settle, until is not None, compiler, flags)
+        built, start = _build(scene, method, rtol, keep, settle, until_contact, condition, compiler, flags)
         model = built.load()
         with output.progress("simulating") as progress:
             trajectory = run(
@@ -115,7 +114,9 @@ def simulate(
                 rtol=rtol,
                 atol=atol,
                 coordinate=start,
-                until_contact=until is not None,
+                until_contact=until_contact,
+                condition=condition,
+                until_condition=condition is not None,
                 progress=progress,
                 max_steps=max_steps,
                 keep=keep,
@@ -136,6 +137,7 @@ def _build(
     keep: str,
     settle: bool,
     until_contact: bool,
+    condition: str | None,
     compiler: str | None,
     flags: str | None,
 ) -> tuple[BuiltLibrary, Any]:
@@ -164,17 +166,7 @@ def _build(
         quantities += CONTACT_QUANTITIES
         integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
     wanted = request.wanting(*quantities, integrators=integrators)
+    wanted = wanted if condition is None else watching(structure, wanted, condition)
     wanted = replace(wanted, keep=(keep,)) if keep else wanted
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     return built, find_equilibrium(built.load()).coordinate if settle else None
-
-
-def _check_until(until: str | None) -> None:
-    if until is not None and until not in UNTIL:
-        raise UnknownNameError(
-            "unknown event",
-            where="--until",
-            given=until,
-            allowed=", ".join(UNTIL),
-            hint=suggest(until, UNTIL),
-        )

@@ -15,7 +15,7 @@ from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, Unknown
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.automatic import integrate_auto
 from tensegrity_codegen.runtime.choice import wanted_integrators
-from tensegrity_codegen.runtime.condition import build_condition
+from tensegrity_codegen.runtime.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.event_log import Condition, Watch
@@ -93,7 +93,8 @@ def simulate(
     Methods in C with error control cut their steps where cables go slack or taut, if the library has that
     event, and where the sign of a condition changes: an expression over quantities, see condition.py, or
     (time, coordinate, velocity) -> number, for libraries with the event "condition"; `log` has all of them.
-    until_condition: end with the first such change, as with a contact.
+    until_condition: end with the first such change, as with a contact; where the condition is a comparison,
+    at t = 0 if it holds from the start.
 
     keep: "energy", for undamped motions over long times: each step of rk54, rk853 or auto ends at the energy
     of the start; needs a library built with keep = ("energy",), else FormulationError.
@@ -139,6 +140,11 @@ def simulate(
     events: tuple[MotionEvent, ...] = ()
     if until_contact:
         raw, events = stop_at_contact(model, integrate, sample_time, arguments=arguments, schedule=schedule)
+    elif watch is not None and until_condition and _holds(watch, condition, q0, v0):
+        raw = RawTrajectory(
+            sample_time[:1], state[None, :], "ok", "the condition holds from the start", method, 0, 0
+        )
+        events = (MotionEvent("condition", (str(condition),), 0.0, 0.0, q0, v0),)
     else:
         raw = integrate(sample_time) if step is None else _checked(integrate, sample_time, step, model)
         events = _end_event(raw, condition) if until_condition else ()
@@ -214,6 +220,14 @@ def _watch(
     known = next((spec.events for spec in model.manifest.integrators if spec.name in ADAPTIVE), ())
     kinds = (*(kind for kind in known if kind == "cable"), "condition")
     return Watch(kinds, ("condition",) if until_condition else (), call)
+
+
+def _holds(watch: Watch, condition: str | Condition | None, q: FloatArray, v: FloatArray) -> bool:
+    """Return whether a condition that is a comparison holds at the start."""
+    call = watch.condition
+    return (
+        isinstance(condition, str) and is_comparison(condition) and call is not None and call(0.0, q, v) > 0
+    )
 
 
 def _end_event(raw: RawTrajectory, condition: str | Condition | None) -> tuple[MotionEvent, ...]:

@@ -90,3 +90,30 @@ def test_wrong_usage_is_refused(run: Run, bars: Path, folder: Path) -> None:
     ended = run("simulate", scene, "--t-end", 1, "--until", "contact", "--json")
     assert ended.code == 2
     assert "no two bars that could touch" in ended.err
+
+
+def test_the_run_ends_where_a_condition_holds(run: Run, bars: Path) -> None:
+    words = ("--t-end", 1, "--samples", 11, "--until", "c.z < 0.5", "--out", "low.npz")
+    ended = run("simulate", bars, *words, "--json")
+    assert (ended.code, ended.data["status"]) == (0, "ok")
+    (event,) = ended.data["events"]
+    assert (event["kind"], event["names"]) == ("condition", ["c.z < 0.5"])
+    assert ended.data["t_end"] == event["time"] == pytest.approx(0.25, rel=1e-9)
+    by_quantity = run("simulate", bars, "--t-end", 1, "--until", "kinetic_energy - 8.1", "--json")
+    assert (by_quantity.code, by_quantity.data["t_end"]) == (0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--until", "__import__('os').remove('x')"),
+        ("--until", "c.q < 1"),
+        ("--until", "c.z <"),
+        ("--until", "c.z < 0.5", "--method", "rk4", "--step", "1e-3"),
+        ("--until", "memberlength[0] - 1"),
+    ],
+)
+def test_what_is_no_condition_is_refused(run: Run, bars: Path, words: tuple[str, ...]) -> None:
+    ended = run("simulate", bars, "--t-end", 1, *words, "--json")
+    assert ended.code == 2
+    assert ended.data["status"] == "error"

@@ -109,3 +109,36 @@ def test_the_quantities_of_an_expression_are_told_before_the_model_is_built() ->
 def test_methods_without_events_refuse_a_condition(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="watches no condition"):
         simulate(model, 1.0, method="rk4", step=1e-3, condition="time - 0.5")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("n1.x", 1.2),
+        ("n0.z - n1.x", -1.2),
+        ('node_position["n1", "x"] * 2', 2.4),
+        ("n1.x < 1.3", 0.1),
+        ("n1.x >= 1.3", -0.1),
+        ("max(node_position) > 1", 0.2),
+    ],
+)
+def test_places_of_nodes_and_comparisons(model: CompiledModel, text: str, value: float) -> None:
+    condition = build_condition(text, model)
+    assert condition(0.0, np.array([1.2]), np.zeros(1)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    "text", ["n1.w", "n9.x", "n1.x.y", "n1.x < 1 < 2", "n1.x == 1", "not time", "time if 1 else 2"]
+)
+def test_what_is_no_place_and_no_comparison_is_refused(model: CompiledModel, text: str) -> None:
+    with pytest.raises((UnknownNameError, InvalidValueError)):
+        build_condition(text, model)
+
+
+def test_a_run_ends_where_a_comparison_becomes_true(model: CompiledModel) -> None:
+    ended = simulate(model, 1.0, method="rk853", condition="n1.x < 1.1", until_condition=True, rtol=1e-10)
+    assert ended.time[-1] == pytest.approx(np.arccos(0.5) / 20, rel=1e-8)
+    assert ended.events[0].names == ("n1.x < 1.1",)
+    at_once = simulate(model, 1.0, method="rk853", condition="n1.x > 1.1", until_condition=True)
+    assert (at_once.status, at_once.time.tolist()) == ("ok", [0.0])
+    assert "from the start" in at_once.message

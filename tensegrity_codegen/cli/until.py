@@ -1,0 +1,51 @@
+"""What `--until` names: the first contact of two bars, or a condition over quantities."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from tensegrity_codegen.errors import UnknownNameError, suggest
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["UNTIL", "read_until", "watching"]
+
+UNTIL = ("contact",)
+
+
+def read_until(text: str | None) -> tuple[bool, str | None]:
+    """Return whether a contact is meant, and the condition if one is.
+
+    Raises UnknownNameError for a word that is neither, InvalidValueError for what is no expression.
+    """
+    from tensegrity_codegen.quantities import QUANTITIES
+    from tensegrity_codegen.runtime.condition import find_quantities
+
+    if text is None or text in UNTIL:
+        return text is not None, None
+    if text.isidentifier() and text not in QUANTITIES and text != "time":
+        raise UnknownNameError(
+            "unknown event",
+            where="--until",
+            given=text,
+            allowed=f"{', '.join(UNTIL)}, or a condition such as 'top.z < 0.1'",
+            hint=suggest(text, UNTIL),
+        )
+    find_quantities(text)
+    return False, text
+
+
+def watching(structure: Subject, request: ModelRequest, condition: str) -> ModelRequest:
+    """Return the request with what a condition needs: its quantities, and integrators that watch it."""
+    from tensegrity_codegen.codegen.integrators import choose_events
+    from tensegrity_codegen.runtime.condition import find_quantities
+
+    events = request.events
+    if events is None:
+        events = choose_events(request, int(structure.tension_only.sum()))
+    kinds = tuple(dict.fromkeys((*events, "condition")))
+    quantities = (*request.quantities, *find_quantities(condition))
+    return replace(request, quantities=quantities, events=kinds)
