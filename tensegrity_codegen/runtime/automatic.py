@@ -24,6 +24,9 @@ __all__ = ["integrate_auto"]
 
 FloatArray = NDArray[np.float64]
 
+FAR = 1e5  # from the origin, over the size of the structure
+NEAR = ("node_position", "rigid_bar")  # formulations in which positions are coordinates
+
 
 def integrate_auto(
     model: CompiledModel,
@@ -62,7 +65,7 @@ def integrate_auto(
         )
 
     if choice.name != "radau":
-        return replace(explicit(choice.name), why=choice.why)
+        return _advise(replace(explicit(choice.name), why=choice.why), model)
 
     vibration = choice.vibration
     smooth = state if vibration is None else vibration.smooth(state)
@@ -81,7 +84,21 @@ def integrate_auto(
         other = explicit(choice.otherwise)
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
-    return _tell(found, choice.why, rtol, atol)
+    return _advise(_tell(found, choice.why, rtol, atol), model)
+
+
+def _advise(raw: RawTrajectory, model: CompiledModel) -> RawTrajectory:
+    """Return the run with the cure where it fails since coordinates are huge beside the structure."""
+    place = model.manifest.stated_position
+    size = float(np.ptp(place, axis=0).max(initial=0.0))
+    far = float(np.abs(place).max(initial=0.0))
+    if raw.status != "not_converged" or model.manifest.formulation not in NEAR or far <= FAR * size:
+        return raw
+    message = (
+        f"{raw.message}; positions of {far:.2g} m round by {far * 1.1e-16:.2g} m: move the structure to the "
+        "origin, or use formulation node_distance"
+    )
+    return replace(raw, message=message)
 
 
 def _with_vibration(

@@ -62,8 +62,9 @@ def tighten_until_converged(
         before, factor = max(atol * factor, least), factor * shrink
         finer = run(rtol * factor, max(atol * factor, least))
         n_evaluations += finer.n_evaluations
-        if finer.status != "ok" and finer.status != "unstable" and shrink < 0.1:
-            # Too tight for rounding, perhaps: halfway there.
+        is_short = finer.n_evaluations < 0.5 * previous.n_evaluations
+        if finer.status == "not_converged" and is_short and shrink < 0.1:
+            # It stopped early, perhaps since rounding lets no step be so exact: halfway there.
             factor /= math.sqrt(shrink)
             shrink = math.sqrt(shrink)
             finer = run(rtol * factor, max(atol * factor, least))

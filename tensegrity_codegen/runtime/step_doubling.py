@@ -32,6 +32,7 @@ def check_by_doubling(
     found = run(step)
     if found.status != "ok":
         return found
+    step = min(step, float(found.time[-1]))  # a longer one was cut to the whole time
     other = run(2.0 * step)
     n_evaluations = found.n_evaluations + other.n_evaluations
     if other.status != "ok" or not _ratio(other, found) > 1.1:
@@ -50,6 +51,7 @@ def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manif
     """Return a batch of runs with this step [s], each held to another step as `check_by_doubling` does."""
     found = run(step)
     end, is_good = float(found.time[-1]), _is_ok(found)
+    step = min(step, end)
     error, n_evaluations = np.full(len(is_good), np.nan), found.n_evaluations.copy()
     for factor in (2.0, 0.5):
         is_open = is_good & np.isnan(error)

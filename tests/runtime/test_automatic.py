@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.choice import wanted_integrators
@@ -140,3 +140,32 @@ def test_a_library_without_error_control_says_how_to_get_it() -> None:
     model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
     with pytest.raises(FormulationError, match="no integrator with error control"):
         simulate(model, 1.0)
+
+
+def test_a_structure_far_from_the_origin_is_told_the_cure() -> None:
+    structure = prism(140.0, bar_stiffness=1e5)
+    far = structure.with_changes(node_position=structure.node_position + 1e9)
+    model = build_library(far, ModelRequest(SIMULATION_QUANTITIES, integrators=("rk853",))).load()
+    found = simulate(model, 1.0, samples=3, max_steps=20_000)
+    assert found.status == "not_converged"
+    assert "node_distance" in found.message
+    assert "--max-steps" in found.message
+
+
+@pytest.mark.parametrize("step", [1e9, 0.5, 1.0])
+def test_a_step_of_the_whole_time_or_more_is_held_to_half_of_it(step: float) -> None:
+    model = build_library(prism(), ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4",))).load()
+    assert simulate(model, 0.5, samples=2, method="rk4", step=step).status in ("inaccurate", "unstable")
+
+
+def test_steps_without_number_are_refused_or_end_at_the_limit() -> None:
+    model = model_of(prism_of_ratio)
+    given = {"spring_constant": np.full(3, 1e12)}
+    stopped = simulate(model, 1.0, samples=2, method="rk853", arguments=given, max_steps=500)
+    assert (stopped.status, stopped.n_steps <= 1000) == ("not_converged", True)
+    assert "--max-steps" in stopped.message
+    stopped = simulate(model, 100.0, samples=2, method="radau", arguments=given, max_steps=50)
+    assert (stopped.status, stopped.n_steps <= 200) == ("not_converged", True)
+    for count in (0, -1, 2**60):
+        with pytest.raises(InvalidValueError, match="max-steps"):
+            simulate(model, 1.0, max_steps=count)
