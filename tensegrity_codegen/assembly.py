@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.modules import Module, find_modules
+from tensegrity_codegen.node_order import order_nodes, spread
 from tensegrity_codegen.structure import Structure
 
 __all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
@@ -27,6 +28,10 @@ IntArray = NDArray[np.int64]
 
 # How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
 ABSENT, CONSTANT, ARGUMENT = 0, 1, 2
+
+MOSTLY = 0.8  # of the members in modules: no other order of the nodes is tried
+LEAST_TO_ORDER = 48  # members for which another order of the nodes is tried
+LEAST_TO_SORT = 400  # members whose coordinates may leave the fastest memory
 
 
 @dataclass(frozen=True)
@@ -120,22 +125,44 @@ def plan_assembly(structure: Structure, parameters: Mapping[str, tuple[int, ...]
     """Return the plan of a structure that keeps `parameters` (argument name -> indices) changeable.
 
     Groups of members in modules come first, repetition by repetition; then the others, in the order of the
-    scene. Groups of either sort come in the order of their first members.
+    scene, or along the structure where that brings members that share nodes much nearer to each other.
+    Groups of either sort come in the order of their first members.
     """
     features = _features(structure, parameters)
     _, first, class_of = np.unique(_number(features), return_index=True, return_inverse=True)
     classes = [(MemberClass(bool(row[0]), *row[1:-1]), bool(row[-1])) for row in features[first].tolist()]
     ends = structure.connectivity.reshape(-1, 2)
     kind = np.where(features[:, -1] == 1, class_of, -1)
-    modules = find_modules(ends, kind, np.arange(structure.n_nodes))
+    modules, order = _find_modules(ends, class_of, kind, structure.n_nodes)
     held = np.concatenate([np.zeros(0, dtype=np.int64), *[module.member.T.ravel() for module in modules]])
     left = np.setdiff1d(np.arange(structure.n_members), held, assume_unique=True)
+    if order is not None:
+        left = left[np.argsort(np.argsort(order)[ends[left]].min(axis=1, initial=len(order)), kind="stable")]
     groups = [
         MemberGroup(classes[number][0], member[class_of[member] == number], classes[number][1], in_module)
         for member, in_module in ((held, True), (left, False))
         for number in dict.fromkeys(class_of[member].tolist())
     ]
     return AssemblyPlan(tuple(groups), tuple(modules), tuple(item for item, _ in classes), ends)
+
+
+def _find_modules(
+    ends: IntArray, class_of: IntArray, kind: IntArray, n_nodes: int
+) -> tuple[list[Module], IntArray | None]:
+    """Return the modules, and the order of nodes for the other members, None for the scene's."""
+    natural = np.arange(n_nodes)
+    modules = find_modules(ends, kind, natural)
+    n_held = _count(modules)
+    if n_held >= MOSTLY * len(ends) or len(ends) < LEAST_TO_ORDER:
+        return modules, None
+    order = order_nodes(ends, class_of, n_nodes)
+    others = find_modules(ends, kind, order)
+    is_nearer = 2 * spread(ends, order) < spread(ends, natural) and len(ends) >= LEAST_TO_SORT
+    return (others if _count(others) > n_held else modules), (order if is_nearer else None)
+
+
+def _count(modules: list[Module]) -> int:
+    return sum(module.member.size for module in modules)
 
 
 def _number(features: IntArray) -> IntArray:

@@ -15,7 +15,7 @@ from tensegrity_codegen.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tests.codegen.compilers import FAMILIES, require_compiler
 from tests.codegen.subjects import all_parameters
-from tests.codegen.table.modules import grid, spine, tower, twisted
+from tests.codegen.table.modules import grid, shuffled, spine, tower, twisted
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.compare import run_in_casadi
 
@@ -29,6 +29,7 @@ SUBJECTS = {
     "flat": grid(18, 3, axes="xy"),
     "equal": tower(20, spread=0.0),
     "two": twisted(34),
+    "shuffled": shuffled(tower(22)),
 }
 
 
@@ -73,3 +74,13 @@ def test_coincident_nodes_are_reported_from_within_a_module() -> None:
     position[j] = position[i]
     status, result = raw_call(model, "node_residual", coordinate=position.ravel())
     assert (status, np.isnan(result).all()) == ("non_finite_result", True)
+
+
+@pytest.mark.parametrize("structure", [tower(60), spine(40), grid(60, 4)], ids=["tower", "spine", "grid"])
+def test_modules_are_found_whatever_the_order_of_nodes_members_and_ends(structure: Structure) -> None:
+    found = [
+        sum(module.member.size for module in plan_assembly(item, {}).modules)
+        for item in (structure, shuffled(structure, 1), shuffled(structure, 2))
+    ]
+    assert found[0] > 0.6 * structure.n_members
+    assert min(found[1:]) > 0.9 * found[0]
