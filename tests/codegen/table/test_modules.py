@@ -83,4 +83,4 @@ def test_modules_are_found_whatever_the_order_of_nodes_members_and_ends(structur
         for item in (structure, shuffled(structure, 1), shuffled(structure, 2))
     ]
     assert found[0] > 0.6 * structure.n_members
-    assert min(found[1:]) > 0.9 * found[0]
+    assert min(found[1:]) > 0.8 * found[0]
