@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,13 @@ HEAD = """\
 #include <string.h>
 #include "{name}.h"
 typedef {real} real;
+#ifdef WATCHED /* by valgrind, which knows what was never written */
+#define KEPT
+#define EMPTY(array) (void)0
+#else
+#define KEPT static
+#define EMPTY(array) memset(array, 255, sizeof(array)) /* NAN */
+#endif
 enum {{ N = {n}, S = {n_states}, W = {width}, T = 4 }};
 static const double at[T] = {{0.0, 1e-3, 3.7e-3, 1e-2}};
 static int worst = 0;
@@ -55,8 +63,8 @@ static void start(real *state, int k)
 CHECK = """
 static void check_{method}(void)
 {{
-  static real state[W * S], samples[W * T * S], one[S], own[T * S];
-  static real work[{NAME}_{METHOD}_BATCH_WORK + 3], spare[{work}];
+  KEPT real state[W * S], samples[W * T * S], one[S], own[T * S];
+  KEPT real work[{NAME}_{METHOD}_BATCH_WORK + 3], spare[{work}];
   long long sampled[W], count[3 * W], done = 0, n = 0;
   double time[W], step[W];
   int status[W], k, i, round;
@@ -64,7 +72,7 @@ static void check_{method}(void)
   for (round = 0; round < 3; ++round) {{ /* whole; in short calls; with fewer states than lanes */
     const int width = round == 2 ? W - 1 : W, odd = round == 1 ? 3 : 0;
     int answer = 0, calls = 0;
-    memset(work, 255, sizeof work); /* NAN: nothing may be read before it is written */
+    EMPTY(work); /* nothing may be read before it is written */
     memset(count, 0, sizeof count);
     for (k = 0; k < W; ++k) {{
       start(state + k * S, k);
@@ -278,6 +286,21 @@ def test_the_sanitizers_find_nothing(
     manifest = write(subject, tmp_path)
     sanitize = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     build_and_run(tmp_path, manifest, "gcc", "-std=c99", "-ffp-contract=off", *sanitize)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("subject", [in_the_plane, in_tables])
+def test_valgrind_finds_nothing(
+    subject: Callable[[], tuple[Structure, ModelRequest]], tmp_path: Path
+) -> None:
+    valgrind, compiler = shutil.which("valgrind"), require_compiler("gcc")
+    if valgrind is None:
+        pytest.skip("valgrind is not installed")
+    manifest = write(subject, tmp_path)
+    options = ("-std=c99", "-O1", "-ffp-contract=off", "-DWATCHED")
+    command = [*compiler.command, *options, "driver.c", f"{manifest.name}.c", "-o", "driver", "-lm"]
+    run(command, tmp_path, compiler)
+    run([valgrind, "-q", "--error-exitcode=9", "./driver"], tmp_path)
 
 
 def test_the_memory_fits_lanes_that_begin_anywhere() -> None:
