@@ -13,6 +13,7 @@ from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.tableaus import TABLEAUS
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
+from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 
@@ -59,6 +60,8 @@ class EmitterChoice:
 def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     """Return the emitter for these facts."""
     count = facts.n_members
+    if facts.formulation == "rigid_bar" and count > MOST_STRAIGHT and not facts.lacking:
+        return EmitterChoice("table", f"{count} members, more than {MOST_STRAIGHT}: loops, for statics")
     if facts.formulation != LOOPS:
         return EmitterChoice("unrolled", f"the only one that knows the formulation {facts.formulation!r}")
     if count <= MOST_STRAIGHT and facts.has_vectors:
@@ -88,6 +91,11 @@ def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))
     if request.formulation == LOOPS and MOST_STRAIGHT < facts.n_members <= MOST_MEMBERS:
         return replace(facts, lacking=_find_lacking(structure, request))
+    if request.formulation == "rigid_bar" and facts.n_members > MOST_STRAIGHT:
+        try:
+            return replace(facts, lacking=_find_lacking(structure, request))
+        except FormulationError:  # options that loops do not have
+            return replace(facts, lacking=("rigid bars with these options",))
     return facts
 
 

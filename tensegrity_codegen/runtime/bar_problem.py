@@ -34,7 +34,7 @@ BAR_EQUILIBRIUM_QUANTITIES = (
     "tangent_stiffness",
     "member_length",
     "spring_tension",
-    "constraint_residual",
+    "member_extension",
 )
 
 ASTRAY = 1.0  # largest correction of a step, as part of the step
@@ -74,9 +74,26 @@ class BarProblem(StaticProblem):
         super().__init__(model, arguments)
         nominal = model.nominal("coordinate").ravel()
         self.bars = RigidBars(model.manifest, np.zeros(len(model.manifest.rigid_bar)))
-        length = np.asarray(self.compute("member_length", nominal))[self.bars.row]
-        self.bars.length = length - np.asarray(self.compute("constraint_residual", nominal))
+        length = np.array(self.compute("member_length", nominal))
+        if model.has("member_extension"):
+            length -= self.compute("member_extension", nominal)
+        self.bars.length = length[self.bars.row]
+        self._tension = "spring_tension" if model.has("spring_tension") else "member_tension"
         self._last: _Place | None = None
+
+    @classmethod
+    def needed(cls, model: Model) -> tuple[str, ...]:
+        """Return what has to be there: with constant rest lengths only what node positions need too.
+
+        Lengths are then those of the scene, and tensions of springs those of all members at rest.
+        """
+        changeable = any(
+            item.name == "rest_length" and not set(model.manifest.rigid_bar).isdisjoint(item.over)
+            for item in model.manifest.arguments
+        )
+        if changeable or not model.has("member_tension"):
+            return cls.quantities
+        return tuple(name for name in cls.quantities if name not in ("spring_tension", "member_extension"))
 
     def under(self, **arguments: Any) -> BarProblem:
         """Return the problem under other loads; the lengths that bars are kept at stay."""
@@ -144,7 +161,7 @@ class BarProblem(StaticProblem):
     def forces(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return residual (n_coordinates,) and tensions of all members (n_members,) [N]."""
         place = self._at(coordinate)
-        tension = np.array(self.compute("spring_tension", coordinate))
+        tension = np.array(self.compute(self._tension, coordinate))
         tension[self.bars.row] = place.tension
         return place.residual, tension
 

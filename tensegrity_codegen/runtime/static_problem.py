@@ -72,11 +72,16 @@ class StaticProblem:
         self.model = model
         self.arguments = dict(arguments or {})
         _check_arguments(self.arguments)
-        _check_functions(model, self.quantities)
+        _check_functions(model, self.needed(model))
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
         self._given = {**self.arguments, "velocity": np.zeros(self.size)}
+
+    @classmethod
+    def needed(cls, model: Model) -> tuple[str, ...]:
+        """Return what has to be among the quantities of this model."""
+        return cls.quantities
 
     def enter(self, coordinate: FloatArray) -> FloatArray:
         """Return the model's coordinates as the coordinates of this problem."""

@@ -60,6 +60,7 @@ KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     "extension": lambda m: [m.law.extension],
     "margin": lambda m: [m.law.margin()],
     "tension": lambda m: [m.law.tension()],
+    "static_tension": lambda m: [m.law.static_tension()],
     "density": lambda m: [m.density],
     "pull": lambda m: m.pull(m.density),
     "static_pull": lambda m: m.pull(m.static_density),

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.linalg import qr
+from scipy.sparse import csgraph
 
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest, complete_options
@@ -94,15 +96,37 @@ def find_redundant(structure: Structure, members: NDArray[np.int64]) -> NDArray[
 
     From the rank of the unit vectors along the bars, (n_coordinates, n_bars), by a pivoted QR factorisation.
     """
-    places = {(int(n), int(a)): k for k, (n, a) in enumerate(structure.coordinate_node_axis)}
-    unit = np.zeros((len(places), len(members)))
-    for column, (i, j) in enumerate(structure.connectivity[members]):
-        d = structure.node_position[i] - structure.node_position[j]
-        for axis in structure.axes:
-            for node, sign in ((int(i), 1.0), (int(j), -1.0)):
-                if (node, axis) in places:
-                    unit[places[node, axis], column] = sign * d[axis] / np.linalg.norm(d)
-    factor, order = qr(unit, mode="r", pivoting=True)
+    found = [_find_dependent(structure, members[group]) for group in _join_bars(structure, members)]
+    return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *found]))
+
+
+def _join_bars(structure: Structure, members: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return sets of places in `members` of bars that free nodes join, directly or through others."""
+    free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
+    ends = structure.connectivity[members]
+    bar, side = np.nonzero(free[ends])
+    count = len(members)
+    size = count + structure.n_nodes
+    graph = sparse.csr_array((np.ones(len(bar)), (bar, count + ends[bar, side])), shape=(size, size))
+    number, label = csgraph.connected_components(graph, directed=False)
+    label = label[:count]
+    order = np.argsort(label, kind="stable")
+    groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
+    return [group for group in groups if group.size]
+
+
+def _find_dependent(structure: Structure, members: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the bars of one joined set that repeat others."""
+    ends, axes = structure.connectivity[members], list(structure.axes)
+    d = structure.node_position[ends[:, 0]] - structure.node_position[ends[:, 1]]
+    unit = (d / np.linalg.norm(d, axis=1)[:, None])[:, axes]
+    nodes = np.unique(ends)
+    matrix = np.zeros((len(nodes), len(axes), len(members)))
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        at = np.searchsorted(nodes, ends[:, side])
+        free = ~structure.node_anchored[ends[:, side]][:, axes]
+        matrix[at, :, np.arange(len(members))] += sign * unit * free
+    factor, order = qr(matrix.reshape(-1, len(members)), mode="r", pivoting=True)
     size = np.abs(np.diag(factor))
     rank = int(np.sum(size > DEPENDENT * max(1.0, size.max(initial=0.0))))
-    return np.sort(members[order[rank:]])
+    return members[order[rank:]]

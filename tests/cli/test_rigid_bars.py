@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen import EQUILIBRIUM_QUANTITIES, compile_scene, find_equilibrium
 from tests.cli.conftest import Run
 from tests.cli.scenes import GOOD, write
 
@@ -108,3 +109,8 @@ def test_without_masses_there_is_statics(run: Run, folder: Path) -> None:
     found = run("equilibrium", path.name, "--load", "b=0,0,-2", "--json").data
     assert found["member_tension"]["r1"] == pytest.approx(2.0, rel=1e-14)
     assert run("simulate", path.name, "--t-end", 1, "--json").data["error"] == "FormulationError"
+
+
+def test_python_takes_the_quantities_that_the_readme_names(pendulum: str) -> None:
+    found = find_equilibrium(compile_scene(pendulum, quantities=EQUILIBRIUM_QUANTITIES))
+    assert found.member_tension[0] == pytest.approx(9.81, rel=1e-14)

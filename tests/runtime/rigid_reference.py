@@ -22,20 +22,15 @@ class RigidReference(ReferenceModel):
         rigid = structure.is_rigid
         faint = structure.with_changes(spring_constant=np.where(rigid, FAINT, structure.spring_constant))
         super().__init__(faint, parameters)
-        self.rigid = np.flatnonzero(rigid)
-        names = tuple(structure.member_name[e] for e in self.rigid)
+        names = tuple(structure.member_name[e] for e in np.flatnonzero(rigid))
         self.manifest = replace(self.manifest, formulation="rigid_bar", rigid_bar=names)
 
     def has(self, quantity: str) -> bool:
-        return quantity in ("spring_tension", "constraint_residual") or super().has(quantity)
+        return quantity == "spring_tension" or super().has(quantity)
 
     def compute(self, quantity: str, /, **arguments: Any) -> Any:
         if quantity == "spring_tension":
             return super().compute("member_tension", **arguments)
-        if quantity == "constraint_residual":
-            length = np.asarray(super().compute("member_length", **arguments))
-            rest = arguments.get("rest_length", self.structure.rest_length)
-            return (length - rest)[self.rigid]
         return super().compute(quantity, **arguments)
 
 

@@ -196,3 +196,16 @@ def test_a_rigid_bar_has_no_stiffness_at_run_time() -> None:
 
 def request_of(parameters: dict[str, tuple[int, ...]] | None = None) -> ModelRequest:
     return ModelRequest((), parameters=parameters or {}, formulation="rigid_bar")
+
+
+def test_repeated_bars_are_found_in_every_set_that_free_nodes_join() -> None:
+    place = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 5, 0], [1, 5, 0], [0, 6, 0], [9, 9, 9], [9, 9, 8]]
+    ends = [(0, 1), (1, 2), (3, 4), (4, 5), (5, 3), (6, 7)]
+    members = [bar(i, j, float(np.linalg.norm(np.subtract(place[i], place[j]))), 0.0) for i, j in ends]
+    held = {0: "xyz", 2: "xyz", 3: "xyz", 5: "xyz", 6: "xyz"}
+    structure = make_structure(place, members, anchored=held)
+    redundant = find_redundant(structure, np.arange(6))
+    # One of the two collinear bars between anchors, and the bar between two anchors.
+    assert len(redundant) == 2
+    assert redundant[0] in (0, 1)
+    assert redundant[1] == 4

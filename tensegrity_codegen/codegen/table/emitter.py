@@ -12,25 +12,37 @@ from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.quantities import find_quantity
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure import Structure
-from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
+from tensegrity_codegen.symbolic.rigid_bar_check import check_formulation
 
 __all__ = ["TABLE"]
 
-FORMULATION = "node_position"
+FORMULATIONS = ("node_position", "rigid_bar")
+OPTIONS = ("all", "first_order")  # words of options of rigid bars that there are no loops for
 
 
 def _build(structure: Structure | BodySystem, request: ModelRequest) -> TableModel:
-    if isinstance(structure, BodySystem) or request.formulation != FORMULATION:
+    if isinstance(structure, BodySystem) or request.formulation not in FORMULATIONS:
         raise FormulationError(
             "the emitter 'table' has no loops for this formulation",
             where=f"{structure.name}: model.emitter",
             given=f"formulation {request.formulation!r}",
-            allowed=f"formulation {FORMULATION!r}",
+            allowed=" or ".join(f"formulation {name!r}" for name in FORMULATIONS),
             hint='emitter = "unrolled"',
         )
-    check_no_rigid_bar(structure, FORMULATION)
+    check_formulation(structure, request)
+    changed = {
+        k: v for k, v in complete_options(request.formulation, request.options).items() if v in OPTIONS
+    }
+    if changed:
+        raise FormulationError(
+            "the emitter 'table' has rigid bars for statics alone, of bars without stiffness",
+            where=f"{structure.name}: model.options",
+            given=", ".join(f"{key} = {word!r}" for key, word in changed.items()),
+            allowed="the defaults of the options",
+            hint='emitter = "unrolled"',
+        )
     return TableModel(structure, request)
 
 
@@ -40,13 +52,13 @@ def _prune(model: TableModel, quantities: tuple[str, ...]) -> tuple[TableFunctio
 
 def _prune_one(model: TableModel, name: str) -> TableFunction:
     quantity = find_quantity(name)
-    if name not in BUILDERS:
+    if name not in model.quantities:
         raise FormulationError(
             "the emitter 'table' does not serve this quantity",
             where=f"{model.name}: model.quantities",
             given=name,
-            allowed=", ".join(BUILDERS),
-            hint=f'{suggest(name, BUILDERS)}; or emitter = "unrolled"',
+            allowed=", ".join(model.quantities),
+            hint=f'{suggest(name, model.quantities)}; or emitter = "unrolled"',
         )
     function = TableFunction(quantity, BUILDERS[name](model))
     if 0 in function.shape or function.recipe.is_empty:

@@ -5,6 +5,7 @@ What an unrolled expression finds by looking at symbols, this finds by looking a
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -17,6 +18,7 @@ from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.symbolic.arguments import check_parameters, nominal_value
+from tensegrity_codegen.symbolic.formulations.rigid_bar import WORDS
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, frame_structure
 
 __all__ = ["FloatArray", "IntArray", "TableModel"]
@@ -31,14 +33,14 @@ class TableModel:
     Indices are -1 where there is nothing: no coordinate of an anchored node, no argument of a constant.
     """
 
-    formulation = "node_position"
-
     def __init__(self, structure: Structure, request: ModelRequest) -> None:
         check_parameters(request.parameters)
         self.structure = self.subject = structure
         self.name = structure.name
+        self.formulation = request.formulation
+        self.has_rigid_bars = request.formulation == "rigid_bar"
         self.parameters = request.parameters
-        self.words: dict[str, tuple[str, str]] = {}
+        self.words: dict[str, tuple[str, str]] = dict(WORDS) if self.has_rigid_bars else {}
         self.axes = list(structure.axes)
         self.n_axes = len(self.axes)
         self.plan = plan_assembly(structure, request.parameters)
@@ -48,7 +50,11 @@ class TableModel:
     @cached_property
     def frame(self) -> Frame:
         """Frame of the results."""
-        return frame_structure(self.structure)
+        frame = frame_structure(self.structure)
+        if not self.has_rigid_bars:
+            return frame
+        rigid = np.flatnonzero(self.structure.is_rigid)
+        return replace(frame, rigid_bar=tuple(self.structure.member_name[e] for e in rigid))
 
     @cached_property
     def arguments(self) -> dict[str, ModelArgument]:
@@ -78,9 +84,10 @@ class TableModel:
     def quantities(self) -> tuple[str, ...]:
         """Names of all quantities that loops over tables serve."""
         # Imported here: the builders of quantities work on this class.
-        from tensegrity_codegen.codegen.table.quantities import BUILDERS
+        from tensegrity_codegen.codegen.table.quantities import BUILDERS, WITH_RIGID_BARS
 
-        return tuple(BUILDERS)
+        rigid = self.has_rigid_bars
+        return tuple(n for n in BUILDERS if (n in WITH_RIGID_BARS if rigid else n != "spring_tension"))
 
     @property
     def n_coordinates(self) -> int:

@@ -29,7 +29,7 @@ from tensegrity_codegen.codegen.table.stage import Stage
 from tensegrity_codegen.codegen.table.text import Statements
 from tensegrity_codegen.codegen.table.work import ExternalWork
 
-__all__ = ["BUILDERS"]
+__all__ = ["BUILDERS", "WITH_RIGID_BARS"]
 
 
 def _of_members(kernel: str, quantity: str, size: int | None = None) -> Callable[[TableModel], Recipe]:
@@ -130,6 +130,7 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "member_vector": _of_members("vector", "member_vector"),
     "member_length": _of_members("length", "member_length", 1),
     "member_tension": _of_members("tension", "member_tension", 1),
+    "spring_tension": _of_members("static_tension", "spring_tension", 1),
     "force_density": _of_members("density", "force_density", 1),
     "node_force": _node_force,
     "node_residual": _node_residual,
@@ -143,3 +144,10 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "member_extension": _of_members("extension", "member_extension", 1),
     "cable_margin": _cable_margin,
 }
+
+# What loops serve where bars are rigid: all that needs no force of theirs.
+WITH_RIGID_BARS = (
+    *("member_vector", "member_length", "member_extension", "cable_margin", "spring_tension"),
+    *("node_residual", "tangent_stiffness", "elastic_energy", "potential_energy", "kinetic_energy"),
+    *("total_energy", "mass_matrix", "cable_force", "member_law"),
+)

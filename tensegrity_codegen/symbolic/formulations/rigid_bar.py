@@ -95,7 +95,7 @@ class _RigidBar(NodeCoordinates):
             "member_length": members.member_length,
             "member_tension": self.member_tension,
             "force_density": self.force_density,
-            "member_extension": members.member_extension,
+            "member_extension": self.member_extension,
             "cable_margin": members.cable_margin,
             "node_force": self.node_force,
             "elastic_energy": members.elastic_energy,
@@ -241,6 +241,13 @@ class _RigidBar(NodeCoordinates):
     def constraint_residual(self) -> ca.SX:
         lengths = [self.members.lengths[e] for e in self.bars]
         return ca.vertcat(*[length - kept for length, kept in zip(lengths, self.lengths, strict=True)])
+
+    def member_extension(self) -> ca.SX:
+        """Return l - rho; of rigid bars with constant lengths, l minus what it is kept at."""
+        extensions = [law.extension for law in self.members.laws]
+        for b, e in enumerate(() if self.is_corrected else self.bars):
+            extensions[e] = self.members.lengths[e] - self.lengths[b]
+        return ca.vertcat(*extensions)
 
     def consistent_coordinate(self) -> ca.SX:
         return self.constraints.project_position(self.q, self.arguments.position, self.lengths)

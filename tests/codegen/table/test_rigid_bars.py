@@ -1,0 +1,56 @@
+"""Loops over tables with rigid bars: the statics of unrolled code, bit for bit, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.codegen.choose_emitter import settle_emitter
+from tensegrity_codegen.codegen.table.emitter import TABLE
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.equilibrium import equilibrium_quantities
+from tensegrity_codegen.structure import Structure
+from tests.runtime.build import bar, cable, make_structure, prism
+
+STATICS = ModelRequest(equilibrium_quantities("rigid_bar"), formulation="rigid_bar", emitter="auto")
+
+
+def rigid_prism() -> Structure:
+    structure = prism(gravity=(0, 0, -9.81), anchored={0: "xyz"})
+    constant = np.where(structure.is_bar, 0.0, structure.spring_constant)
+    return structure.with_changes(spring_constant=constant)
+
+
+def test_statics_have_the_bits_of_unrolled_code() -> None:
+    structure = rigid_prism()
+    table, unrolled = (
+        build_library(structure, replace(STATICS, emitter=name)).load() for name in ("table", "unrolled")
+    )
+    assert table.manifest.rigid_bar == unrolled.manifest.rigid_bar
+    q = table.nominal("coordinate") * 1.03
+    for name in STATICS.quantities:
+        one, other = (model.compute(name, coordinate=q) for model in (table, unrolled))
+        if name == "tangent_stiffness":
+            one, other = one.toarray(), other.toarray()
+        assert np.array_equal(one, other)
+
+
+def test_large_scenes_take_loops_for_statics_alone() -> None:
+    place = [[float(k), 0, float(k % 2)] for k in range(130)]
+    members = [bar(k, k + 1, 2**0.5, 0.0) if k % 3 == 0 else cable(k, k + 1, 1.0) for k in range(129)]
+    row = make_structure(place, members)
+    assert settle_emitter(row, STATICS)[0].emitter == "table"
+    moving = replace(STATICS, quantities=("acceleration",))
+    assert settle_emitter(row, moving)[0].emitter == "unrolled"
+
+
+def test_what_needs_forces_of_bars_is_refused() -> None:
+    with pytest.raises(FormulationError, match="does not serve"):
+        TABLE.prune(TABLE.build(rigid_prism(), STATICS), ("member_tension",))
+    corrected = replace(STATICS, options={"bars": "all", "correction": "first_order"})
+    with pytest.raises(FormulationError, match="statics alone"):
+        TABLE.build(prism(), corrected)
