@@ -16,6 +16,7 @@ __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 
 FloatArray = NDArray[np.float64]
 
+FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
 MOST_ERROR = 1e-2  # over the longest member and the largest speed: beyond, a result is lost
 
 
@@ -26,21 +27,22 @@ def check_by_doubling(
 
     run: step -> trajectory, with the step that it took. error_estimate: what the difference to a run with
     twice the step says of one of order 2, as where cables go slack, over a hundredth of the longest member in
-    coordinates and of the largest speed in velocities; where that run fails, or the step is the whole time,
-    the whole difference to a run with half the step.
+    coordinates and of the largest speed in velocities; where that is beyond use, or that run fails, or the
+    step is the whole time, the whole difference to a run with half the step.
     """
     found = run(step)
     if found.status != "ok":
         return found
     step = min(step, float(found.time[-1]))  # a longer one was cut to the whole time
-    other = run(2.0 * step)
-    n_evaluations = found.n_evaluations + other.n_evaluations
-    if other.status != "ok" or not _ratio(other, found) > 1.1:
-        other = run(0.5 * step)
+    error, n_evaluations = None, found.n_evaluations
+    for factor in FACTORS:
+        other = run(factor * step)
         n_evaluations += other.n_evaluations
-    error = None
-    if other.status == "ok":
-        error = float(_error(found.state, other.state, _ratio(other, found), float(found.time[-1]), manifest))
+        ratio = _ratio(other, found)
+        if other.status == "ok" and (factor < 1.0 or ratio > 1.1):
+            error = float(_error(found.state, other.state, ratio, float(found.time[-1]), manifest))
+            if error <= 1.0:
+                break
     checked = replace(found, n_evaluations=n_evaluations, error_estimate=error)
     if error is not None and error <= 1.0:
         return checked
@@ -53,8 +55,8 @@ def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manif
     end, is_good = float(found.time[-1]), _is_ok(found)
     step = min(step, end)
     error, n_evaluations = np.full(len(is_good), np.nan), found.n_evaluations.copy()
-    for factor in (2.0, 0.5):
-        is_open = is_good & np.isnan(error)
+    for factor in FACTORS:
+        is_open = is_good & ~(error <= 1.0)
         if not is_open.any():
             break
         other = run(factor * step)
