@@ -1,4 +1,4 @@
-"""From a scene file to a loaded library, in a process of its own: seconds, peak memory, bytes of code.
+"""From a scene file to a loaded library, in a process of its own: seconds, bytes of code.
 
     python benchmarks/large_scene.py STAGES EMITTER
 
@@ -56,7 +56,7 @@ def main() -> None:
 
 
 def build(stages: int, emitter: str, quantities: list[str], started: float) -> dict[str, Any]:
-    """Return seconds since `started`, peak memory [byte] and bytes of the library of that scene."""
+    """Return seconds since `started` and bytes of the library of that scene."""
     from harness.sections import read_sections
 
     from tensegrity_codegen.codegen.cache import Cache
@@ -80,29 +80,7 @@ def build(stages: int, emitter: str, quantities: list[str], started: float) -> d
         "seconds": seconds,
         "code_bytes": sizes[0],
         "table_bytes": sizes[1],
-        **peak_memory(),
     }
-
-
-def read_high_water() -> int:
-    """Return the peak of this program [byte], 0 if unknown; Linux starts ru_maxrss at the parent's."""
-    try:
-        text = Path("/proc/self/status").read_text(encoding="ascii")
-    except OSError:
-        return 0
-    return next((int(line.split()[1]) * 1024 for line in text.splitlines() if line.startswith("VmHWM:")), 0)
-
-
-def peak_memory() -> dict[str, int]:
-    """Return the peak of this process and of its largest child [byte]; their sum bounds all processes."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return {}
-    unit = 1 if sys.platform == "darwin" else 1024
-    own = read_high_water() or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-    child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * unit
-    return {"own_peak": own, "child_peak": child}
 
 
 if __name__ == "__main__":

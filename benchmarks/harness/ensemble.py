@@ -22,12 +22,16 @@ from harness.tools import Tools, Way
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.pipeline import build_library
 
-__all__ = ["COUNT", "LOOP", "QUANTITIES", "STRUCTURE", "list_ensemble_ways", "run_ensemble"]
+__all__ = ["COUNT", "LOOP", "MANY", "PEERS", "QUANTITIES", "STRUCTURE", "list_ensemble_ways", "run_ensemble"]
 
 COUNT = 10_000
+MANY = " x "  # in the name of a structure of which many states are evaluated
 STRUCTURE = "prism"
 QUANTITIES = ("node_force", "elastic_energy", "tangent_stiffness")
 LOOP = "Python loop over a CasADi function"
+MAP_VM, MAP_C = "CasADi map, VM", "CasADi map, C (gcc -O3)"
+NUMBA, JAX = "numba, loop over states", "JAX, jit of vmap"
+PEERS = (LOOP, MAP_VM, MAP_C, NUMBA, JAX)  # that issue 4 names
 FloatArray = NDArray[np.float64]
 
 
@@ -36,7 +40,7 @@ def run_ensemble(session: Session, tools: Tools, ours: Ours, count: int = COUNT)
     problem = make_problem(STRUCTURE)
     for quantity in QUANTITIES:
         ways = list_ensemble_ways(problem, quantity, tools, ours, count)
-        session.compare(f"{STRUCTURE} x {count}", problem.n_members, quantity, ways, (LOOP,))
+        session.compare(f"{STRUCTURE}{MANY}{count}", problem.n_members, quantity, ways, (LOOP,))
 
 
 def list_ensemble_ways(
@@ -61,11 +65,11 @@ def list_ensemble_ways(
     own.append(("Python, one state a call", partial(_call_by_call, problem, quantity, states)))
     others: list[Way] = [
         (LOOP, partial(_casadi_loop, problem, quantity, states)),
-        ("CasADi map, VM", partial(_casadi_map, problem, quantity, states)),
-        ("CasADi map, C (gcc -O3)", partial(_casadi_map_c, problem, quantity, states, tools)),
+        (MAP_VM, partial(_casadi_map, problem, quantity, states)),
+        (MAP_C, partial(_casadi_map_c, problem, quantity, states, tools)),
         ("NumPy, all states at once", partial(make_numpy, problem, quantity, states)),
-        ("numba, loop over states", partial(_numba, problem, quantity, states)),
-        ("JAX, jit of vmap", partial(_jax, problem, quantity, states)),
+        (NUMBA, partial(_numba, problem, quantity, states)),
+        (JAX, partial(_jax, problem, quantity, states)),
     ]
     return [*(("ours", way) for way in own), *(("peer", way) for way in others)]
 
@@ -129,9 +133,7 @@ def _casadi_map(problem: Problem, quantity: str, states: FloatArray) -> Candidat
     buffer.set_arg(0, memoryview(states.reshape(-1)))
     buffer.set_res(0, memoryview(result))
     kept = (mapped, buffer, states, result)
-    return Candidate(
-        "CasADi map, VM", repeat_python(trigger), result[:size].copy, per_call=len(states), kept=kept
-    )
+    return Candidate(MAP_VM, repeat_python(trigger), result[:size].copy, per_call=len(states), kept=kept)
 
 
 def _casadi_map_c(problem: Problem, quantity: str, states: FloatArray, tools: Tools) -> Candidate:
@@ -147,8 +149,7 @@ def _casadi_map_c(problem: Problem, quantity: str, states: FloatArray, tools: To
         raise Unavailable(str(error)) from None
     result = np.zeros(len(states) * size)
     run = tools.runner.casadi(built, whole.name(), states, result)
-    name = "CasADi map, C (gcc -O3)"
-    return Candidate(name, run, result[:size].copy, called="C", per_call=len(states), built=built)
+    return Candidate(MAP_C, run, result[:size].copy, called="C", per_call=len(states), built=built)
 
 
 def _numba(problem: Problem, quantity: str, states: FloatArray) -> Candidate:
@@ -161,7 +162,7 @@ def _numba(problem: Problem, quantity: str, states: FloatArray) -> Candidate:
             one(coordinates[k], out[k])
 
     run = repeat_python(lambda: every(states, result))
-    return Candidate("numba, loop over states", run, lambda: result[0].copy(), per_call=len(states))
+    return Candidate(NUMBA, run, lambda: result[0].copy(), per_call=len(states))
 
 
 def _jax(problem: Problem, quantity: str, states: FloatArray) -> Candidate:
@@ -172,7 +173,7 @@ def _jax(problem: Problem, quantity: str, states: FloatArray) -> Candidate:
     made = time.perf_counter() - started
     run = repeat_python(lambda: function(at).block_until_ready())
     value = lambda: np.asarray(function(at)[0]).reshape(-1)  # noqa: E731
-    return Candidate("JAX, jit of vmap", run, value, per_call=len(states), made=made)
+    return Candidate(JAX, run, value, per_call=len(states), made=made)
 
 
 def _nonzeros(function: ca.Function, state: FloatArray) -> FloatArray:

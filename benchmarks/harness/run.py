@@ -17,6 +17,7 @@ from harness.acceptance import Evidence, judge
 from harness.ensemble import run_ensemble
 from harness.floor import measure_floor
 from harness.machine import all_cores, describe_machine
+from harness.memory import run_watched
 from harness.ours import AUTO, Ours
 from harness.report import Report, write_report
 from harness.session import Session
@@ -68,17 +69,17 @@ def run_all(plan: Plan, console: Console | None = None) -> Report:
 
 
 def measure_large(stages: int) -> Mapping[str, Any]:
-    """Return what large_scene.py printed, or {"error": why it did not end well}."""
+    """Return what large_scene.py printed and the peak of its processes, or {"error": why there is none}."""
     command = [sys.executable, str(SCRIPTS / "large_scene.py"), str(stages), AUTO]
     try:
         with all_cores():
-            done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LARGE_LIMIT)
+            done = run_watched(command, LARGE_LIMIT)
     except subprocess.TimeoutExpired:
         return {"error": f"not ready within {LARGE_LIMIT:.0f} s"}
     if done.returncode:
         return {"error": (done.stderr.strip().splitlines() or ["no message"])[-1][:200]}
     answer: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return answer
+    return answer | {"peak": done.peak}
 
 
 def list_scripts() -> list[str]:

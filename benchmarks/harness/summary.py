@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from harness.ensemble import MANY
 from harness.session import Row
 from harness.tables import number
 
-__all__ = ["MANY", "pivot_cells", "rate_cells", "summary_sections"]
+__all__ = ["pivot_cells", "rate_cells", "summary_sections"]
 
-MANY = " x "  # in the name of a structure of which many states are evaluated
 Cells = list[list[str]]
 
 

@@ -179,6 +179,7 @@ def _function_context(
         "arguments": [arguments[name] for name in function.arguments],
         "input_size": max((arguments[name]["size"] for name in function.arguments), default=0),
         "is_checked": spec.quantity in bodies.checked,
+        "is_settled": spec.quantity in bodies.settled,
         "lines": bodies.statements[spec.quantity],
         "casadi_pattern": _casadi_pattern(function) if has_casadi_abi else [],
     }

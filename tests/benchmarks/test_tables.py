@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from harness import ensemble
 from harness.acceptance import Evidence, Line, judge
 from harness.candidate import Timing
 from harness.floor import Floor, from_throughput
@@ -122,3 +123,20 @@ def test_what_no_emitter_serves_fails() -> None:
     found = evidence(30.0, 100.0)
     batch = next(line for line in judge(found) if "batch of 8, a structure" in line.asked)
     assert batch.holds is False
+
+
+@pytest.mark.parametrize(("ns", "holds"), [(6.0, True), (60.0, False)])
+def test_many_states_stand_beside_every_peer(ns: float, holds: bool) -> None:
+    found = evidence(30.0, 100.0)
+    rows = [
+        Row("prism x 9", 12, "node_force", name, "peer", ns=10.0 + k) for k, name in enumerate(ensemble.PEERS)
+    ]
+    found.session.rows.extend(rows)
+    found.session.rows.append(Row("prism x 9", 12, "node_force", "C, lanes", "ours", ns=ns))
+    line = next(line for line in judge(found) if line.asked.startswith("prism x 9, node_force"))
+    assert line.holds is holds
+    assert line.measured.startswith(f"{1e9 / ns:,.0f} C, lanes")
+    assert all(name in line.measured for name in ensemble.PEERS)
+    del found.session.rows[-2]
+    line = next(line for line in judge(found) if line.asked.startswith("prism x 9, node_force"))
+    assert (line.holds, line.measured) == (None, f"not measured: {ensemble.PEERS[-1]}")

@@ -21,6 +21,8 @@ from tests.codegen.subjects import all_parameters, everything, offered
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.compare import dense, run_in_casadi
 from tests.random_structures import make_structure, structures
+from tests.runtime.build import cable, prism
+from tests.runtime.build import make_structure as node_structure
 
 SLOW = settings(max_examples=6, deadline=None, suppress_health_check=list(HealthCheck))
 EVERY_WISH = ("gravity", "damping", "loads", "velocity", "anchors", "bar_mass", "inputs", "slack")
@@ -103,6 +105,34 @@ def test_coincident_nodes_are_reported_and_give_nan(flags: str) -> None:
         status, result = raw_call(model, quantity)
         assert status == "non_finite_result"
         assert np.isnan(result).all()
+
+
+def slack_net(n_nodes: int, load: float = 0.0) -> Structure:
+    """Cables alone, all slack: whatever a coordinate is, they do not pull."""
+    rng = np.random.default_rng(8)
+    members = [cable(k, (k + 1) % 5, 100.0) for k in range(5)]
+    return node_structure(rng.normal(size=(n_nodes, 3)), members, load={0: (load, 0.0, 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("structure", "settled"),
+    [(prism(150.0), True), (slack_net(5), True), (slack_net(6), False), (slack_net(5, 1e300), False)],
+)
+def test_sums_over_members_miss_no_argument_and_no_result(structure: Structure, settled: bool) -> None:
+    wanted = ("node_residual", "node_force", "tangent_stiffness")
+    request = ModelRequest(wanted, emitter="lanes")
+    lanes = build(structure, request)
+    plain = build(structure, replace(request, emitter="unrolled"))
+    assert ("pack_is_below(spread + pulled" in source_of(structure, request)) == settled
+    for quantity in wanted:
+        assert lanes.function(quantity).arguments == ("coordinate",)
+        for entry in range(lanes.nominal("coordinate").size):
+            for value in (np.nan, np.inf, -np.inf, 1e99, 1e120, 1e160, -1e308, 1e-160, 5e-324):
+                changed = lanes.nominal("coordinate")
+                changed.flat[entry] = value
+                found, expected = (raw_call(model, quantity, coordinate=changed) for model in (lanes, plain))
+                assert found[0] == expected[0], (quantity, entry, value)
+                np.testing.assert_array_equal(found[1], expected[1])
 
 
 def test_a_stiffness_too_large_to_add_up_is_looked_at_entry_by_entry() -> None:

@@ -1,10 +1,12 @@
-"""C statements of stiffness matrices: blocks of four members at a time, then plain sums of their entries."""
+"""C statements of stiffness matrices: blocks of four members at a time, then sums of their columns."""
 
 from __future__ import annotations
 
 import casadi as ca
 
+from tensegrity_codegen.codegen.lanes.columns import write_columns
 from tensegrity_codegen.codegen.lanes.force import ForceLines, Kernels
+from tensegrity_codegen.codegen.lanes.settled import is_settled
 from tensegrity_codegen.codegen.printer import print_body
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
@@ -22,7 +24,10 @@ class BlockLines(ForceLines):
 
     def __init__(self, parts: NodePosition, function: PrunedFunction, kernels: Kernels) -> None:
         nodes = list(parts.map.coordinate_nodes())
-        super().__init__(parts, nodes, function.arguments, True, kernels, has_forces=False)
+        settled = is_settled(parts, function.arguments)
+        super().__init__(
+            parts, nodes, function.arguments, True, kernels, has_forces=False, is_settled=settled
+        )
         self.function = function
 
     def lines(self) -> list[str]:
@@ -40,12 +45,18 @@ class BlockLines(ForceLines):
                 f"total = total + LANES_SUM({low}, {high});",
             ]
             place |= {e: (number, lane) for lane, e in enumerate(quad)}
-        start = "lanes_pack total = pack_all(0.0);"
-        finite = f"return pack_is_below(total, {SAFE}) || all_finite({self.function.quantity.name}, "
-        end = f"{finite}{self.function.sparsity.nnz()});"
-        return [*self._tables, *self.given.lines(), start, *self._lines, *self._sums(place), end]
+        start = ["lanes_pack total = pack_all(0.0);", *self._sums_begin()]
+        finite = f"all_finite({self.function.quantity.name}, {self.function.sparsity.nnz()})"
+        end = f"return pack_is_below(total, {SAFE}) || {finite};"
+        if self.is_settled:
+            end = f"return pack_is_below(total + spread, {SAFE});"
+        return [*self._tables, *self.given.lines(), *start, *self._lines, *self._sums(place), end]
 
     def _sums(self, place: dict[int, tuple[int, int]]) -> list[str]:
+        name, sparsity = self.function.quantity.name, self.function.sparsity
+        return write_columns(self.parts, sparsity, name, place) or self._sums_of_entries(place)
+
+    def _sums_of_entries(self, place: dict[int, tuple[int, int]]) -> list[str]:
         members = list(place)
         entry = ca.SX.sym("entry", TRIANGLE, len(members))
         blocks = {e: _symmetric(entry[:, k]) for k, e in enumerate(members)}

@@ -15,6 +15,7 @@ from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.lanes.blocks import BlockLines
 from tensegrity_codegen.codegen.lanes.force import ForceLines
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, DensityKernel, KernelKind, build_kernel
+from tensegrity_codegen.codegen.lanes.settled import BOUND, is_settled
 from tensegrity_codegen.codegen.printer import print_body
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
 from tensegrity_codegen.codegen.render import render
@@ -44,19 +45,24 @@ def _write(model: SymbolicModel, functions: tuple[PrunedFunction, ...], precisio
     parts = model.parts
     if not isinstance(parts, NodePosition) or len(parts.structure.axes) != 3 or precision.name != "double":
         return plain
-    kernels = _Kernels()
+    kernels, settled = _Kernels(), set[str]()
     statements = dict(plain.statements)
     for function in functions:
         name = function.quantity.name
         if name in FORCE_QUANTITIES or name in BLOCKS:
             lanes, scalar = _force_function(parts, function, kernels), list(plain.statements[name])
             if name in CHECKED:
-                scalar.append(f"return all_finite({name}, {function.sparsity.nnz()});")
+                finite = f"all_finite({name}, {function.sparsity.nnz()})"
+                if is_settled(parts, function.arguments):
+                    settled.add(name)
+                    finite += f" && all_finite(coordinate, {function.function.nnz_in(0)})"
+                scalar.append(f"return {finite};")
             statements[name] = ["#if defined(TENSEGRITY_LANES)", *lanes, "#else", *scalar, "#endif"]
     if not kernels.made:
         return plain
     preamble = render("lanes.c", {"kernels": list(kernels.made.values()), "has_blocks": False}).splitlines()
-    return Bodies(statements, [*plain.preamble, *preamble], plain.checked | CHECKED.intersection(statements))
+    checked = CHECKED.intersection(statements) - settled
+    return Bodies(statements, [*plain.preamble, *preamble], checked, frozenset(settled))
 
 
 class _Kernels:
@@ -73,20 +79,23 @@ class _Kernels:
 
 def _force_function(parts: NodePosition, function: PrunedFunction, kernels: _Kernels) -> list[str]:
     name, n_nodes = function.quantity.name, parts.structure.n_nodes
+    settled = name in CHECKED and is_settled(parts, function.arguments)
     if name in BLOCKS:
         return BlockLines(parts, function, kernels).lines()
     if name == "node_residual":
         places = parts.map.coordinate_nodes()
-        nodes, rest = list(places), _store(name, places)
+        nodes, rest = list(places), _store(name, places, settled)
     elif name == "node_force":
         nodes = list(range(n_nodes))
-        rest = _store(name, {node: [(3 * node + k, k) for k in range(3)] for node in nodes})
+        rest = _store(name, {node: [(3 * node + k, k) for k in range(3)] for node in nodes}, settled)
     else:
         nodes, rest = _from_force(parts, function)
-    return [*ForceLines(parts, nodes, function.arguments, FORCE_QUANTITIES[name], kernels).lines(), *rest]
+    is_static = FORCE_QUANTITIES[name]
+    forces = ForceLines(parts, nodes, function.arguments, is_static, kernels, is_settled=settled)
+    return [*forces.lines(), *rest]
 
 
-def _store(result: str, places: Mapping[int, list[tuple[int, int]]]) -> list[str]:
+def _store(result: str, places: Mapping[int, list[tuple[int, int]]], settled: bool) -> list[str]:
     """Return statements that hand out node forces; places: node -> (place in the result, axis), ascending.
 
     A node's vector of four is stored whole where the next node's follows and overwrites the fourth.
@@ -101,6 +110,8 @@ def _store(result: str, places: Mapping[int, list[tuple[int, int]]]) -> list[str
             continue
         lines += [f"double part{node}[4];", f"xyz_store(part{node}, force{node});"]
         lines += [f"{result}[{place}] = part{node}[{axis}];" for place, axis in entries]
+    if settled:
+        return [*lines, f"return pack_is_below(spread + pulled, {BOUND});"]
     return [*lines, *_check_finite(places)]
 
 

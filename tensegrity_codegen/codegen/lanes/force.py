@@ -30,7 +30,8 @@ class ForceLines:
     """The statements of one function up to node vectors force0, force1, ...
 
     parts: expressions of the structure; nodes: those whose force is wanted; arguments: names of what the
-    function takes; is_static: forces without damping; kernels: gives the C function of a kind of members.
+    function takes; is_static: forces without damping; kernels: gives the C function of a kind of members;
+    is_settled: the statements add up `spread` and `pulled`, see codegen.lanes.settled.
     """
 
     parts: NodePosition
@@ -39,6 +40,7 @@ class ForceLines:
     is_static: bool
     kernels: Kernels
     has_forces: bool = True
+    is_settled: bool = False
     _tables: list[str] = field(default_factory=list)
     _lines: list[str] = field(default_factory=list)
 
@@ -61,6 +63,7 @@ class ForceLines:
         self._nodes()
         quads = {e: quad for kind in self._kinds() for quad in kind for e in quad}
         done: set[tuple[int, ...]] = set()
+        later: list[str] = []
         plan = self.parts.members.plan
         for e, end in plan.ends.tolist():
             node = int(self.structure.connectivity[e, end])
@@ -70,8 +73,12 @@ class ForceLines:
             if quad not in done:
                 self._quad(len(done), quad)
                 done.add(quad)
-            self._lines.append(f"force{node} = xyz_{'plus' if end else 'minus'}(force{node}, pull{e});")
-        return [*self._tables, *self.given.lines(), *self._lines]
+            later.append(f"force{node} = xyz_{'plus' if end else 'minus'}(force{node}, pull{e});")
+        return [*self._tables, *self.given.lines(), *self._sums_begin(), *self._lines, *later]
+
+    def _sums_begin(self) -> list[str]:
+        names = ("spread", "pulled")[: 1 + self.has_forces] if self.is_settled else ()
+        return [f"lanes_pack {name} = pack_all(0.0);" for name in names]
 
     def _fold_stiffness(self, e: int) -> None:
         """Let mu = k + EA / rho stand for both where it is a number."""
@@ -119,6 +126,9 @@ class ForceLines:
     def _quad(self, number: int, quad: tuple[int, ...]) -> None:
         """Work out the pulls of up to four members."""
         self._density(number, self._lanes(number, quad, "density"))
+        if self.is_settled:
+            low, high = (f"pack_size(LANES_{half}(density_{number}))" for half in ("LOW", "HIGH"))
+            self._lines.append(f"pulled = pulled + LANES_SUM({low}, {high});")
         for k, e in enumerate(quad):
             self._lines.append(f"const lanes_xyz pull{e} = XYZ_TIMES(density_{number}, {k}, d{e});")
 
@@ -135,6 +145,12 @@ class ForceLines:
             if RATES[0] in kernel.parameters:
                 self._lines.append(f"const lanes_xyz rate{e} = xyz_minus(velocity{i}, velocity{j});")
         self._split(number, AXES, "d", members)
+        if self.is_settled:
+            low, high = (
+                f"pack_square({', '.join(f'LANES_{half}({axis}_{number})' for axis in AXES)})"
+                for half in ("LOW", "HIGH")
+            )
+            self._lines.append(f"spread = spread + LANES_SUM({low}, {high});")
         if RATES[0] in kernel.parameters:
             self._split(number, RATES, "rate", members)
         for name in kernel.parameters:
