@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.choice import choose_method
 from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.integration import Progress
+from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.run_end import MOST_STEPS
@@ -24,6 +25,7 @@ __all__ = ["integrate_auto"]
 
 FloatArray = NDArray[np.float64]
 
+PASSING_KINKS = 0.7  # of the difference of two runs of radau counts: it does not end steps at kinks
 FAR = 1e5  # from the origin, over the size of the structure
 NEAR = ("node_position", "rigid_bar")  # formulations in which positions are coordinates
 
@@ -54,10 +56,10 @@ def integrate_auto(
     span = float(sample_time[1]), float(sample_time[-1])
     choice = choose_method(model, state, span, rtol, atol, given, watches=watch is not None or bool(keep))
 
-    def explicit(name: str) -> RawTrajectory:
+    def explicit(name: str, most: int = max_steps) -> RawTrajectory:
         return tighten_until_converged(
             lambda r, a: integrate_adaptive(
-                name, model, state, sample_time, r, a, given, progress, watch, max_steps=max_steps, keep=keep
+                name, model, state, sample_time, r, a, given, progress, watch, max_steps=most, keep=keep
             ),
             rtol,
             atol,
@@ -73,15 +75,18 @@ def integrate_auto(
     def run(step_rtol: float, step_atol: float) -> RawTrajectory:
         raw = integrate_radau(
             model, smooth, sample_time, step_rtol, step_atol, given, progress,
-            quiet=choice.quiet, max_steps=max_steps,
+            quiet=choice.quiet, max_steps=min(max_steps, choice.most_steps),
         )  # fmt: skip
-        return raw if vibration is None else _with_vibration(raw, state, vibration, span)
+        if vibration is None:
+            return raw
+        jumps = bound_jumps(model, raw, raw.tension_member, choice.frequency, given)
+        return _with_vibration(raw, state, vibration, span, jumps)
 
-    found = tighten_until_converged(run, rtol, atol, _left_out)
+    found = tighten_until_converged(run, rtol, atol, _left_out, trust=PASSING_KINKS)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
         return _tell(found, choice.why, rtol, atol)
     if choice.otherwise:
-        other = explicit(choice.otherwise)
+        other = explicit(choice.otherwise, min(max_steps, choice.most_otherwise))
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
     return _advise(_tell(found, choice.why, rtol, atol), model)
@@ -102,14 +107,17 @@ def _advise(raw: RawTrajectory, model: CompiledModel) -> RawTrajectory:
 
 
 def _with_vibration(
-    raw: RawTrajectory, start: FloatArray, vibration: Vibration, span: tuple[float, float]
+    raw: RawTrajectory,
+    start: FloatArray,
+    vibration: Vibration,
+    span: tuple[float, float],
+    jumps: tuple[float, float],
 ) -> RawTrajectory:
     """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
     position, speed = vibration.error(*span)
     added = vibration.add_to(raw, start)
-    return replace(
-        added, evidence={**raw.evidence, "vibration_error": position, "vibration_speed_error": speed}
-    )
+    errors = {"vibration_error": position + jumps[0], "vibration_speed_error": speed + jumps[1]}
+    return replace(added, evidence={**raw.evidence, **errors})
 
 
 def _left_out(raw: RawTrajectory) -> FloatArray:

@@ -30,8 +30,11 @@ LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8
 JUMPS_LOOSE = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
 RADAU_STEP = 1.5  # time of a step of radau over that of one of rk853
 MOST_EXPLICIT = 100_000  # steps, at most, where radau misses the tolerance
-ROUNDING = 2e-18  # of positions, in velocities that steps still hold
+ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 STIFF = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
+LARGEST = 2**62
+MOST_ROUND = 10  # times the estimate, that steps of a tightened run may be
+FEWEST = 2_000  # steps that radau may take even where the explicit method needs no more
 NODES = ("node_position", "rigid_bar")  # formulations that radau knows
 
 
@@ -39,14 +42,19 @@ NODES = ("node_position", "rigid_bar")  # formulations that radau knows
 class Choice:
     """A method, a sentence that says why, and the one to take where it fails.
 
-    noise: what rounding of positions makes of velocities [m/s], below which no step can be held; quiet:
-    amplitude [m] of vibrations that radau takes along smoothly; vibration: these, as far as known.
+    noise: what rounding of positions makes of velocities [m/s], below which no step can be held; frequency:
+    bound of the fastest vibration [rad/s]; most_steps: of a run of radau, before the other method has its
+    turn, and most_otherwise of that one; quiet: amplitude [m] of vibrations that radau takes along smoothly;
+    vibration: these, as far as known.
     """
 
     name: str
     why: str
     otherwise: str = ""
     noise: float = 0.0
+    frequency: float = 0.0
+    most_steps: int = LARGEST
+    most_otherwise: int = LARGEST
     quiet: float = 0.0
     vibration: Vibration | None = None
 
@@ -62,6 +70,8 @@ def wanted_integrators(structure: Structure | None, formulation: str, rtol: floa
     stiff = ~structure.tension_only & (mu > 0) & free[structure.connectivity].any(axis=1)
     soft = float(mu[structure.tension_only].max(initial=0.0))
     is_stiff = formulation in NODES and bool(np.any(mu[stiff] >= STIFF * soft))
+    if is_stiff and rtol <= LOOSE:
+        explicit = "rk853"  # vibrations take most steps, not jumps
     return (explicit, "radau") if is_stiff else (explicit,)
 
 
@@ -104,12 +114,14 @@ def _weigh(
     """Return radau or the explicit method, whichever takes less for these rates."""
     first, last = span
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    explicit = replace(explicit, noise=ROUNDING * size * rates.frequency)
+    explicit = replace(explicit, noise=ROUNDING * size * rates.frequency, frequency=rates.frequency)
     steps = _explicit_steps(rates.frequency, rates.decay, last, rtol)
     told = f"bars {rates.stiffness_ratio:.2g} times as stiff as cables"
     if steps <= CHEAP:
         why = f"{explicit.why}; {told}, whose vibration about {steps:.2g} steps resolve"
         return replace(explicit, why=why)
+    if rtol <= LOOSE and any(spec.name == "rk853" for spec in model.manifest.integrators):
+        explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
     slow = RADAU_STEP * _radau_steps(rates.slow_frequency, rates.slow_decay, last, rtol)
     if slow >= steps:
         return replace(explicit, why=f"{explicit.why}; cables or their damping set the steps, not bars")
@@ -129,6 +141,8 @@ def _weigh(
         name="radau",
         why=why,
         otherwise=explicit.name if steps <= MOST_EXPLICIT else "",
+        most_steps=int(FEWEST + steps / RADAU_STEP) if steps <= MOST_EXPLICIT else LARGEST,
+        most_otherwise=int(FEWEST + MOST_ROUND * steps),
         quiet=vibration.other[0],
         vibration=vibration,
     )

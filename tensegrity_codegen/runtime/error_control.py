@@ -31,6 +31,7 @@ def tighten_until_converged(
     left_out: LeftOut | None = None,
     *,
     least_atol: float = 0.0,
+    trust: float = 0.0,
 ) -> RawTrajectory:
     """Return a run whose estimated error is within atol + rtol |x| at every sample, component by component.
 
@@ -42,7 +43,8 @@ def tighten_until_converged(
 
     left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
     those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
-    which the steps' absolute tolerance does not go; where it stays s counts as 1.
+    which the steps' absolute tolerance does not go; where it stays the whole difference counts. trust: the
+    part of a difference that counts at least, for methods that pass over kinks.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
         return _beyond_rounding(run, rtol, atol)
@@ -55,6 +57,7 @@ def tighten_until_converged(
             return _give_up(previous, error, previous.message)
         shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
         shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
+        shrink = 0.1 if atol * factor <= least else shrink  # rounding is near
         expected = n_evaluations + previous.n_evaluations * shrink ** (-1.0 / ORDER)
         if expected * previous.state.shape[1] > MOST_WORK:
             why = f"a run with steps of rtol = {rtol * factor * shrink:.3g} would take too long to wait for"
@@ -73,15 +76,16 @@ def tighten_until_converged(
             return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
         off = left_out(finer) if left_out else np.zeros(finer.state.shape[1])
         trusted = max(shrink, max(atol * factor, least) / before)
-        error = _difference(previous, finer, rtol, atol, off) * min(1.0 / 3.0, 3.0 * trusted)
-        at_floor = factor * rtol <= TIGHTEST_RTOL
+        part = min(1.0 / 3.0, 3.0 * trusted) if atol * factor > least else 1.0
+        error = _difference(previous, finer, rtol, atol, off) * max(part, trust)
+        at_floor = factor * rtol <= TIGHTEST_RTOL or atol * factor <= least
         if error <= (MOST_OF_TOLERANCE if at_floor else 1.0):
             error += _share(finer, rtol, atol, off)
             message = f"{finer.message}; estimated error {error:.2g} of the tolerance"
             return replace(
                 finer, method=_name(finer), message=message, error_estimate=error, n_evaluations=n_evaluations
             )
-        if at_floor:
+        if factor * rtol <= TIGHTEST_RTOL:
             return _give_up(finer, error, "rounding keeps the runs apart")
         previous = finer
     return _give_up(previous, error, f"{MOST_ROUNDS} rounds did not come together")

@@ -5,7 +5,7 @@ A stiff member whose ends no other one shares stretches by s beyond what its smo
     s'' + c w s' + mu w s = 0,    w = g H^-1 g^T,    its ends move by H^-1 g^T s / w
 
 with g the row of its directions. w is constant, so that s(t) is a damped cosine; its phase after the time t
-is off by what slow members and turning add to the frequency, at most t (frequency of these)^2 / (2 omega).
+is off by what slow members at its ends and turning add to the frequency, and its size by their damping.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ def find_vibration(
     """Return how the members `stiff` vibrate at this state about their smooth motion."""
     n = len(state) // 2
     q, v, members = state[:n], state[n:], np.array(stiff, dtype=np.int64)
-    law = np.asarray(model.compute("member_law", **arguments))[members]
+    every = np.asarray(model.compute("member_law", **arguments))
+    law = every[members]
     mass = sparse.csr_array(model.compute("mass_matrix", **arguments))
     ends, offset = _coordinates(model, members), law[:, 3:]
     vector, moving = _vectors(q, ends, offset), _vectors(v, ends, np.zeros_like(offset))
@@ -142,7 +143,8 @@ def find_vibration(
     decay = 0.5 * c * mobility
     slowest = omega**2 / np.maximum(omega, decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0)))
     fading = np.where(decay < omega, decay, slowest)
-    slow = rates.slow_frequency**2 + rates.slow_decay * omega + 3.0 * square / length**2
+    stiffness, damping = _slow_parts(model, members, every, share)
+    drift = (0.5 * stiffness * mobility + 1.5 * square / length**2) / omega + 0.5 * damping * mobility
     return Vibration(
         column=np.flatnonzero(alone),
         law=np.stack([mu, c, omega], axis=1)[alone],
@@ -151,9 +153,31 @@ def find_vibration(
         share=share[alone],
         stretch=stretch[alone],
         rate=along[alone],
-        drift=(slow / (2.0 * omega))[alone],
+        drift=drift[alone],
         other=(float(others[0]), float(others[1]), float(fading[elastic & ~alone].min(initial=np.inf))),
     )
+
+
+def _slow_parts(
+    model: CompiledModel, members: IntArray, law: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return by how much slow members at the ends of each stiff one stiffen and damp its vibration at most.
+
+    An end that moves by its share stretches a member there by no more; (a + b)^2 <= 2 (a^2 + b^2) where one
+    joins both ends.
+    """
+    ends = np.array(model.manifest.connectivity, dtype=np.int64)
+    is_slow = np.ones(len(ends), dtype=bool)
+    is_slow[members] = False
+    pairs = {frozenset(pair) for pair in ends[is_slow].tolist()}
+    twice = np.array([2.0 if frozenset(pair) in pairs else 1.0 for pair in ends[members].tolist()])
+    found = []
+    for column in (1, 2):
+        total = np.zeros(len(model.manifest.node_name))
+        for end in (0, 1):
+            np.add.at(total, ends[is_slow, end], law[is_slow, column])
+        found.append(twice * np.sum(share**2 * total[ends[members]], axis=1))
+    return found[0], found[1]
 
 
 def _coordinates(model: CompiledModel, members: IntArray) -> IntArray:

@@ -169,3 +169,35 @@ def test_steps_without_number_are_refused_or_end_at_the_limit() -> None:
     for count in (0, -1, 2**60):
         with pytest.raises(InvalidValueError, match="max-steps"):
             simulate(model, 1.0, max_steps=count)
+
+
+def spinning(ratio: float) -> Structure:
+    """A prism whose ends turn against each other, with damped cables that go slack and taut with a jump."""
+    structure = prism(140.0, bar_stiffness=100.0 * ratio, strain=-0.05)
+    place = structure.node_position
+    turn = np.column_stack([-place[:, 1], place[:, 0], 0.3 * np.ones(6)])
+    velocity = 3.0 * turn * np.array([[1.0]] * 3 + [[-1.0]] * 3)
+    for i, j in structure.connectivity[structure.is_bar]:
+        along = (place[i] - place[j]) / np.linalg.norm(place[i] - place[j])
+        half = 0.5 * along * ((velocity[i] - velocity[j]) @ along)
+        velocity[i] -= half
+        velocity[j] += half
+    return structure.with_changes(node_velocity=velocity, damping=np.where(structure.is_bar, 0.0, 5.0))
+
+
+@pytest.mark.parametrize("ratio", [1e5, 1e6])
+def test_jumps_of_damped_cables_keep_the_error_within_ten_tolerances(ratio: float) -> None:
+    found, exact = run(spinning, ratio), run(spinning, ratio, "rk853", 1e-11)
+    assert found.status == "ok"
+    assert np.any(exact.member_tension == 0.0)
+    assert worst(found, exact)[0] <= found.error_estimate
+    if "vibration_speed_error" not in found.evidence:
+        assert worst(found, exact)[1] <= 10.0
+
+
+def test_what_damped_cables_excite_counts_in_what_radau_leaves_out() -> None:
+    found = run(spinning, 1e9)
+    assert (found.status, found.method[:11]) == ("ok", "auto (radau")
+    assert found.evidence["vibration_error"] > 1e-11
+    exact, _ = move_rigidly(spinning(1e9), found.time)
+    assert np.max(np.abs(found.coordinate - exact) / (ATOL + RTOL * np.abs(exact))) <= 10.0
