@@ -30,6 +30,7 @@ RADAU_QUANTITIES = ("cable_force", "member_law", "mass_matrix")
 COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
 MOST_ITERATIONS = 10
 NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
+LEAST_RATIO = 0.02  # that corrections are taken to shrink by
 RESOLVED = 25.0  # (h omega)^2 of a member's vibration from which on a step does not resolve it
 NOWHERE = 2**30
 
@@ -124,6 +125,7 @@ def radau_context(
         "counts": COUNTS,
         "most_iterations": MOST_ITERATIONS,
         "newton_share": NEWTON_SHARE,
+        "least_ratio": LEAST_RATIO,
         "resolved": RESOLVED,
         "kernels": {name: functions[name].arguments for name in RADAU_QUANTITIES},
     }

@@ -137,6 +137,17 @@ def test_the_observed_order_is_five_where_steps_resolve_the_springs(
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.35)
 
 
+def test_what_newtons_method_leaves_is_small_beside_the_tolerance() -> None:
+    """Where steps resolve the springs, their own errors are a few hundredths of the tolerance."""
+    model, time = compiled(spring_pendulum()), np.array([0.0, 0.3])
+    exact = simulate(model, 0.3, samples=2, method="rk853", rtol=1e-13, atol=1e-14).coordinate[-1]
+    tolerances = (1e-6, 1e-8, 1e-10)
+    found = [run(model, tolerance, time) for tolerance in tolerances]
+    for tolerance, raw in zip(tolerances, found, strict=True):
+        assert np.abs(positions(raw)[-1] - exact).max() < 0.03 * tolerance
+    assert found[-1].evidence["iterations"] < 3.5 * found[-1].evidence["accepted"]
+
+
 @pytest.mark.parametrize("ratio", [1e1, 1e2, 1e3])
 def test_it_agrees_with_an_explicit_method_at_low_stiffness(ratio: float) -> None:
     exact = explicit(prism_of_ratio, ratio, 0.5, 11)
