@@ -84,14 +84,21 @@ class Parts:
         bars = set(self.groups["bars"])
         return points, pairs, [name in bars for name in self.members]
 
-    def document(self, prestress: float | None, where: str) -> dict[str, Any]:
+    def document(
+        self, prestress: float | None, where: str, shares: Sequence[float] | None = None
+    ) -> dict[str, Any]:
         """Return the document; with `prestress` [N] every member carries its self-stress tension.
 
-        Raises StructureError where the free structure has no unique self-stress with taut cables.
+        shares: tensions of all members over the largest one of a cable, where they are known already. Raises
+        StructureError where the free structure has no unique self-stress with taut cables.
         """
         if prestress is not None:
             points, pairs, is_bar = self.geometry()
-            tension = find_selfstress(points, pairs, is_bar, prestress, where)
+            tension = (
+                [prestress * share for share in shares]
+                if shares is not None
+                else find_selfstress(points, pairs, is_bar, prestress, where)
+            )
             for member, value in zip(self.members.values(), tension, strict=True):
                 member["prestress"] = value
         groups = {name: members for name, members in self.groups.items() if members}

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tensegrity_codegen.errors import StructureError
+from tensegrity_codegen.scene.shapes.long_tower import find_bar_runs, find_long_twist, find_run_tensions
 from tensegrity_codegen.scene.shapes.parts import (
     Anchored,
     Angle,
@@ -43,6 +44,7 @@ from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 __all__ = ["MOST_STAGES_FOR_TWIST", "TowerShape", "find_tower_twist"]
 
 MOST_STAGES_FOR_TWIST = 30
+_KNOWN_STAGES = (8, 16)  # of the towers that a longer one's twist is followed from
 _SCAN_RANGE = 45.0  # deg above the prism's twist
 _SCAN_STEP = 0.5  # deg
 
@@ -87,7 +89,10 @@ class TowerShape(ShapeModel):
             twist = selfstress_twist(self.bars)
             if self.prestress is not None and self.stages > 1:
                 twist = find_tower_twist(self, where)
-        return self._parts(twist).document(self.prestress, where)
+        shares = None
+        if self.prestress is not None and self.stages > MOST_STAGES_FOR_TWIST:
+            shares = _find_shares(self, twist, where)
+        return self._parts(twist).document(self.prestress, where, shares)
 
     def _parts(self, twist: float) -> Parts:
         """Return the tower at `twist` [deg]; members come in runs of `bars` equal ones."""
@@ -145,26 +150,58 @@ class TowerShape(ShapeModel):
 def find_tower_twist(tower: TowerShape, where: str = "shape") -> float:
     """Return the twist [deg] at which `tower` has a self-stress with every cable in tension.
 
-    Scans the determinant of the symmetric equilibrium equations from above and bisects its sign changes.
+    Scans the determinant of the symmetric equilibrium equations from above and bisects its sign changes; of
+    more than MOST_STAGES_FOR_TWIST stages it follows that twist from shorter towers, see long_tower.
     Raises StructureError where no such twist is found within 45 deg above the prism's.
     """
+    if tower.stages > MOST_STAGES_FOR_TWIST:
+        known = {k: find_tower_twist(_of_stages(tower, k), where) for k in _KNOWN_STAGES}
+        found = find_long_twist(lambda twist: _four_stages(tower, twist), known, tower.stages)
+        if found is None:
+            raise _no_twist(tower, where)
+        return found
     lowest = selfstress_twist(tower.bars)
-    if tower.stages <= MOST_STAGES_FOR_TWIST:
-        twists = np.arange(lowest + _SCAN_RANGE, lowest, -_SCAN_STEP)
-        signs = [_determinant_sign(tower, twist) for twist in twists]
-        for high, low, sign, following in zip(twists, twists[1:], signs, signs[1:], strict=False):
-            if sign != following:
-                root = _bisect(tower, float(low), float(high), sign)
-                if _is_taut(tower, root):
-                    return root
-    raise StructureError(
+    twists = np.arange(lowest + _SCAN_RANGE, lowest, -_SCAN_STEP)
+    signs = [_determinant_sign(tower, twist) for twist in twists]
+    for high, low, sign, following in zip(twists, twists[1:], signs, signs[1:], strict=False):
+        if sign != following:
+            root = _bisect(tower, float(low), float(high), sign)
+            if _is_taut(tower, root):
+                return root
+    raise _no_twist(tower, where)
+
+
+def _no_twist(tower: TowerShape, where: str) -> StructureError:
+    return StructureError(
         "no twist was found at which this tower has a self-stress with every cable in tension",
         where=f"{where}.prestress",
         given=tower.prestress,
-        allowed=f"up to {MOST_STAGES_FOR_TWIST} stages, and an overlap above 0 that such a twist exists for",
+        allowed="an overlap above 0 that such a twist exists for",
         hint="try 3 bars and an overlap of 0.1 to 0.3; or leave out shape.prestress, give the cable "
         "classes a prestress, and settle the scene with `equilibrium`",
     )
+
+
+def _of_stages(tower: TowerShape, stages: int) -> TowerShape:
+    return tower.model_copy(update={"stages": stages})
+
+
+def _find_shares(tower: TowerShape, twist: float, where: str) -> list[float]:
+    """Return the tensions of all members over the largest one of a cable, in their order.
+
+    Rounded to 13 digits, as in selfstress. Raises StructureError where the twist has no such self-stress.
+    """
+    is_bar = np.zeros(6 * tower.stages - 2, dtype=bool)
+    is_bar[find_bar_runs(tower.stages)] = True
+    tension = find_run_tensions(lambda angle: _four_stages(tower, angle), tower.stages, twist, is_bar)
+    if tension is None:
+        raise _no_twist(tower, where)
+    shares = np.repeat(tension / tension[~is_bar].max(), tower.bars)
+    return [float(f"{value:.12e}") for value in shares]
+
+
+def _four_stages(tower: TowerShape, twist: float) -> NDArray[np.float64]:
+    return _frame_equations(_of_stages(tower, 4), twist)
 
 
 def _bisect(tower: TowerShape, low: float, high: float, sign: float) -> float:
@@ -196,6 +233,11 @@ def _symmetric_equations(tower: TowerShape, twist: float) -> NDArray[np.float64]
     Rows are radial, tangential and axial; the last ring's tangential and axial ones follow from the others
     (balance of moments about z and of forces along z) and are left out.
     """
+    return _frame_equations(tower, twist)[:-2]
+
+
+def _frame_equations(tower: TowerShape, twist: float) -> NDArray[np.float64]:
+    """Return the equations (6k, 6k - 2): three rows a ring, radial, tangential and axial; a column a run."""
     points, pairs, _ = tower._parts(twist).geometry()
     p, position = tower.bars, np.array(points)
     matrix = equilibrium_matrix(position, pairs).reshape(len(points), 3, len(pairs))[::p]
@@ -205,7 +247,7 @@ def _symmetric_equations(tower: TowerShape, twist: float) -> NDArray[np.float64]
     axial = np.tile((0.0, 0.0, 1.0), (len(radial), 1))
     frame = np.stack((radial, tangential, axial), axis=1)
     rows: NDArray[np.float64] = np.einsum("nij,njr->nir", frame, runs).reshape(3 * len(matrix), -1)
-    return rows[:-2]
+    return rows
 
 
 def _node(letter: str, stage: int, number: int, count: int) -> str:
