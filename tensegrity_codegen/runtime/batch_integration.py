@@ -67,18 +67,18 @@ def integrate_batch(
         if progress is not None:
             progress(done / len(groups))
 
-    try:
-        if min(threads, len(groups)) < 2:
-            for done, start in enumerate(groups, 1):
-                integrate(start)
+    if min(threads, len(groups)) < 2:
+        for done, start in enumerate(groups, 1):
+            integrate(start)
+            report(done)
+        return run.result()
+    with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
+        try:
+            for done, _ in enumerate(pool.map(integrate, groups), 1):
                 report(done)
-        else:
-            with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
-                for done, _ in enumerate(pool.map(integrate, groups), 1):
-                    report(done)
-    except BaseException:
-        stop.set()
-        raise
+        except BaseException:
+            stop.set()  # the pool waits for its threads
+            raise
     return run.result()
 
 

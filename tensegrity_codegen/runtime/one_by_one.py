@@ -57,10 +57,14 @@ def simulate_one_by_one(
 
     found: list[Trajectory | tuple[str, str]] = []
     with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
-        for motion in pool.map(run, range(len(state))):
-            found.append(motion)
-            if progress is not None:
-                progress(len(found) / len(state))
+        try:
+            for motion in pool.map(run, range(len(state))):
+                found.append(motion)
+                if progress is not None:
+                    progress(len(found) / len(state))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     return _stack(model, np.linspace(0.0, t_end, samples), found, str(common["method"]))
 
 

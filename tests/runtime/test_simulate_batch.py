@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,26 @@ def test_methods_without_lanes_go_motion_by_motion() -> None:
         np.testing.assert_array_equal(getattr(batch[3], name), getattr(alone, name), err_msg=name)
     again = simulate_batch(model, T_END, threads=3, **given, **run)  # type: ignore[arg-type]
     np.testing.assert_array_equal(batch.node_position, again.node_position)
+
+
+def test_an_interrupt_does_not_wait_for_the_rest(
+    model: CompiledModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[int] = []
+    call = batch_integration._Batch._call
+
+    def slowly(self: Any, rows: slice, *rest: Any) -> int:
+        called.append(rows.start)
+        time.sleep(0.01)
+        return call(self, rows, *rest)
+
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batch_integration._Batch, "_call", slowly)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_batch(model, T_END, coordinate=starts(model, 800), threads=2, progress=interrupt)
+    assert len(called) < 60
 
 
 def test_a_file_holds_all_motions(model: CompiledModel, tmp_path: Path) -> None:
