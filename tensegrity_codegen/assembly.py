@@ -6,7 +6,7 @@ plan, so that all of them return the same bits.
 
 Members of one class obey the same law with the same of its values changeable at run time: one loop, one
 kernel. Within a class, members whose nodes are all free come apart from those that an anchor holds, and those
-of repeated modules come first: their forces are added node by node, those of the others member by member.
+of repeated modules come first: they are added up node by node, the others member by member.
 """
 
 from __future__ import annotations
@@ -99,16 +99,10 @@ class AssemblyPlan:
 
     @cached_property
     def ends(self) -> IntArray:
-        """(2 n_members, 2): (member, end) in the order in which forces add to their nodes."""
+        """(2 n_members, 2): (member, end) in the order in which forces and blocks add to their nodes."""
         modules = [self._ends_of_module(module) for module in self.modules]
         others = [group.ends for group in self.groups if not group.in_module]
         return np.concatenate([np.zeros((0, 2), dtype=np.int64), *modules, *others])
-
-    @cached_property
-    def block_ends(self) -> IntArray:
-        """(2 n_members, 2): (member, end) in the order in which matrix blocks add to those of their nodes."""
-        groups = [group.ends for group in self.groups]
-        return np.concatenate([np.zeros((0, 2), dtype=np.int64), *groups])
 
     def _ends_of_module(self, module: Module) -> IntArray:
         """Return the ends of a module's members column by column: each node adds up strand by strand."""

@@ -75,13 +75,13 @@ def find_modules(ends: IntArray, kind: IntArray, order: IntArray) -> list[Module
     """Return the modules among members, no member in two of them.
 
     ends: (n, 2) nodes; kind: (n,) members of different kinds do not repeat each other, those of a negative
-    kind nothing; order: all nodes in the order in which repetitions are looked for. Modules of one shape come
-    together.
+    kind nothing, nor do those that share both nodes with another; order: all nodes in the order in which
+    repetitions are looked for. Modules of one shape come together.
     """
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     low, high = np.sort(rank[ends], axis=1).T
-    member = np.flatnonzero((kind >= 0) & (low < high))
+    member = np.flatnonzero((kind >= 0) & (low < high) & _is_alone(low * len(order) + high))
     runs = _find_runs(kind, low, high - low, member, len(order))
     by_shape: dict[Shape, list[Module]] = {}
     for first, last, active in _intervals(runs):
@@ -112,16 +112,15 @@ def _find_runs(kind: IntArray, low: IntArray, delta: IntArray, member: IntArray,
     key = (kind * n_nodes + delta) * (2 * n_nodes) + low
     step = _find_step(np.sort(key), low, n_nodes)
     repetition, slot = np.divmod(low, step)
-    twin = _count_equal(key)
-    order = np.lexsort((repetition, slot, twin, delta, kind))
-    columns = np.stack([kind, delta, twin, slot, repetition])[:, order]
+    order = np.lexsort((repetition, slot, delta, kind))
+    columns = np.stack([kind, delta, slot, repetition])[:, order]
     expected = columns[:, :-1].copy()
-    expected[4] += 1
+    expected[3] += 1
     breaks = np.flatnonzero((columns[:, 1:] != expected).any(axis=0)) + 1
     start = np.concatenate([np.zeros(min(1, len(order)), dtype=np.int64), breaks])
     length = np.diff(np.append(start, len(order)))
     start, length = start[length >= LEAST_REPETITIONS], length[length >= LEAST_REPETITIONS]
-    kinds, deltas, _, slots, repetitions = columns[:, start]
+    kinds, deltas, slots, repetitions = columns[:, start]
     return _Runs(step, member[order], start, length, kinds, slots, repetitions, deltas)
 
 
@@ -137,14 +136,11 @@ def _find_step(key: IntArray, low: IntArray, n_nodes: int) -> int:
     return best
 
 
-def _count_equal(key: IntArray) -> IntArray:
-    """Return how many equal keys stand before each."""
-    order = np.argsort(key, kind="stable")
-    ordered = key[order]
-    first = np.searchsorted(ordered, ordered)
-    count = np.empty_like(key)
-    count[order] = np.arange(len(key)) - first
-    return count
+def _is_alone(key: IntArray) -> NDArray[np.bool_]:
+    """Return where a key occurs once."""
+    _, place, count = np.unique(key, return_inverse=True, return_counts=True)
+    alone: NDArray[np.bool_] = count[place.reshape(-1)] == 1
+    return alone
 
 
 def _intervals(runs: _Runs) -> Iterator[tuple[int, int, list[int]]]:

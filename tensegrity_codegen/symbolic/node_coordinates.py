@@ -99,7 +99,7 @@ class NodeCoordinates:
 
     def assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
         """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""
-        return self.map.member_matrix(blocks, self.ends, self.members.plan.block_ends)
+        return self.map.member_matrix(blocks, self.ends, self.members.plan.ends)
 
     def each_member(self) -> Iterable[tuple[int, Member]]:
         """Return index and member of all."""

@@ -60,7 +60,7 @@ class BlockLines(ForceLines):
         members = list(place)
         entry = ca.SX.sym("entry", TRIANGLE, len(members))
         blocks = {e: _symmetric(entry[:, k]) for k, e in enumerate(members)}
-        matrix = self.parts.map.member_matrix(blocks, self.parts.ends, self.parts.members.plan.block_ends)
+        matrix = self.parts.map.member_matrix(blocks, self.parts.ends, self.parts.members.plan.ends)
         wanted = ca.project(matrix, self.function.sparsity)
 
         def text(name: str, k: int) -> str:

@@ -15,6 +15,7 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.member import Member
 from tensegrity_codegen.symbolic.member_blocks import MemberBlocks
+from tensegrity_codegen.symbolic.member_kernel import KERNELS
 
 __all__ = ["BLOCKS", "DensityKernel", "KernelKind", "build_kernel", "build_row_kernel"]
 
@@ -66,7 +67,8 @@ BLOCKS: dict[str, Callable[[Member], MemberBlocks]] = {
 class KernelKind:
     """Which values a law takes, and who pulls only: all members of a pack, none, or (`is_mixed`) some.
 
-    values: those of VALUES that are not zero for all members; result: "density", or a name of BLOCKS.
+    values: those of VALUES that are not zero for all members; result: "density", or a name of
+    BLOCKS, or over rows one of KERNELS.
     """
 
     values: tuple[str, ...]
@@ -145,6 +147,8 @@ def _build(kind: KernelKind, name: str, n_axes: int) -> tuple[ca.Function, tuple
 
 
 def _results(kind: KernelKind, member: Member) -> list[Scalar]:
+    if kind.result in KERNELS and kind.result != "density":
+        return KERNELS[kind.result](member)
     if kind.result != "density":
         block = BLOCKS[kind.result](member).entries
         return [block[r][c] for r in range(len(block)) for c in range(r, len(block))]

@@ -11,6 +11,7 @@ from tensegrity_codegen.codegen.table.access import MemberAccess
 from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.loops import MemberLoop
 from tensegrity_codegen.codegen.table.model import IntArray
+from tensegrity_codegen.codegen.table.module_blocks import ModuleBlocks
 from tensegrity_codegen.codegen.table.stage import loop
 from tensegrity_codegen.codegen.table.writer import Writer
 
@@ -21,11 +22,12 @@ __all__ = ["ClearBlocks"]
 class ClearBlocks:
     """Clears the diagonal blocks of free nodes block by block, and what is left entry by entry.
 
-    sink: adds the blocks of all `loops` to a matrix that begins with its pattern.
+    sink: adds the blocks of `modules` and of `loops` to a matrix that begins with its pattern.
     """
 
     sink: AddBlocks
     loops: tuple[MemberLoop, ...]
+    modules: ModuleBlocks
     arguments: frozenset[str] = frozenset()
     operations: int = 0
     repeats: int = 1
@@ -49,19 +51,23 @@ class ClearBlocks:
         left = self._left(np.concatenate([start + r + c * length for c in size for r in size]))
         if 2 * len(left) > count:
             return loop("k", count, [f"{target}[k] = {zero};"])
+        rest = [f"{target}[{writer.index_at(f'{target}_left', left, 'k')}] = {zero};"] if len(left) else []
+        entries = loop("k", len(left), rest) if rest else []
+        if not len(node):
+            return entries
         lines = [
             f"{writer.real} *const block = {target} + {writer.index_at(f'{target}_node', start, 'k')};",
             f"const int length = {writer.index_at(f'{target}_length', length, 'k')};",
             *(f"block[{_at(c, r)}] = {zero};" for c in size for r in size),
         ]
-        rest = [f"{target}[{writer.index_at(f'{target}_left', left, 'k')}] = {zero};"] if len(left) else []
-        return [*loop("k", len(node), lines), *(loop("k", len(left), rest) if rest else [])]
+        return [*loop("k", len(node), lines), *entries]
 
     def _left(self, cleared: IntArray) -> IntArray:
         """Return the entries that are neither cleared nor written first."""
         pattern = self.sink.pattern
         is_left = np.ones(len(pattern.key), dtype=bool)
         is_left[cleared] = False
+        is_left[self.modules.entries_set()] = False
         coordinate = pattern.model.coordinate
         for row, column in pattern.block_nodes(self.written)[1::2]:
             is_left[pattern.entry(coordinate[row][:, None, :], coordinate[column][:, :, None])] = False

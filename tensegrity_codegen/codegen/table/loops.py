@@ -15,6 +15,7 @@ from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.fours import write_fours
 from tensegrity_codegen.codegen.table.fours_of_blocks import write_block_fours
 from tensegrity_codegen.codegen.table.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.module_blocks import ModuleBlocks
 from tensegrity_codegen.codegen.table.module_forces import ModuleForces
 from tensegrity_codegen.codegen.table.stage import Stage, loop
 from tensegrity_codegen.codegen.table.writer import Writer, index_text
@@ -27,6 +28,7 @@ __all__ = [
     "Sink",
     "StoreForCables",
     "StoreForMembers",
+    "block_stages",
     "force_stages",
     "member_loops",
 ]
@@ -121,6 +123,15 @@ def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage
     inside = member_loops(model, kernel, sink, lambda group: group.in_module)
     modules: list[Stage] = [ModuleForces(tuple(inside), kernel, sink)] if inside else []
     return [*modules, *member_loops(model, kernel, sink, lambda group: not group.in_module)]
+
+
+def block_stages(
+    model: TableModel, kernel: str, sink: AddBlocks, keep: Callable[[MemberGroup], bool] = lambda group: True
+) -> tuple[ModuleBlocks, list[MemberLoop]]:
+    """Return what writes a kernel's blocks to a matrix: first those in modules, then loops of the others."""
+    inside = member_loops(model, kernel, sink, lambda group: group.in_module and keep(group))
+    others = member_loops(model, kernel, sink, lambda group: not group.in_module and keep(group))
+    return ModuleBlocks(tuple(inside), kernel, sink), others
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from tensegrity_codegen.codegen.table.clear import ClearBlocks
 from tensegrity_codegen.codegen.table.columns import MemberColumns, StoreColumns
 from tensegrity_codegen.codegen.table.function import Recipe
 from tensegrity_codegen.codegen.table.input_columns import input_jacobian
-from tensegrity_codegen.codegen.table.loops import member_loops
+from tensegrity_codegen.codegen.table.loops import block_stages, member_loops
 from tensegrity_codegen.codegen.table.mass import (
     MassDiagonal,
     ScaleRows,
@@ -50,16 +50,16 @@ def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable
         count = model.n_coordinates
         pattern = BlockPattern(model, _damped(model) if damped else model.plan.member)
         sink = AddBlocks(quantity, pattern, size="size")
-        loops = member_loops(
+        modules, loops = block_stages(
             model, kernel, sink, lambda group: not damped or group.member_class.damping != ABSENT
         )
         return Recipe(
             (count, count),
-            (ClearBlocks(sink, tuple(loops)), *loops, _is_finite(quantity, pattern)),
+            (ClearBlocks(sink, tuple(loops), modules), modules, *loops, _is_finite(quantity, pattern)),
             before=("@REAL@ size = @ZERO@;",),
             is_checked=True,
             find_pattern=lambda: make_pattern((count, count), pattern.row, pattern.column_start),
-            is_empty=not loops,
+            is_empty=not (loops or modules.loops),
         )
 
     return build
@@ -118,10 +118,16 @@ def _state_jacobian(model: TableModel) -> Recipe:
         return make_pattern((2 * count, 2 * count), np.concatenate([stiff.row + count, identity]), start)
 
     one = f"{name}[{model.name}_{name}_column_start[{count} + k]] = @ONE@;"
+    positions, position_loops = block_stages(model, "position_block", AddBlocks(name, stiff))
+    speeds, rate_loops = block_stages(
+        model, "rate_block", rates, lambda group: group.member_class.damping != ABSENT
+    )
     stages: tuple[Stage, ...] = (
         _fill_zero(name, lambda: len(stiff.key) + len(damped.key) + count),
-        *member_loops(model, "position_block", AddBlocks(name, stiff)),
-        *member_loops(model, "rate_block", rates, lambda group: group.member_class.damping != ABSENT),
+        positions,
+        *position_loops,
+        speeds,
+        *rate_loops,
         ScaleRows(model, name, (0, count), turn=True),
         ScaleRows(model, name, (count, 2 * count), turn=True, skip=1),
         Statements.loop("k", count, [one]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ from tensegrity_codegen.codegen.table.model import IntArray, TableModel
 from tensegrity_codegen.codegen.table.writer import BEYOND, Writer
 from tensegrity_codegen.modules import NEAR, Module
 
-__all__ = ["ModuleText", "shapes_of"]
+__all__ = ["ModuleText", "common_step", "shapes_of"]
 
 STEP = 8  # repetitions; chunks are made of so many
 FAST_BYTES = 40_000  # what lines of a chunk may take, to stay in the fastest memory
@@ -31,13 +31,15 @@ def shapes_of(model: TableModel) -> list[list[Module]]:
 class ModuleText:
     """Modules of one shape, number `number`; in C, `g` counts them, `n` is the number of repetitions.
 
-    lines: lines of a chunk, for each value that a repetition keeps.
+    lines: lines of a chunk, one for each value that a repetition keeps; written: numbers that a repetition
+    writes elsewhere, which share the fastest memory with them.
     """
 
     model: TableModel
     number: int
     modules: tuple[Module, ...]
     lines: int
+    written: int = 0
 
     @property
     def name(self) -> str:
@@ -57,8 +59,8 @@ class ModuleText:
     @cached_property
     def chunk(self) -> int:
         """Repetitions of one chunk: as many as fit, in chunks of about equal length."""
-        most = FAST_BYTES // (8 * self.lines) - NEAR - BEYOND
-        most = max(STEP, min(LONGEST_CHUNK, most // STEP * STEP))
+        most = (FAST_BYTES // 8 - self.lines * (NEAR + BEYOND)) // (self.lines + self.written)
+        most = max(2 * STEP, min(LONGEST_CHUNK, most // STEP * STEP))
         total = max(module.n_repetitions for module in self.modules) + self.extent
         return -(-total // -(-total // most) // STEP) * STEP
 
@@ -100,8 +102,8 @@ class ModuleText:
         index: (n_nodes,) first entry of each node in the array that is read or written.
         """
         lists = [index[nodes] for module in self.modules for nodes in module.column]
-        step = int(lists[0][1] - lists[0][0])
-        if all(np.array_equal(item, item[0] + step * np.arange(len(item))) for item in lists):
+        step = common_step(lists)
+        if step is not None:
             first = np.array([item[0] for item in lists])
             return lambda column, k: (
                 f"NULL, {writer.index_at(f'{self.name}_{name}_first', first, self.column(column))}"
@@ -113,3 +115,10 @@ class ModuleText:
             f"{table} + {writer.index_at(f'{self.name}_{name}_start', start, self.column(column))}"
             f" + {k}, 0, 0"
         )
+
+
+def common_step(lists: Sequence[IntArray]) -> int | None:
+    """Return the step by which all lists of places advance, None if they do not."""
+    step = int(lists[0][1] - lists[0][0])
+    even = all(np.array_equal(item, item[0] + step * np.arange(len(item))) for item in lists)
+    return step if even else None

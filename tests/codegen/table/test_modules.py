@@ -21,6 +21,7 @@ from tests.compare import run_in_casadi
 
 FORCES = ("node_residual", "acceleration", "cable_force")
 REQUEST = ModelRequest(FORCES, emitter="table")
+MATRICES = REQUEST.wanting("tangent_stiffness", "geometric_stiffness", "state_jacobian")
 SUBJECTS = {
     "tower": tower(21),
     "damped": tower(19, damping=0.3),
@@ -54,7 +55,13 @@ def test_forces_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_compiler_and_both_flag_sets_agree(family: str, flags: str) -> None:
     require_compiler(family)
-    assert_equal_to_casadi(SUBJECTS["damped"], REQUEST, compiler=family, flags=flags)
+    request = ModelRequest(("acceleration", "tangent_stiffness", "damping_matrix"), emitter="table")
+    assert_equal_to_casadi(SUBJECTS["damped"], request, compiler=family, flags=flags)
+
+
+@pytest.mark.parametrize("name", ["damped", "spine", "grid", "flat", "shuffled"])
+def test_matrices_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
+    assert_equal_to_casadi(SUBJECTS[name], MATRICES)
 
 
 def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None:

@@ -1,0 +1,161 @@
+"""The loop over repeated modules of one shape: chunks of repetitions, their nodes, the results of members.
+
+A chunk of repetitions at a time: its nodes are brought into lines, [column][axis][node]; each strand works
+out what its members contribute, [strand][result][member], from pieces of two columns; a subclass says what
+becomes of it. What the next chunk needs is carried over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel
+from tensegrity_codegen.codegen.table.module_text import ModuleText
+from tensegrity_codegen.codegen.table.module_values import RowValues
+from tensegrity_codegen.codegen.table.writer import Writer
+from tensegrity_codegen.modules import NEAR, Module
+
+__all__ = ["ShapeLoops", "plus"]
+
+
+class ShapeLoops:
+    """The loops over modules of one shape.
+
+    strands: class, first strand, behind the last; kernels: of each of these classes; size: results that are
+    kept of a member; n_sums: lines in which nodes add up; written: numbers a repetition writes elsewhere.
+    """
+
+    def __init__(
+        self,
+        writer: Writer,
+        modules: Sequence[Module],
+        number: int,
+        kernels: dict[int, DensityKernel],
+        size: int,
+        n_sums: int,
+        written: int = 0,
+    ) -> None:
+        self.writer, self.model = writer, writer.model
+        self.axes = range(self.model.n_axes)
+        self.size, self.n_sums = size, n_sums
+        first = modules[0]
+        n_lines = size * len(first.member) + self.model.n_axes * len(first.column) + n_sums
+        self.text = ModuleText(self.model, number, tuple(modules), n_lines, written)
+        self.kernels = kernels
+        self.strands = [item for item in self.text.strands() if item[0] in kernels]
+        self.reads_rates = any(RATES[0] in kernel.parameters for kernel in kernels.values())
+
+    def row(self, kernel: DensityKernel) -> list[str]:
+        """Return the statements that store what a kernel returned, from `to` on."""
+        raise NotImplementedError
+
+    def chunk(self) -> list[str]:
+        """Return what becomes of the results of a chunk's members."""
+        raise NotImplementedError
+
+    def write(self) -> list[str]:
+        """Return all loops."""
+        text, real = self.text, self.writer.real
+        n_columns, n_strands, room = text.n_columns, len(text.first.member), text.room
+        self.arrays = {"position": n_columns * len(self.axes)}
+        if self.reads_rates:
+            self.arrays["rate"] = self.arrays["position"]
+        self.arrays["part"] = n_strands * self.size
+        body = [
+            *(f"TENSEGRITY_ALIGNED {real} {name}[{n * room}];" for name, n in self.arrays.items()),
+            f"TENSEGRITY_ALIGNED {real} sum[{self.n_sums * room}];",
+            f"const int n = {text.repetitions(self.writer)};",
+            "int k, c, s;",
+            f"for (c = 0; c < {n_columns}; ++c) {{",
+            *self._bring("0", str(NEAR), ""),
+            "}",
+            f"clear_lines(part, {n_strands * self.size}, {room});",
+            f"for (k = 0; k < n + {text.extent}; k += {text.chunk}) {{",
+            *(f"  {line}" for line in self._chunk()),
+            "}",
+        ]
+        if len(text.modules) == 1:
+            return ["{", *(f"  {line}" for line in body), "}"]
+        loop = [f"  for (g = 0; g < {len(text.modules)}; ++g) {{", *(f"    {line}" for line in body), "  }"]
+        return ["{", "  int g;", *loop, "}"]
+
+    def _bring(self, k: str, count: str, shift: str) -> list[str]:
+        """Return the calls that bring nodes of column c, from the k-th on, into lines."""
+        text, lines = self.text, []
+        length = str(NEAR) if not shift else str(text.chunk)
+        at = text.places(self.writer, "node", self.model.coordinate[:, 0])("c", k)
+        for name, array in (("position", "coordinate"), ("rate", "velocity")):
+            if name in self.arrays:
+                to = f"{name} + {len(self.axes) * text.room} * c{shift}"
+                lines.append(
+                    f"  nodes_to_lanes({array}, {at}, NULL, 0, {count}, {length}, {text.room}, {to});"
+                )
+        return lines
+
+    def _chunk(self) -> list[str]:
+        text, room, chunk = self.text, self.text.room, self.text.chunk
+        extent = self.writer.index_at(f"{text.name}_extent", np.array(text.first.extent), "c")
+        return [
+            f"const int m = n - k < 0 ? 0 : n - k < {chunk} ? n - k : {chunk};",
+            f"for (c = 0; c < {text.n_columns}; ++c) {{",
+            f"  const int left = n + {extent} - k - {NEAR};",
+            *self._bring(f"k + {NEAR}", f"left < {chunk} ? left : {chunk}", f" + {NEAR}"),
+            "}",
+            *(line for strands in self.strands for line in self._strands(*strands)),
+            f"if (m < {chunk}) {{",
+            f"  clear_lines(part + {NEAR} + m, {self.arrays['part']}, {room});",
+            "}",
+            *self.chunk(),
+            f"if (k + {chunk} < n + {text.extent}) {{",
+            *(f"  carry_lines({name}, {n}, {room}, {chunk});" for name, n in self.arrays.items()),
+            "}",
+        ]
+
+    def _strands(self, kind: int, first: int, last: int) -> list[str]:
+        """Return the loop over the strands of one class: the results of a chunk of members."""
+        text, room, kernel = self.text, self.text.room, self.kernels[kind]
+        values = RowValues(text, self.writer, kernel, kind, first, last)
+        counter = f"(s - {first})" if first else "s"
+        ends = [
+            self.writer.index_at(f"{text.name}_line{end}_{kind}", text.line_of[first:last, end], counter)
+            for end in (0, 1)
+        ]
+        rows = []
+        for name, symbols in (("position", AXES), ("rate", RATES)):
+            for axis in self.axes if symbols[0] in kernel.parameters else ():
+                i, j = (f"row_load({name} + {end} + c{plus(axis * room)})" for end in "ij")
+                rows.append(f"const lanes_row {symbols[axis]} = {i} - {j};")
+        rows += [*values.of_row, f"lanes_row result[{kernel.stores}];"]
+        rows += [f"{kernel.name}({', '.join(kernel.parameters)}, result);", *self.row(kernel)]
+        return [
+            f"for (s = {first}; s < {last} && m > 0; ++s) {{",
+            f"  const int i = {ends[0]}, j = {ends[1]};",
+            f"  {self.writer.real} *const to = part + {self.size * room} * s + {NEAR};",
+            *(f"  {line}" for line in values.of_strand),
+            "  for (c = 0; c < m; c += ROW) {",
+            *(f"    {line}" for line in rows),
+            "  }",
+            "}",
+        ]
+
+    def entries(self, column: int) -> list[tuple[int, int, int]]:
+        """Return (strand, end, offset) of the ends in a column that strands with a kernel have."""
+        used = {s for _, first, last in self.strands for s in range(first, last)}
+        return [entry for entry in self.text.first.entries(column) if entry[0] in used]
+
+    def over_nodes(self, column: int, lines: Sequence[str]) -> list[str]:
+        """Return a block over the q nodes of a column that a chunk completes."""
+        extent, chunk = self.text.first.extent[column], self.text.chunk
+        return [
+            f"if (n{plus(extent)} > k) {{",
+            f"  const int q = n{plus(extent)} - k < {chunk} ? n{plus(extent)} - k : {chunk};",
+            *(f"  {line}" for line in lines),
+            "}",
+        ]
+
+
+def plus(number: int) -> str:
+    """Return what adds a number in C, nothing for zero."""
+    return f" + {number}" if number else ""
