@@ -216,7 +216,7 @@ class _Blocks(ShapeLoops):
 
 
 class _Places:
-    """Where columns of blocks stand: a step from one to the next, or tables of first entries and of lengths."""
+    """Where columns of blocks stand: evenly spaced, or as tables of first entries and of lengths say."""
 
     def __init__(
         self, loops: _Blocks, name: str, nodes: Sequence[tuple[IntArray, IntArray]], counter: str
