@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,37 +12,19 @@ from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.fours import kind_of
 from tensegrity_codegen.codegen.table.model import IntArray
-from tensegrity_codegen.codegen.table.module_loops import ShapeLoops, plus
+from tensegrity_codegen.codegen.table.module_loops import ModuleStage, ShapeLoops, plus
 from tensegrity_codegen.codegen.table.module_text import common_step, shapes_of
 from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.modules import NEAR, Module
-
-if TYPE_CHECKING:
-    from tensegrity_codegen.codegen.table.loops import MemberLoop
 
 __all__ = ["ModuleBlocks"]
 
 
 @dataclass(frozen=True)
-class ModuleBlocks:
-    """Writes the blocks of all members in modules that the sink wants to its matrix.
+class ModuleBlocks(ModuleStage):
+    """Writes the blocks of all members in modules that the sink wants to its matrix."""
 
-    loops: these members as loops of single ones, which have the same arguments and operations.
-    """
-
-    loops: tuple[MemberLoop, ...]
-    kernel_name: str
     sink: AddBlocks
-
-    @property
-    def arguments(self) -> frozenset[str]:
-        """Names of the arguments that it reads."""
-        return frozenset[str]().union(*(item.arguments for item in self.loops))
-
-    @property
-    def operations(self) -> int:
-        """Floating-point operations."""
-        return sum(item.operations for item in self.loops)
 
     @cached_property
     def shapes(self) -> list[list[Module]]:

@@ -7,43 +7,22 @@ from typing import TYPE_CHECKING
 
 from tensegrity_codegen.codegen.lanes.kernel import AXES, DensityKernel
 from tensegrity_codegen.codegen.table.fours import PULLS, kind_of
-from tensegrity_codegen.codegen.table.module_loops import ShapeLoops, plus
+from tensegrity_codegen.codegen.table.module_loops import ModuleStage, ShapeLoops, plus
 from tensegrity_codegen.codegen.table.module_text import shapes_of
 from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.modules import NEAR
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.codegen.table.loops import AddToNodes, MemberLoop
+    from tensegrity_codegen.codegen.table.loops import AddToNodes
 
 __all__ = ["ModuleForces"]
 
 
 @dataclass(frozen=True)
-class ModuleForces:
-    """Adds the pulls of all members in modules that the sink wants to its array.
+class ModuleForces(ModuleStage):
+    """Adds the pulls of all members in modules that the sink wants to its array."""
 
-    loops: these members as loops of single ones, which have the same arguments and operations.
-    """
-
-    loops: tuple[MemberLoop, ...]
-    kernel_name: str
     sink: AddToNodes
-
-    @property
-    def arguments(self) -> frozenset[str]:
-        """Names of the arguments that it reads."""
-        return frozenset[str]().union(*(item.arguments for item in self.loops))
-
-    @property
-    def operations(self) -> int:
-        """Floating-point operations."""
-        return sum(item.operations for item in self.loops)
-
-    @property
-    def repeats(self) -> int:
-        """Repetitions of the modules of a shape, on average."""
-        shapes = shapes_of(self.loops[0].model)
-        return sum(module.n_repetitions for shape in shapes for module in shape) // max(len(shapes), 1)
 
     def write(self, writer: Writer) -> list[str]:
         """Return one block of loops for each shape of modules."""

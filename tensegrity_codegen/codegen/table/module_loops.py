@@ -8,16 +8,48 @@ becomes of it. What the next chunk needs is carried over.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel
-from tensegrity_codegen.codegen.table.module_text import ModuleText
+from tensegrity_codegen.codegen.table.module_text import ModuleText, shapes_of
 from tensegrity_codegen.codegen.table.module_values import RowValues
 from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.modules import NEAR, Module
 
-__all__ = ["ShapeLoops", "plus"]
+if TYPE_CHECKING:
+    from tensegrity_codegen.codegen.table.loops import MemberLoop
+
+__all__ = ["ModuleStage", "ShapeLoops", "plus"]
+
+
+@dataclass(frozen=True)
+class ModuleStage:
+    """What a stage over all modules says of itself.
+
+    loops: the members in modules as loops of single ones, which have the same arguments and operations.
+    """
+
+    loops: tuple[MemberLoop, ...]
+    kernel_name: str
+
+    @property
+    def arguments(self) -> frozenset[str]:
+        """Names of the arguments that it reads."""
+        return frozenset[str]().union(*(item.arguments for item in self.loops))
+
+    @property
+    def operations(self) -> int:
+        """Floating-point operations."""
+        return sum(item.operations for item in self.loops)
+
+    @property
+    def repeats(self) -> int:
+        """Repetitions of the modules of a shape, on average."""
+        shapes = shapes_of(self.loops[0].model) if self.loops else []
+        return sum(module.n_repetitions for shape in shapes for module in shape) // max(len(shapes), 1)
 
 
 class ShapeLoops:
