@@ -80,7 +80,7 @@ def _n_free(parts: NodePosition, node: int) -> int:
 def _find_terms(parts: NodePosition, place: Mapping[int, tuple[int, int]]) -> dict[tuple[int, int], Terms]:
     """Return (node of the rows, node of the columns) -> terms, as CoordinateMap.member_matrix adds them."""
     terms: dict[tuple[int, int], Terms] = {}
-    for e, end in parts.members.plan.block_ends.tolist():
+    for e, end in parts.members.plan.ends.tolist():
         if e in place:
             own, other = parts.ends[e][end], parts.ends[e][1 - end]
             terms.setdefault((own, own), []).append((e, 1))
