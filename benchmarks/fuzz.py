@@ -49,9 +49,9 @@ def main() -> None:
         nonlocal slowest
         try:
             outcome = run_example(example, limits)
-        except Exception:
-            traceback.print_exc()
-            print(f"crash: {example!r}", flush=True)
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            print(f"crash: {error!r} at {place.filename}:{place.lineno}\n  {example!r}", flush=True)
             counts["crash"] += 1
             return
         slowest = max(slowest, outcome.seconds)

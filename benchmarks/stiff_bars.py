@@ -1,166 +1,264 @@
-"""Time against stiffness of the bars: radau, our explicit methods, and IDAS and CVODES through CasADi.
+"""Stiff bars: our methods beside MuJoCo and IDAS, each at its cheapest setting for one error, in one run.
 
-python benchmarks/stiff_bars.py [prism | icosahedron | tower1000] [seconds]
+python benchmarks/stiff_bars.py [prism] [icosahedron] [tower] [--patience 60] [--document docs/stiffness.md]
 
-Every run starts from the scene's own state, bars at the same force whatever their stiffness. The error is the
-largest of all positions at the end, against radau at 1e-8 or at twice the vibration of the bars at the start;
-how far radau at ten times that tolerance is from it is shown.
-IDAS and CVODES integrate q'' = H^-1 f as CasADi makes it, Jacobians included; only the call is timed.
+The example scenes without damping and with the mass of bars at their ends, since springs have no mass in
+MuJoCo and slack tendons keep their damping; the tower has 912 members. Bars are so many times as stiff as the
+stiffest cable, at the forces that they have. Errors are the largest of all node coordinates at eleven times,
+against a reference that two methods certify. Times are medians of CPU time in rounds that take turns.
+IDAS integrates q'' = H^-1 f as CasADi makes it, Jacobians included. A peer that needs more than the patience
+is stopped, and what is printed is a lower bound.
 """
 
 from __future__ import annotations
 
+import argparse
+import multiprocessing
 import statistics
-import sys
+import tempfile
 import time
-import tomllib
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import casadi as ca
 import numpy as np
+from large_scenes import write_scene_of
 
-from tensegrity_codegen.pipeline import build_library, load_scene
-from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.adaptive import integrate_adaptive
-from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.scene.assemble import assemble
-from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.pipeline import load_nodes
 from tensegrity_codegen.structure import Structure
-from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.studies.stability.changes import as_springs
+from tensegrity_codegen.studies.work_precision.certify import Reference
+from tensegrity_codegen.studies.work_precision.contender import Contender, Run
+from tensegrity_codegen.studies.work_precision.own import own_contenders
+from tensegrity_codegen.studies.work_precision.peers import peer_contenders
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 
 EXAMPLES = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples"
-TOWER = """
-name = "tower"
-gravity = [0, 0, -9.81]
-[classes.bar]
-kind = "bar"
-axial_stiffness = 2e5
-density = 1600
-radius = 0.01
-[classes.cable]
-kind = "cable"
-axial_stiffness = 1e4
-prestress = 10.0
-[shape]
-kind = "tower"
-stages = 56
-bars = 3
-radius = 0.5
-height = 1.0
-node_mass = 0.1
-anchor_bottom = true
-"""
-RATIOS = (1e3, 1e5, 1e7, 1e9)
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-PATIENCE = 60.0  # seconds that a run of a peer may take before the next, tighter one is left out
+EXPLICIT = ("node_position, rk54", "node_position, rk853", "node_position, rk4")
+RADAU, CORRECTED = (
+    "node_position, radau",
+    tuple(f"rigid_bar, corrected, {m}" for m in ("rk54", "rk853", "rk4")),
+)
+MUJOCO, IDAS = ("MuJoCo RK4", "MuJoCo Euler", "MuJoCo implicitfast"), ("IDAS (CasADi)",)
+REFERENCES = {"node_position, rk853": 1e-12, RADAU: 1e-8, "rigid_bar, corrected, rk853": 1e-11}
+LARGE = {"node_position, rk853": 1e-5, RADAU: 1e-7}  # rounding keeps steps of large structures from less
 ROUNDS = 5
+LONG = 1.0  # seconds of a run from which on it is made once
 
 
-def scaled(structure: Structure, ratio: float) -> Structure:
-    """Return the structure with all bars `ratio` times as stiff as the stiffest cable, at the same forces."""
-    mu = structure.spring_constant + structure.axial_stiffness / structure.rest_length
-    stiff = ratio * mu[structure.tension_only].max()
+@dataclass(frozen=True)
+class Ask:
+    """ours: the names of which the fastest counts; others: those it is to be `factor` times faster than."""
+
+    ours: tuple[str, ...]
+    others: tuple[str, ...]
+    factor: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """A structure, its stiffness ratio, the simulated time [s], the error wanted [m], and what is asked."""
+
+    name: str
+    ratio: float
+    t_end: float
+    error: float
+    asks: tuple[Ask, ...]
+
+
+ANY = (*EXPLICIT[:2], RADAU, *CORRECTED)
+CASES = (
+    Case("prism", 1e3, 1.0, 1e-5, (Ask(ANY, MUJOCO, 30), Ask(ANY, IDAS, 50))),
+    Case("icosahedron", 1e3, 1.0, 1e-5, (Ask(ANY, MUJOCO, 30), Ask(ANY, IDAS, 50))),
+    Case("prism", 1e7, 1.0, 1e-4, (Ask((RADAU,), MUJOCO, 300), Ask(CORRECTED, MUJOCO, 2000))),
+    Case("tower", 1e7, 0.1, 1e-4, (Ask((RADAU,), IDAS, 50), Ask((RADAU,), EXPLICIT, 3))),
+)
+
+
+@dataclass
+class Found:
+    """The cheapest setting of a contender that reaches the error; seconds: None until timed in turns."""
+
+    contender: Contender
+    setting: float
+    error: float
+    seconds: float
+    is_bound: bool = False
+
+
+def load(case: Case) -> Structure:
+    """Return the structure of a case."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = EXAMPLES / f"{case.name}.toml"
+        if case.name == "tower":
+            path = write_scene_of("tower", 912, Path(folder), ("acceleration",))
+        structure = as_springs(load_nodes(path))
+    mass = structure.node_mass.copy()
+    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
+    none = np.zeros(structure.n_members)
+    structure = structure.with_changes(node_mass=mass, member_mass=none, damping=none)
     bars = ~structure.tension_only
+    stiff = case.ratio * structure.spring_constant[~bars].max()
     rest = structure.member_length() - structure.static_tension() / stiff
     return structure.with_changes(
         spring_constant=np.where(bars, stiff, structure.spring_constant),
-        axial_stiffness=np.where(bars, 0.0, structure.axial_stiffness),
         rest_length=np.where(bars, rest, structure.rest_length),
     )
 
 
-def load(name: str) -> tuple[Structure, str]:
-    """Return a structure and the emitter that serves it."""
-    if name == "tower1000":
-        return assemble(parse_scene(tomllib.loads(TOWER), where="tower"))[0], "table"
-    return load_scene(EXAMPLES / f"{name}.toml")[0], "unrolled"
+def make_contenders(case: Case) -> dict[str, Contender]:
+    """Return the contenders of a case and those that certify its reference, by name."""
+    problem = MotionProblem(load(case), np.linspace(0.0, case.t_end, 11), False)
+    wanted = {name for ask in case.asks for name in (*ask.ours, *ask.others)} | set(REFERENCES)
+    makers = [*own_contenders(problem, flags="native", compiler=None), *peer_contenders(problem)]
+    if case.name == "tower":
+        wanted -= {"node_position, rk4", *CORRECTED}
+    return {name: make() for name, make in makers if name in wanted}
 
 
-def compiled(structure: Structure, emitter: str) -> CompiledModel:
-    """Return the model with its integrators."""
-    request = ModelRequest(("acceleration",), integrators=("radau", "rk853"), emitter=emitter)
-    return build_library(structure, request).load()
+def certify(case: Case, contenders: dict[str, Contender]) -> Reference:
+    """Return the reference: of the certifying methods the two that agree best."""
+    runs = {}
+    for name, setting in REFERENCES.items():
+        if name not in contenders or (case.name != "tower" and case.ratio > 1e5 and name == EXPLICIT[1]):
+            continue
+        runs[name] = contenders[name].run(LARGE[name] if case.name == "tower" else setting)()
+    good = {name: run.node_position for name, run in runs.items() if run.status == "ok"}
+    names = sorted(good)
+    pairs = [(a, b) for n, a in enumerate(names) for b in names[n + 1 :]]
+    apart = {pair: float(np.abs(good[pair[0]] - good[pair[1]]).max()) for pair in pairs}
+    first, second = min(apart, key=lambda pair: apart[pair])
+    return Reference(good[first], first, second, apart[first, second])
 
 
-def timed(call: object, rounds: int = ROUNDS) -> tuple[float, object]:
-    """Return the median time of a call [s] and its last result."""
-    times = []
-    for _ in range(rounds):
-        started = time.perf_counter()
-        result = call()  # type: ignore[operator]
-        times.append(time.perf_counter() - started)
-        if times[0] > 1.0:
-            break
-    return statistics.median(times), result
+def settings_of(contender: Contender) -> Iterator[float]:
+    """Yield settings from loose to tight."""
+    per_decade = 8 if contender.group == "own" or contender.kind == "step" else 4
+    least, most = (1.0, 7.0) if contender.kind == "step" else (1.0, 11.0)
+    for k in range(round(least * per_decade), round(most * per_decade)):
+        yield 10.0 ** (-k / per_decade)
 
 
-def report(ratio: float, method: str, tolerance: float, seconds: float, error: float, more: str = "") -> None:
-    """Print one line of the table."""
+def find_setting(contender: Contender, reference: Reference, error: float, patience: float) -> Found | None:
+    """Return the loosest setting that reaches the error, and the next that does if it is faster."""
+    best: Found | None = None
+    left = 1 if contender.group == "peer" else 4
+    for setting in settings_of(contender):
+        contender.prepare(setting)
+        seconds, run = run_within(contender, setting, patience)
+        if run is None:
+            return best or Found(contender, setting, float("nan"), patience, True)
+        got = reference.error(run.node_position) if run.status == "ok" else float("inf")
+        if got <= error:
+            left -= 1
+            if best is None or seconds < best.seconds:
+                best = Found(contender, setting, got, seconds)
+            if left == 0:
+                return best
+    return best
+
+
+def run_within(contender: Contender, setting: float, patience: float) -> tuple[float, Run | None]:
+    """Return CPU seconds and the run; None beyond the patience, which ends a peer's process."""
+    if contender.group == "own":
+        started = time.process_time()
+        look = contender.run(setting)
+        return time.process_time() - started, look()
+    context = multiprocessing.get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_answer, args=(contender, setting, sender))
+    child.start()
+    found: tuple[float, Run | None] = receiver.recv() if receiver.poll(patience) else (patience, None)
+    child.kill()
+    child.join()
+    return found
+
+
+def _answer(contender: Contender, setting: float, sender: Any) -> None:
+    started = time.process_time()
+    look = contender.run(setting)
+    seconds = time.process_time() - started
+    sender.send((seconds, look()))
+
+
+def time_in_turns(found: Sequence[Found]) -> None:
+    """Put medians over rounds in place of the times of single runs; long runs are made once."""
+    short = [item for item in found if item.seconds < LONG and not item.is_bound]
+    taken: dict[str, list[float]] = {item.contender.name: [] for item in short}
+    for item in short:
+        item.contender.prepare(item.setting)
+    for _ in range(ROUNDS):
+        for item in short:
+            count, started = max(1, min(100, int(2e-3 / item.seconds))), time.process_time()
+            for _ in range(count):
+                item.contender.run(item.setting)
+            taken[item.contender.name].append((time.process_time() - started) / count)
+    for item in short:
+        item.seconds = statistics.median(taken[item.contender.name])
+
+
+def run_case(case: Case, patience: float) -> tuple[list[str], list[str]]:
+    """Return rows of the table of what is asked, and of all that was measured."""
+    contenders = make_contenders(case)
+    reference = certify(case, contenders)
+    title = f"{case.name}, ratio {case.ratio:.0e}, {case.t_end:g} s, error {case.error:.0e} m"
     print(
-        f"{ratio:8.0e} {method:>7} {tolerance:8.0e} {1e3 * seconds:11.3f} ms {error:9.1e} m  {more}",
-        flush=True,
+        f"{title}: reference {reference.first}, {reference.second} differs by {reference.uncertainty:.1e} m"
     )
+    wanted = dict.fromkeys(name for ask in case.asks for name in (*ask.others, *ask.ours))
+    found = {}
+    for name in wanted:
+        if name in contenders:
+            item = find_setting(contenders[name], reference, case.error, patience)
+            found |= {} if item is None else {name: item}
+    time_in_turns(list(found.values()))
+    rows = [
+        f"| {title} | {name} | {item.setting:.1e} | {'more than ' if item.is_bound else ''}"
+        f"{1e3 * item.seconds:.3f} | {item.error:.1e} |"
+        for name, item in found.items()
+    ]
+    return [judge(title, ask, found) for ask in case.asks], rows
 
 
-def own(model: CompiledModel, ratio: float, span: float) -> np.ndarray:
-    """Time our methods; return the reference positions at the end."""
-    n = len(model.manifest.coordinate_name)
-    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    ends = np.array([0.0, span])
-    # Beyond twice the vibration that stiff bars start with every step would have to follow it.
-    vibration = integrate_radau(model, state, ends, 1e-2, 1e-2).evidence["vibration"]
-    tight = 1e-8 if ratio <= 1e5 else max(1e-8, 2.0 * vibration)
-    near, exact = (integrate_radau(model, state, ends, tol, tol).state[-1, :n] for tol in (10 * tight, tight))
-    print(f"{ratio:8.0e} references differ by {np.abs(near - exact).max():.1e} m")
-    for tolerance in TOLERANCES:
-        if tolerance < tight:
-            break
-        seconds, raw = timed(lambda tol=tolerance: integrate_radau(model, state, ends, tol, tol))
-        told = f"{raw.n_steps} steps, {raw.evidence['iterations']} iterations"
-        report(ratio, "radau", tolerance, seconds, np.abs(raw.state[-1, :n] - exact).max(), told)
-    for tolerance in (1e-3, 1e-5):
-        if ratio > 1e5:
-            break
-        seconds, raw = timed(lambda tol=tolerance: integrate_adaptive("rk853", model, state, ends, tol, tol))
-        told = f"{raw.n_steps} steps"
-        report(ratio, "rk853", tolerance, seconds, np.abs(raw.state[-1, :n] - exact).max(), told)
-    return exact
-
-
-def peers(structure: Structure, ratio: float, span: float, exact: np.ndarray) -> None:
-    """Time SUNDIALS through CasADi."""
-    model = build_model(structure, ModelRequest(()))
-    x = ca.vertcat(model.arguments["coordinate"].symbol, model.arguments["velocity"].symbol)
-    dae = {"x": x, "ode": model.expression("state_derivative")}
-    names = ("coordinate", "velocity")
-    start = np.concatenate([model.arguments[name].nominal.ravel() for name in names])
-    for method in ("idas", "cvodes"):
-        for tolerance in (1e-4, 1e-6, 1e-8):
-            options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 10**7}
-            solver = ca.integrator("peer", method, dae, 0.0, span, options)
-            try:
-                seconds, found = timed(lambda solver=solver: solver(x0=start), 3)
-            except RuntimeError as error:
-                print(f"{ratio:8.0e} {method:>7} {tolerance:8.0e} fails: {str(error).splitlines()[-1][:60]}")
-                continue
-            end = np.array(found["xf"]).ravel()[: len(exact)]
-            report(ratio, method, tolerance, seconds, np.abs(end - exact).max())
-            if seconds > PATIENCE:
-                break
+def judge(title: str, ask: Ask, found: dict[str, Found]) -> str:
+    """Return the row of what is asked: the fastest of ours over the fastest of the others."""
+    ours = min((found[n] for n in ask.ours if n in found), key=lambda item: item.seconds, default=None)
+    others = [found[n] for n in ask.others if n in found]
+    asked = f"| {title}: {ask.factor:g} times {ask.others[0].split(',')[0].removesuffix(' RK4')} |"
+    if ours is None or not others:
+        return f"{asked} not reached by {'ours' if ours is None else 'the others'} | no |"
+    other = min(others, key=lambda item: item.seconds)
+    ratio = other.seconds / ours.seconds
+    bound = "more than " if other.is_bound else ""
+    told = f"{bound}{ratio:.1f} ({ours.contender.name}; {other.contender.name})"
+    return f"{asked} {told} | {'yes' if ratio >= ask.factor else 'no'} |"
 
 
 def main() -> None:
-    """Print the table of one structure."""
-    name = sys.argv[1] if len(sys.argv) > 1 else "prism"
-    span = float(sys.argv[2]) if len(sys.argv) > 2 else 1.0
-    structure, emitter = load(name)
-    print(f"{name}: {structure.n_members} members, {span:g} s")
-    for ratio in RATIOS:
-        stiff = scaled(structure, ratio)
-        exact = own(compiled(stiff, emitter), ratio, span)
-        peers(replace(stiff), ratio, span, exact)
+    """Print both tables, and write them down if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="prism, icosahedron, tower; all if none")
+    parser.add_argument(
+        "--patience", type=float, default=60.0, help="seconds that one run of a peer may take"
+    )
+    parser.add_argument("--document", type=Path)
+    words = parser.parse_args()
+    asked, rows = [], []
+    for case in CASES:
+        if not words.names or case.name in words.names:
+            more, measured = run_case(case, words.patience)
+            print("\n".join([*more, *measured]), flush=True)
+            asked += more
+            rows += measured
+    head = ["| asked | measured | holds |", "|---|---|---|"]
+    whole = ["| case | method | setting | CPU time [ms] | error [m] |", "|---|---|---|---|---|"]
+    text = "\n".join(
+        ["# Stiff bars", "", (__doc__ or "").split("\n\n")[2], "", *head, *asked, "", *whole, *rows]
+    )
+    print("\n" + text)
+    if words.document:
+        words.document.write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

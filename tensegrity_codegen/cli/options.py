@@ -19,14 +19,20 @@ __all__ = [
     "CompilerOption",
     "FlagsOption",
     "JsonOption",
+    "PeersOption",
     "PrecisionOption",
     "SceneArgument",
+    "ScenesArgument",
     "parse_loads",
     "parse_vector",
 ]
 
 SceneArgument = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)
+]
+ScenesArgument = Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")]
+PeersOption = Annotated[
+    bool, typer.Option("--peers/--no-peers", help="Also MuJoCo, SUNDIALS and SciPy, where installed.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 BatchWidthOption = Annotated[

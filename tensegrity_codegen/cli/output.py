@@ -87,6 +87,11 @@ class Output:
             yield lambda fraction: bar.update(task, completed=fraction)
 
 
+def list_files(files: Mapping[str, str]) -> str:
+    """Return what is said of files that were written, a line each."""
+    return "\n".join(f"wrote {path}" for path in files.values())
+
+
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout."""
     print_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")

@@ -7,22 +7,20 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, PeersOption, ScenesArgument
+from tensegrity_codegen.cli.output import Output, list_files
 
 __all__ = ["report"]
 
 
 def report(
-    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")],
+    scenes: ScenesArgument,
     t_end: Annotated[float, typer.Option("--t-end", help="End of each motion [s].")] = 1.0,
     samples: Annotated[int, typer.Option("--samples", help="Times at which positions are compared.")] = 11,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for report.html, report.csv, report.json, a journal.")
     ] = Path("work_precision"),
-    peers: Annotated[
-        bool, typer.Option("--peers/--no-peers", help="Also MuJoCo, SUNDIALS and SciPy, where installed.")
-    ] = True,
+    peers: PeersOption = True,
     longest: Annotated[
         float, typer.Option("--longest", help="A method is not tightened after a run of this time [s].")
     ] = 3.0,
@@ -50,5 +48,6 @@ def report(
                 structures, out, t_end=t_end, samples=samples, options=options, progress=progress
             )
         files = {"html": str(made.html), "csv": str(made.csv), "data": str(made.data)}
-        wrote = "\n".join(f"wrote {path}" for path in files.values())
-        output.result({"status": "ok", "files": files, **made.as_dict()}, "\n".join(made.sentences()), wrote)
+        output.result(
+            {"status": "ok", "files": files, **made.as_dict()}, "\n".join(made.sentences()), list_files(files)
+        )

@@ -7,22 +7,20 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption
-from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, PeersOption, ScenesArgument
+from tensegrity_codegen.cli.output import Output, list_files
 from tensegrity_codegen.errors import UnstableError
 
 __all__ = ["stability"]
 
 
 def stability(
-    scenes: Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")],
+    scenes: ScenesArgument,
     t_end: Annotated[float, typer.Option("--t-end", help="End of each motion [s].")] = 0.5,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for stability.html and stability.json.")
     ] = Path("stability"),
-    peers: Annotated[
-        bool, typer.Option("--peers/--no-peers", help="Also MuJoCo, SUNDIALS and SciPy, where installed.")
-    ] = True,
+    peers: PeersOption = True,
     limit: Annotated[float, typer.Option("--limit", help="Seconds that one run may take.")] = 10.0,
     compiler: CompilerOption = None,
     flags: Annotated[str, typer.Option("--flags", help="reference or native.")] = "reference",
@@ -51,7 +49,8 @@ def stability(
         status = "unstable" if counts["wrong"] else "ok"
         said = "ours: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
         files = {"html": str(made.html), "data": str(made.data)}
-        wrote = "\n".join(f"wrote {path}" for path in files.values())
-        output.result({"status": status, "files": files, "counts": counts, **made.as_dict()}, said, wrote)
+        output.result(
+            {"status": status, "files": files, "counts": counts, **made.as_dict()}, said, list_files(files)
+        )
         if counts["wrong"]:
             raise typer.Exit(UnstableError.exit_code)

@@ -36,10 +36,11 @@ def tighten_until_converged(
     """Return a run whose estimated error is within atol + rtol |x| at every sample, component by component.
 
     run: (rtol, atol) of one step -> trajectory. Each round tightens the steps' tolerance by a factor s of at
-    most 1/10, and takes min(1/3, 3 s) of the difference of the two runs for the error of the tighter one,
-    which is returned: errors shrink with the tolerance, here trusted to a third of that. Where rounding ends
-    the tightening, ten times the tolerance is still good. Status "not_converged" with the last run and
-    estimate if the rounds do not come together, or the next one would take all beyond MOST_WORK.
+    most 1/10, and takes min(1/3, 3 s^p) of the difference of the two runs for the error of the tighter one,
+    which is returned: errors shrink with the tolerance, here trusted to a third of that, and with the power
+    p <= 1 with which they did so in the round before. Where rounding ends the tightening, ten times the
+    tolerance is still good. Status "not_converged" with the last run and estimate if the rounds do not come
+    together, or the next one would take all beyond MOST_WORK.
 
     left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
     those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
@@ -50,6 +51,7 @@ def tighten_until_converged(
         return _beyond_rounding(run, rtol, atol)
     factor, previous, error, least = 1.0, run(rtol, atol), np.inf, min(least_atol, atol)
     n_evaluations = previous.n_evaluations
+    last, apart = 0.1, np.inf  # tightening and difference of the round before
     for _ in range(MOST_ROUNDS):
         if previous.status == "unstable":
             return replace(previous, method=_name(previous))
@@ -76,8 +78,9 @@ def tighten_until_converged(
             return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
         off = left_out(finer) if left_out else np.zeros(finer.state.shape[1])
         trusted = max(shrink, max(atol * factor, least) / before)
-        part = min(1.0 / 3.0, 3.0 * trusted) if atol * factor > least else 1.0
-        error = _difference(previous, finer, rtol, atol, off) * max(part, trust)
+        wider, apart = apart, _difference(previous, finer, rtol, atol, off)
+        part = min(1.0 / 3.0, 3.0 * trusted ** _power(wider, apart, last)) if atol * factor > least else 1.0
+        error, last = apart * max(part, trust), trusted
         at_floor = factor * rtol <= TIGHTEST_RTOL or atol * factor <= least
         if error <= (MOST_OF_TOLERANCE if at_floor else 1.0):
             error += _share(finer, rtol, atol, off)
@@ -89,6 +92,13 @@ def tighten_until_converged(
             return _give_up(finer, error, "rounding keeps the runs apart")
         previous = finer
     return _give_up(previous, error, f"{MOST_ROUNDS} rounds did not come together")
+
+
+def _power(before: float, apart: float, shrink: float) -> float:
+    """Return the power p of s with which the difference of two runs shrank when the tolerance did by s."""
+    if not 0.0 < apart < before < np.inf:
+        return 1.0 if not np.isfinite(before) or apart == 0.0 else 0.0
+    return min(1.0, float(np.log(apart / before) / np.log(shrink))) if shrink < 1.0 else 0.0
 
 
 def _beyond_rounding(run: Callable[[float, float], RawTrajectory], rtol: float, atol: float) -> RawTrajectory:

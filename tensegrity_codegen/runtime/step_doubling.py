@@ -17,7 +17,7 @@ __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 FloatArray = NDArray[np.float64]
 
 FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
-MOST_ERROR = 1e-2  # over the longest member and the largest speed: beyond, a result is lost
+MOST_ERROR = 5e-3  # over the mean member length and the largest speed: beyond, a result is lost
 
 
 def check_by_doubling(
@@ -26,9 +26,9 @@ def check_by_doubling(
     """Return the run with this step [s], its status "inaccurate" where its estimated error is beyond use.
 
     run: step -> trajectory, with the step that it took. error_estimate: what the difference to a run with
-    twice the step says of one of order 2, as where cables go slack, over a hundredth of the longest member in
-    coordinates and of the largest speed in velocities; where that is beyond use, or that run fails, or the
-    step is the whole time, the whole difference to a run with half the step.
+    twice the step says of one of order 2, as where cables go slack, over half a hundredth of the mean member
+    length in coordinates and of the largest speed in velocities; where that is beyond use, or that run fails,
+    or the step is the whole time, the whole difference to a run with half the step.
     """
     found = run(step)
     if found.status != "ok":
@@ -102,11 +102,11 @@ def _lost(state: FloatArray, end: float, manifest: Manifest) -> FloatArray:
     n = state.shape[-1] // 2
     place = np.array(manifest.node_position).reshape(-1, 3)
     ends = place[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-    longest = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))
+    mean = float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()) if len(ends) else 0.0
     farthest, fastest = (np.abs(part).max(axis=(-2, -1)) for part in (state[..., :n], state[..., n:]))
-    if manifest.formulation == "bodies" or not longest > 0.0:
+    if manifest.formulation == "bodies" or not mean > 0.0:
         length = np.where(farthest > 0.0, farthest, 1.0)
     else:
-        length = np.full_like(farthest, longest)
+        length = np.full_like(farthest, mean)
     speed = np.maximum(fastest, length / end)
     return MOST_ERROR * np.repeat(np.stack([length, speed], axis=-1), n, axis=-1)

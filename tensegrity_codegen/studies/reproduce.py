@@ -17,9 +17,9 @@ from tensegrity_codegen.report.page import Chapter, Page
 from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.studies.chapters.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.studies.chapters.lin import build_lin_chapter
-from tensegrity_codegen.studies.chapters.progress import ProgressFunction
 from tensegrity_codegen.studies.chapters.scs import build_scs_chapter
 from tensegrity_codegen.studies.chapters.sk import build_sk_chapter
+from tensegrity_codegen.studies.progress import ProgressFunction, part_of
 from tensegrity_codegen.version import VERSION
 
 __all__ = [
@@ -130,7 +130,7 @@ def build_page(
     done, chapters = 0.0, []
     for name in papers:
         paper = PAPERS[name]
-        chapters.append(paper.build(quick, _part(progress, done / total, paper.share / total)))
+        chapters.append(paper.build(quick, part_of(progress, done / total, paper.share / total)))
         done += paper.share
     return Page(
         "Three papers on tensegrity structures, computed again",
@@ -140,13 +140,6 @@ def build_page(
         tuple(entry for name in papers for entry in ERRATA[name]),
         _facts(quick),
     )
-
-
-def _part(progress: ProgressFunction | None, start: float, share: float) -> ProgressFunction | None:
-    """Return a function of the fraction of a part that reports the fraction of the whole."""
-    if progress is None:
-        return None
-    return lambda fraction: progress(start + share * fraction)
 
 
 def _lead(chapters: Sequence[Chapter]) -> str:

@@ -83,7 +83,7 @@ def examples(draw: st.DrawFn) -> Example:
         return power(least, most) if draw(st.booleans()) else None
 
     base = draw(st.sampled_from(sorted(BASES)))
-    method = draw(st.sampled_from(("rk54", "rk853", "radau", "rk4")))
+    method = draw(st.sampled_from(("auto", "rk54", "rk853", "radau", "rk4")))
     absurd = draw(st.integers(0, 19)) == 0
     wild = (-320.0, 300.0) if absurd else (-5.0, -0.5) if method == "rk4" else (-11.0, -1.0)
     return Example(

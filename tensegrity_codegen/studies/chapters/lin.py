@@ -14,9 +14,10 @@ from tensegrity_codegen.studies.chapters.lin_tables import (
     measured_section,
     unloaded_section,
 )
-from tensegrity_codegen.studies.chapters.progress import ProgressFunction, build_sections, run_study
+from tensegrity_codegen.studies.chapters.progress import build_sections, run_study
 from tensegrity_codegen.studies.lin_prism.stiffness import FACTORS
 from tensegrity_codegen.studies.lin_prism.tables import compare_tables
+from tensegrity_codegen.studies.progress import ProgressFunction
 
 __all__ = ["build_lin_chapter"]
 

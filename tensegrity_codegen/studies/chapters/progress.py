@@ -7,10 +7,10 @@ from typing import TypeVar
 
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.report.page import Section
+from tensegrity_codegen.studies.progress import ProgressFunction
 
-__all__ = ["ProgressFunction", "Step", "build_sections", "run_study"]
+__all__ = ["Step", "build_sections", "run_study"]
 
-ProgressFunction = Callable[[float], None]
 Result = TypeVar("Result")
 # Name of the study, its share of the time, and what computes its section.
 Step = tuple[str, float, Callable[[], Section]]

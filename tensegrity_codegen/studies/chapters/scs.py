@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import partial
 
 from tensegrity_codegen.report.page import Chapter
-from tensegrity_codegen.studies.chapters.progress import ProgressFunction, Step, build_sections, run_study
+from tensegrity_codegen.studies.chapters.progress import Step, build_sections, run_study
 from tensegrity_codegen.studies.chapters.scs_equilibria import equilibrium_section, formula_section
 from tensegrity_codegen.studies.chapters.scs_map import map_section
 from tensegrity_codegen.studies.chapters.scs_motion import motion_sections
 from tensegrity_codegen.studies.chapters.scs_tracking import tracking_section
+from tensegrity_codegen.studies.progress import ProgressFunction
 from tensegrity_codegen.studies.tower.figures import compute_figures, load_paper_tower
 
 __all__ = ["build_scs_chapter"]

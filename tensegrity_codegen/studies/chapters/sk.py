@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from functools import partial
 
 from tensegrity_codegen.report.page import Chapter
-from tensegrity_codegen.studies.chapters.progress import ProgressFunction, build_sections
+from tensegrity_codegen.studies.chapters.progress import build_sections
 from tensegrity_codegen.studies.chapters.sk_inverse import inverse_section
 from tensegrity_codegen.studies.chapters.sk_motion import drift_section, trajectory_section
 from tensegrity_codegen.studies.chapters.sk_offset import offset_section
 from tensegrity_codegen.studies.chapters.sk_storage import pattern_section, storage_section
+from tensegrity_codegen.studies.progress import ProgressFunction
 
 __all__ = ["FULL", "QUICK", "SkSizes", "build_sk_chapter"]
 

@@ -21,6 +21,7 @@ __all__ = ["CaseModels", "list_methods", "values_of"]
 
 FloatArray = NDArray[np.float64]
 
+AUTO = "auto"
 EXPLICIT = ("rk54", "rk853")
 FOR_STIFF_BARS = "radau"
 FIXED = "rk4"
@@ -80,7 +81,7 @@ class CaseModels:
             (*simulation_quantities(formulation), *extra),
             formulation=formulation,
             parameters={name: items for name, items in kept.items() if items},
-            integrators=(*list_methods(structure), FIXED),
+            integrators=(*list_integrators(structure), FIXED),
         )
         return self._build(structure, request)
 
@@ -90,7 +91,12 @@ class CaseModels:
 
 
 def list_methods(structure: Structure) -> tuple[str, ...]:
-    """Return our methods with error control that a structure can have."""
+    """Return our methods with error control that a structure can have, `auto` first."""
+    return (AUTO, *list_integrators(structure))
+
+
+def list_integrators(structure: Structure) -> tuple[str, ...]:
+    """Return the integrators with error control that a structure can have."""
     free = ~np.all(structure.node_anchored[:, list(structure.axes)], axis=1)
     moves = np.any(free[structure.connectivity], axis=1)
     is_stiff = bool((~structure.tension_only & moves).any())

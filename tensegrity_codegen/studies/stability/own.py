@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, TensegrityError
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.automatic import integrate_auto
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.integration import Progress
@@ -20,6 +21,7 @@ from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.simulate import check_options
 from tensegrity_codegen.runtime.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory
+from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.models import values_of
 
@@ -40,7 +42,7 @@ class Ending:
     """How a run ended: "ok", another status, "error" (a named one) or "over time"; its states (n_t, n).
 
     vibration, vibration_speed: what the method says that stiff members vibrate about their smooth motion, and
-    that it has damped out, of positions [m] and of velocities [m/s].
+    that it has damped out, of positions [m] and of velocities [m/s]; of nodes, where some members meet.
     """
 
     status: str
@@ -64,7 +66,7 @@ def run_own(model: CompiledModel, case: Case, method: str, rtol: float, limit: f
         return Ending("over time", f"stopped after {limit:g} s", nothing, time.process_time() - started)
     except TensegrityError as error:
         return Ending("error", error.problem, nothing, time.process_time() - started)
-    told = [float(raw.evidence.get(name, 0.0)) for name in ("vibration", "vibration_speed")]
+    told = [_class_of(case.structure) * _left_out(raw, name) for name in ("vibration", "vibration_speed")]
     return Ending(status, message, raw.state, time.process_time() - started, *told)
 
 
@@ -72,6 +74,17 @@ def tolerance_of(state: FloatArray, rtol: float) -> FloatArray:
     """Return the error that `rtol` allows at each component of states (n_t, n)."""
     allowed: FloatArray = ATOL_OF_RTOL * rtol + rtol * np.abs(state)
     return allowed
+
+
+def _left_out(raw: RawTrajectory, name: str) -> float:
+    """Return how much of the vibrations of stiff members a run leaves out, as it says itself."""
+    return float(raw.evidence.get(f"{name}_error", raw.evidence.get(name, 0.0)))
+
+
+def _class_of(structure: Structure) -> int:
+    """Return how many stiff members meet in a node at most."""
+    ends = structure.connectivity[~structure.tension_only]
+    return int(np.bincount(ends.ravel(), minlength=1).max())
 
 
 def _simulate(
@@ -91,7 +104,9 @@ def _simulate(
             return integrate_radau(model, state, times, rtol, atol, values, watch)
         return integrate_adaptive(method, model, state, times, rtol, atol, values, watch)
 
-    if step is None:
+    if method == "auto":
+        raw = integrate_auto(model, state, times, rtol, atol, values, watch)
+    elif step is None:
         raw = tighten_until_converged(integrate, rtol, atol)
     else:
         raw = check_by_doubling(

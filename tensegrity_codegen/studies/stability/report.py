@@ -16,6 +16,7 @@ from tensegrity_codegen.report.page_table import Cell, Column, Table, text_cell
 from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.processor import name_processor
+from tensegrity_codegen.studies.progress import part_of
 from tensegrity_codegen.studies.stability.judge import VERDICTS
 from tensegrity_codegen.studies.stability.run import Limits, Outcome, run_cases
 from tensegrity_codegen.version import VERSION
@@ -69,7 +70,7 @@ def write_stability(
             raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0 [s]")
     outcomes: dict[str, tuple[Outcome, ...]] = {}
     for number, structure in enumerate(structures):
-        move = _part(progress, number, len(structures))
+        move = part_of(progress, number / len(structures), 1.0 / len(structures))
         outcomes[structure.name] = run_cases(
             structure, t_end, limits, compiler=compiler, flags=flags, progress=move
         )
@@ -78,12 +79,6 @@ def write_stability(
     page = render_page(_page(outcomes, t_end))
     write_folder(folder, {PAGE_NAME: page.encode("utf-8"), DATA_NAME: data.encode("utf-8")})
     return found
-
-
-def _part(
-    progress: Callable[[float], None] | None, number: int, count: int
-) -> Callable[[float], None] | None:
-    return None if progress is None else lambda fraction: progress((number + fraction) / count)
 
 
 def _page(outcomes: dict[str, tuple[Outcome, ...]], t_end: float) -> Page:

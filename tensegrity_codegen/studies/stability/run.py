@@ -23,7 +23,7 @@ __all__ = ["Limits", "Outcome", "run_case", "run_cases"]
 
 Progress = Callable[[float], None]
 
-REFERENCES = ("rk853", "radau", "rk54")  # the quickest first
+REFERENCES = ("rk853", "radau", "rk54")  # the quickest first; auto is one of them
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
@@ -15,6 +17,7 @@ from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory, simulation_quantities
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
@@ -28,15 +31,29 @@ TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
 ADAPTIVE = ("rk54", "rk853")
 FIXED = ("rk4",)
+IMPLICIT = ("radau",)
+RADAU_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
 ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
 
-# Name -> formulation and options. The last two are for bars that have a stiffness.
-FORMULATIONS: Mapping[str, tuple[str, Mapping[str, str]]] = {
-    "node_position": ("node_position", {}),
-    "node_distance": ("node_distance", {}),
-    "rigid_bar": ("rigid_bar", {}),
-    "rigid_bar, all bars": ("rigid_bar", {"bars": "all"}),
-    "rigid_bar, corrected": ("rigid_bar", {"bars": "all", "correction": "first_order"}),
+
+@dataclass(frozen=True)
+class Variant:
+    """A formulation with options and the emitter that writes it; the methods to run it with."""
+
+    formulation: str
+    options: Mapping[str, str] = field(default_factory=dict)
+    emitter: str = "auto"
+    methods: tuple[str, ...] = (*ADAPTIVE, *FIXED)
+
+
+# The two with options are for bars that have a stiffness.
+VARIANTS: Mapping[str, Variant] = {
+    "node_position": Variant("node_position", methods=(*ADAPTIVE, *IMPLICIT, *FIXED)),
+    "node_position by table": Variant("node_position", emitter="table", methods=(*ADAPTIVE, *IMPLICIT)),
+    "node_distance": Variant("node_distance"),
+    "rigid_bar": Variant("rigid_bar", methods=(*ADAPTIVE, *IMPLICIT, *FIXED)),
+    "rigid_bar, all bars": Variant("rigid_bar", {"bars": "all"}),
+    "rigid_bar, corrected": Variant("rigid_bar", {"bars": "all", "correction": "first_order"}),
 }
 
 
@@ -44,27 +61,31 @@ def own_contenders(
     problem: MotionProblem, *, flags: str, compiler: str | None
 ) -> Iterator[tuple[str, Callable[[], Contender]]]:
     """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""
-    for title in FORMULATIONS:
-        for method in (*ADAPTIVE, *FIXED):
+    for title, variant in VARIANTS.items():
+        for method in variant.methods:
             yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
 
 
 def compile_problem(
     problem: MotionProblem, title: str, integrator: str, flags: str, compiler: str | None
 ) -> CompiledModel:
-    """Return the model of a problem in one of FORMULATIONS; Unavailable where the structure has it not."""
-    formulation, options = FORMULATIONS[title]
+    """Return the model of a problem in one of VARIANTS; Unavailable where the structure has it not."""
+    variant = VARIANTS[title]
+    formulation, options = variant.formulation, variant.options
     rigid = problem.structure.is_rigid
     if rigid.any() != (title == "rigid_bar") and not options:
         raise Unavailable("has rigid bars" if rigid.any() else "has no rigid bars")
     if options and not (problem.structure.is_bar & ~rigid).any():
         raise Unavailable("has no bars with a stiffness")
+    if variant.emitter != "auto" and problem.structure.n_members > MOST_STRAIGHT:
+        raise Unavailable("the emitter table is the usual one at this size")
     extra = ("consistent_coordinate", "consistent_velocity") if formulation == "rigid_bar" else ()
     request = ModelRequest(
         (*simulation_quantities(formulation), *extra),
         formulation=formulation,
         integrators=(integrator,),
         options=options,
+        emitter=variant.emitter,
     )
     try:
         return build_library(problem.structure, request, compiler=compiler, flags=flags).load()
@@ -82,7 +103,7 @@ def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler:
         raw = _integrate(model, method, state, problem.sample_time, setting, step)
         return lambda: _look(model, raw)
 
-    settings = STEPS if fixed else TOLERANCES
+    settings = STEPS if fixed else RADAU_TOLERANCES if method in IMPLICIT else TOLERANCES
     kind = "step" if fixed else "tolerance"
     return Contender(f"{title}, {method}", "own", title, method, kind, settings, run)
 
@@ -106,6 +127,8 @@ def _integrate(
     """Return the samples of one of our methods, without what `simulate` computes from them."""
     if step is not None:
         return integrate_rk4(model, state, times, step)
+    if method in IMPLICIT:
+        return integrate_radau(model, state, times, rtol, ATOL_OF_RTOL * rtol)
     return integrate_adaptive(method, model, state, times, rtol, ATOL_OF_RTOL * rtol)
 
 

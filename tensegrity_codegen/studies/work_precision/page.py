@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from tensegrity_codegen.report.diagram import Diagram, Series
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.page import Block, Chapter, Figure, Page, Paragraph, Section, diagram_figure
 from tensegrity_codegen.report.page_table import Cell, Column, Table, number_cell, text_cell
-from tensegrity_codegen.studies.work_precision.row import Row
+from tensegrity_codegen.studies.work_precision.row import Row, find_front
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tensegrity_codegen.version import VERSION
 
@@ -127,42 +127,55 @@ def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[Ce
 def _pictures(report: SceneReport, anchor: str) -> Section:
     own = [row for row in report.rows if row.group == "own"]
     peers = [row for row in report.rows if row.group == "peer"]
-    figures = [_figure(own, report, f"{anchor}-own", "our formulations and methods")]
+    formulations = list(dict.fromkeys(row.formulation for row in own if row.is_good))
+    best = {name: find_front([row for row in own if row.formulation == name]) for name in formulations}
+    figures = [_figure(best, report, f"{anchor}-own", "our formulations, each by the best of its methods")]
     if peers:
-        rows = [*report.front, *peers]
-        figures.append(_figure(rows, report, f"{anchor}-peers", "our best rows and the peers", True))
+        groups = {"ours, the best of all": find_front(own), **_by(peers, "contender")}
+        figures.append(_figure(groups, report, f"{anchor}-peers", "our best rows and the peers"))
+    for number, name in enumerate(formulations):
+        rows = _by([row for row in own if row.formulation == name], "method")
+        figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
     return Section(
         f"{anchor}-pictures", "pictures", "Error against CPU time", "plain",
         f"{len(report.front)} of {len(report.rows)} rows are beaten by no other", tuple(figures),
     )  # fmt: skip
 
 
-def _figure(
-    rows: Sequence[Row], report: SceneReport, name: str, what: str, with_front: bool = False
-) -> Figure:
+def _by(rows: Sequence[Row], what: str) -> dict[str, list[Row]]:
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        key = "front of all" if with_front and row.group == "own" else row.contender
-        if row.is_good and row.error < SHOWN:
-            groups.setdefault(key, []).append(row)
+        groups.setdefault(getattr(row, what), []).append(row)
+    return groups
+
+
+def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str, what: str) -> Figure:
+    """Return errors over times of groups of rows that came to their end, the titles being the groups'."""
     floor = max(report.reference.uncertainty, 1e-17)
+    shown = {
+        title: [row for row in rows if row.is_good and row.error < SHOWN] for title, rows in groups.items()
+    }
     series = [
         Series(
             title,
-            [row.seconds for row in group],
-            [max(row.error, floor) for row in group],
+            [row.seconds for row in rows],
+            [max(row.error, floor) for row in rows],
             color=number,
             style="line" if number < len(MARKERS) else "dashed",
             marker=MARKERS[number % len(MARKERS)],
         )
-        for number, (title, group) in enumerate(groups.items())
+        for number, (title, rows) in enumerate(shown.items())
+        if rows
     ]
     diagram = Diagram(
         "CPU time [s]", "largest error of a coordinate [m]", series, log_x=True, log_y=True,
-        horizontal=((floor, "agreement of the two references"),), legend_columns=2,
+        horizontal=((floor, ""),), legend_columns=2,
     )  # fmt: skip
     caption = f"{report.problem.structure.name}: {what}; down and left is better"
-    return diagram_figure(name, diagram, caption, f"Error against CPU time, logarithmic: {what}.")
+    dotted = f"Dotted: to what the reference is certified, {format_number(floor, '.1e')} m."
+    return diagram_figure(
+        name, diagram, f"{caption}. {dotted}", f"Error against CPU time, logarithmic: {what}."
+    )
 
 
 def _all_rows(report: SceneReport, anchor: str) -> Section:

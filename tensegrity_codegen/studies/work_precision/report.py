@@ -15,6 +15,7 @@ from tensegrity_codegen.files import write_folder
 from tensegrity_codegen.report.render_page import render_page
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.processor import name_processor
+from tensegrity_codegen.studies.progress import part_of
 from tensegrity_codegen.studies.work_precision.page import build_page, say_recommendation
 from tensegrity_codegen.studies.work_precision.problem import set_problem
 from tensegrity_codegen.studies.work_precision.row import Row
@@ -73,7 +74,7 @@ def write_report(
         )
     reports = []
     for number, structure in enumerate(structures):
-        move = _part(progress, number, len(structures))
+        move = part_of(progress, number / len(structures), 1.0 / len(structures))
         problem = set_problem(structure, t_end, samples)
         reports.append(report_scene(problem, options, folder / "journal", move))
     page = render_page(build_page(reports, name_processor()))
@@ -82,12 +83,6 @@ def write_report(
     files = {PAGE_NAME: page, TABLE_NAME: _csv(reports), DATA_NAME: data}
     write_folder(folder, {name: text.encode("utf-8") for name, text in files.items()})
     return found
-
-
-def _part(
-    progress: Callable[[float], None] | None, number: int, count: int
-) -> Callable[[float], None] | None:
-    return None if progress is None else lambda fraction: progress((number + fraction) / count)
 
 
 def _csv(reports: Sequence[SceneReport]) -> str:

@@ -1,0 +1,16 @@
+"""The progress of a part of a longer piece of work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+__all__ = ["ProgressFunction", "part_of"]
+
+ProgressFunction = Callable[[float], None]
+
+
+def part_of(progress: ProgressFunction | None, start: float, share: float) -> ProgressFunction | None:
+    """Return the progress of a part that begins at the fraction `start` and has `share` of the whole."""
+    if progress is None:
+        return None
+    return lambda fraction: progress(start + share * fraction)
