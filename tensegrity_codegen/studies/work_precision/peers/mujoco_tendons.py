@@ -33,6 +33,7 @@ def _make(problem: MotionProblem, integrator: str) -> Contender:
         import mujoco
     except ImportError:
         raise Unavailable("not installed: mujoco") from None
+    mujoco.set_mju_user_warning(_ignore)  # what it would print, and log to a file; it is in the status
     structure, times = problem.structure, problem.sample_time
     model = mujoco.MjModel.from_xml_string(write_model(structure, integrator))
     sites = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"s{k}") for k in range(structure.n_nodes)]
@@ -60,6 +61,10 @@ def _make(problem: MotionProblem, integrator: str) -> Contender:
         return partial(Run, np.array(places), status, "reset itself" if wild else "", steps, 0)
 
     return Contender(f"MuJoCo {integrator}", "peer", "MuJoCo", integrator, "step", STEPS, run)
+
+
+def _ignore(_: str) -> None:
+    """Say nothing."""
 
 
 def _wild(mujoco: Any) -> tuple[Any, ...]:
