@@ -49,7 +49,7 @@ GOOD_CALLS = {
     ],
     "schema": ["schema", "--out", "scene.json"],
     "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
-    "stability": ["stability", "two_nodes.toml", "--t-end", "0.1", "--no-peers", "--limit", "0.5"],
+    "stability": ["stability", "two_nodes.toml", "--t-end", "0.1", "--no-peers", "--limit", "10"],
 }
 WRONG_USE = {
     "no verb": [],
