@@ -86,7 +86,7 @@ def main() -> None:
                 started = time.perf_counter()
                 found = simulate(
                     model, span, samples=SAMPLES, method=method, rtol=tolerance, atol=tolerance, keep=keep,
-                    max_steps=MOST_STEPS,
+                    max_steps=MOST_STEPS, control="steps",
                 )  # fmt: skip
                 seconds = time.perf_counter() - started
                 energy = found.total_energy

@@ -45,6 +45,10 @@ def simulate(
     keep: Annotated[
         str, typer.Option("--keep", help="energy: hold it at each step, for long undamped motions.")
     ] = "",
+    control: Annotated[
+        str,
+        typer.Option("--control", help="What the tolerance bounds: samples (whole error), or steps (each)."),
+    ] = "samples",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")] = False,
     until: Annotated[
         str | None,
@@ -87,6 +91,7 @@ def simulate(
             until_contact=until_contact,
             max_steps=max_steps,
             keep=keep,
+            control=control,
         )
         if out is not None:
             check_target(out)
@@ -120,6 +125,7 @@ def simulate(
                 progress=progress,
                 max_steps=max_steps,
                 keep=keep,
+                control=control,
             )
         if out is not None:
             trajectory.write(out)

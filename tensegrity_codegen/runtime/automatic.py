@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.run_end import MOST_STEPS
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tensegrity_codegen.runtime.vibration import Vibration
 
-__all__ = ["integrate_auto"]
+__all__ = ["PASSING_KINKS", "integrate_auto"]
 
 FloatArray = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def integrate_auto(
     choice = choose_method(model, state, span, rtol, atol, given, watches=watch is not None or bool(keep))
 
     def explicit(name: str, most: int = max_steps) -> RawTrajectory:
-        return tighten_until_converged(
+        found = tighten_until_converged(
             lambda r, a: integrate_adaptive(
                 name, model, state, sample_time, r, a, given, progress, watch, max_steps=most, keep=keep
             ),
@@ -65,6 +65,7 @@ def integrate_auto(
             atol,
             least_atol=choice.noise,
         )
+        return _by_auto(found)
 
     if choice.name != "radau":
         return _advise(replace(explicit(choice.name), why=choice.why), model)
@@ -82,7 +83,7 @@ def integrate_auto(
         jumps = bound_jumps(model, raw, raw.tension_member, choice.frequency, given)
         return _with_vibration(raw, state, vibration, span, jumps)
 
-    found = tighten_until_converged(run, rtol, atol, _left_out, trust=PASSING_KINKS)
+    found = _by_auto(tighten_until_converged(run, rtol, atol, _left_out, trust=PASSING_KINKS))
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
         return _tell(found, choice.why, rtol, atol)
     if choice.otherwise:
@@ -90,6 +91,11 @@ def integrate_auto(
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
     return _advise(_tell(found, choice.why, rtol, atol), model)
+
+
+def _by_auto(raw: RawTrajectory) -> RawTrajectory:
+    """Return the run with the word that its method was chosen."""
+    return replace(raw, method=f"auto ({raw.method})")
 
 
 def _advise(raw: RawTrajectory, model: CompiledModel) -> RawTrajectory:

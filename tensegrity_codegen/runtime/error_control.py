@@ -143,7 +143,7 @@ def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:
         last,
         status="not_converged",
         message=f"{why}; estimated error {told}: loosen --rtol and --atol, simulate a shorter time, "
-        "or name a method, which then controls each step's error only",
+        "or ask for control of each step's error only",
         method=_name(last),
         error_estimate=estimate,
     )
@@ -151,4 +151,4 @@ def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:
 
 def _name(run: RawTrajectory) -> str:
     """Return the method's name: what ran, and that its tolerance was tightened."""
-    return f"auto ({run.method}, tolerance tightened)"
+    return f"{run.method}, tolerance tightened"

@@ -13,11 +13,12 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
-from tensegrity_codegen.runtime.automatic import integrate_auto
+from tensegrity_codegen.runtime.automatic import PASSING_KINKS, integrate_auto
 from tensegrity_codegen.runtime.choice import wanted_integrators
 from tensegrity_codegen.runtime.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.double_only import require_double
+from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.event_log import Condition, Watch
 from tensegrity_codegen.runtime.flow import build_derivative
 from tensegrity_codegen.runtime.keep import check_keep
@@ -40,8 +41,8 @@ Progress = Callable[[float], None]
 METHODS = {
     "auto": "rk853, rk54 or radau, by stiffness, damping and tolerance, with ever tighter steps until the "
     "estimated error at the samples meets rtol and atol",
-    "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, each step's error within rtol and atol",
-    "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, each step's error within rtol and atol",
+    "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, steps cut at events",
+    "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, steps cut at events",
     "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
     "rk4": "Runge-Kutta 4 in C with the fixed step `step`, checked by a run with twice that",
     "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
@@ -50,6 +51,7 @@ METHODS = {
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
 ADAPTIVE = ("rk54", "rk853")
+CONTROLS = ("samples", "steps")  # what the tolerance bounds: the error of every sample, or of each step
 MOST_SAMPLES = 1_000_000
 LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
 SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
@@ -80,6 +82,7 @@ def simulate(
     progress: Progress | None = None,
     max_steps: int = MOST_STEPS,
     keep: str = "",
+    control: str = "samples",
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
 
@@ -96,6 +99,11 @@ def simulate(
     until_condition: end with the first such change, as with a contact; where the condition is a comparison,
     at t = 0 if it holds from the start.
 
+    control: what rtol and atol bound in rk54, rk853 and radau. "samples": the estimated error of all samples;
+    the steps' tolerance is tightened until two runs agree so well, else the status is "not_converged"; rk4 is
+    held to runs with other steps. "steps": the error of each step, in one run, and nothing is said of their
+    sum, which may be far more over long times and for stiff members.
+
     keep: "energy", for undamped motions over long times: each step of rk54, rk853 or auto ends at the energy
     of the start; needs a library built with keep = ("energy",), else FormulationError.
 
@@ -105,8 +113,9 @@ def simulate(
     not finite.
     """
     check_options(
-        t_end, samples, method, step, rtol, atol, until_contact=until_contact, max_steps=max_steps, keep=keep
-    )
+        t_end, samples, method, step, rtol, atol, until_contact=until_contact, max_steps=max_steps, keep=keep,
+        control=control,
+    )  # fmt: skip
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
     arguments = dict(arguments or {})
@@ -135,6 +144,7 @@ def simulate(
             watch,
             max_steps,
             keep,
+            control,
         )
 
     events: tuple[MotionEvent, ...] = ()
@@ -146,7 +156,9 @@ def simulate(
         )
         events = (MotionEvent("condition", (str(condition),), 0.0, 0.0, q0, v0),)
     else:
-        raw = integrate(sample_time) if step is None else _checked(integrate, sample_time, step, model)
+        raw = (
+            _checked(integrate, sample_time, step, model) if control == "samples" else integrate(sample_time)
+        )
         events = _end_event(raw, condition) if until_condition else ()
     return replace(evaluate_trajectory(model, raw, arguments, schedule), events=events)
 
@@ -177,27 +189,38 @@ def _integrate(
     watch: Watch | None,
     max_steps: int,
     keep: str,
+    control: str,
 ) -> RawTrajectory:
     """Return the states at the sample times by one of METHODS."""
     if method == "rk4":
         return integrate_rk4(model, state, sample_time, float(step or 0.0), arguments, progress)
-    given = (model, state, sample_time, rtol, atol, arguments, progress)
-    if method == "radau":
-        return integrate_radau(*given, max_steps=max_steps)
-    if method in ADAPTIVE:
-        return integrate_adaptive(method, *given, watch, max_steps=max_steps, keep=keep)
+    if method in SCIPY_NAME:
+        return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
     if method == "auto":
-        return integrate_auto(*given, watch, max_steps=max_steps, keep=keep)
-    return _scipy(model, state, sample_time, SCIPY_NAME[method], rtol, atol, arguments, schedule)
+        return integrate_auto(
+            model, state, sample_time, rtol, atol, arguments, progress, watch, max_steps=max_steps, keep=keep
+        )
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        given = (model, state, sample_time, rtol, atol, arguments, progress)
+        if method == "radau":
+            return integrate_radau(*given, max_steps=max_steps)
+        return integrate_adaptive(method, *given, watch, max_steps=max_steps, keep=keep)
+
+    if control == "steps":
+        return run(rtol, atol)
+    return tighten_until_converged(run, rtol, atol, trust=PASSING_KINKS if method == "radau" else 0.0)
 
 
 def _checked(
-    integrate: Callable[[FloatArray, float], RawTrajectory],
+    integrate: Callable[..., RawTrajectory],
     time: FloatArray,
-    step: float,
+    step: float | None,
     model: CompiledModel,
 ) -> RawTrajectory:
-    """Return the run with a fixed step, held to one with another step."""
+    """Return a run, one with a fixed step held to one with another step."""
+    if step is None:
+        return integrate(time)
     return check_by_doubling(lambda h: integrate(time, h), step, model.manifest)
 
 
@@ -329,6 +352,7 @@ def check_options(
     until_contact: bool = False,
     max_steps: int = MOST_STEPS,
     keep: str = "",
+    control: str = "samples",
 ) -> None:
     """Raise InvalidValueError or UnknownNameError for options that `simulate` cannot work with."""
     if method not in METHODS:
@@ -344,6 +368,17 @@ def check_options(
             hint="--method auto",
         )
     check_keep(keep, method)
+    if control not in CONTROLS:
+        raise InvalidValueError(
+            "unknown control of the error", where="--control", given=control, allowed=", ".join(CONTROLS)
+        )
+    if control == "steps" and method not in (*ADAPTIVE, "radau", "rk4"):
+        raise InvalidValueError(
+            "this method's samples are always or never checked",
+            where="--control",
+            given=f"{control} with method {method!r}",
+            allowed="steps with rk853, rk54, radau, rk4; samples with any",
+        )
     for key, value in (("--t-end", t_end), ("--rtol", rtol), ("--atol", atol)):
         if not (np.isfinite(value) and value > 0):
             raise InvalidValueError("out of range", where=key, given=value, allowed="a finite number > 0")

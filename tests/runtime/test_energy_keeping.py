@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,9 @@ def model_of(name: str) -> CompiledModel:
 
 
 def run(name: str, keep: str, method: str = "rk54", tol: float = 1e-6, samples: int = 11) -> Trajectory:
-    return simulate(model_of(name), SPAN, samples=samples, method=method, rtol=tol, atol=tol, keep=keep)
+    control = "samples" if method == "auto" else "steps"
+    options: dict[str, Any] = {"method": method, "rtol": tol, "atol": tol, "keep": keep, "control": control}
+    return simulate(model_of(name), SPAN, samples=samples, **options)
 
 
 def drift(found: Trajectory) -> float:

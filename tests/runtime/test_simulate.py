@@ -259,6 +259,18 @@ def test_a_long_step_that_eats_energy_is_inaccurate(oscillator: CompiledModel) -
     assert run.total_energy[-1] < run.total_energy[0]
 
 
+def test_a_named_method_keeps_its_samples_within_the_tolerance(oscillator: CompiledModel) -> None:
+    """Over 200 s the errors of steps add up, which control of the steps does not tell."""
+    exact = simulate(oscillator, 200.0, samples=11, method="rk853", rtol=1e-12, atol=1e-14, control="steps")
+    errors = []
+    for control in ("samples", "steps"):
+        run = simulate(oscillator, 200.0, samples=11, method="rk54", rtol=1e-6, atol=1e-8, control=control)
+        assert run.status == "ok"
+        apart = np.abs(run.coordinate - exact.coordinate) / (1e-8 + 1e-6 * np.abs(exact.coordinate))
+        errors.append(float(apart.max()))
+    assert errors[0] < 1.0 < 10.0 < errors[1]
+
+
 def test_damping_that_eats_energy_is_fine(damped: CompiledModel) -> None:
     assert simulate(damped, 2.0, method="rk4", step=0.01).status == "ok"
 
@@ -281,6 +293,8 @@ def test_a_summary_is_ready_for_json(oscillator: CompiledModel) -> None:
 
 
 OPTIONS: list[tuple[dict[str, Any], str]] = [
+    ({"control": "nothing"}, "--control"),
+    ({"control": "steps"}, "--control"),
     ({"t_end": 0.0}, "--t-end"),
     ({"t_end": -1.0}, "--t-end"),
     ({"t_end": np.nan}, "--t-end"),
