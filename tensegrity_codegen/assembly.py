@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,15 +144,25 @@ def _find_modules(
     ends: IntArray, class_of: IntArray, kind: IntArray, n_nodes: int
 ) -> tuple[list[Module], IntArray | None]:
     """Return the modules, and the order of nodes for the other members, None for the scene's."""
+    found, order = _search_modules(ends.tobytes(), class_of.tobytes(), kind.tobytes(), n_nodes)
+    return list(found), order
+
+
+@lru_cache(maxsize=4)  # one structure is planned many times: with what it leaves out, too
+def _search_modules(
+    ends_bytes: bytes, class_bytes: bytes, kind_bytes: bytes, n_nodes: int
+) -> tuple[tuple[Module, ...], IntArray | None]:
+    class_of, kind = np.frombuffer(class_bytes, dtype=np.int64), np.frombuffer(kind_bytes, dtype=np.int64)
+    ends = np.frombuffer(ends_bytes, dtype=np.int64).reshape(-1, 2)
     natural = np.arange(n_nodes)
     modules = find_modules(ends, kind, natural)
     n_held = _count(modules)
     if n_held >= MOSTLY * len(ends) or len(ends) < LEAST_TO_ORDER:
-        return modules, None
+        return tuple(modules), None
     order = order_nodes(ends, class_of, n_nodes)
     others = find_modules(ends, kind, order)
     is_nearer = 2 * spread(ends, order) < spread(ends, natural) and len(ends) >= LEAST_TO_SORT
-    return (others if _count(others) > n_held else modules), (order if is_nearer else None)
+    return tuple(others if _count(others) > n_held else modules), (order if is_nearer else None)
 
 
 def _count(modules: list[Module]) -> int:
