@@ -51,6 +51,7 @@ METHODS = {
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
 ADAPTIVE = ("rk54", "rk853")
+MOST_FIXED_STEPS = 100_000_000  # unless --max-steps allows more: some seconds for a small structure
 CONTROLS = ("samples", "steps")  # what the tolerance bounds: the error of every sample, or of each step
 MOST_SAMPLES = 1_000_000
 LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
@@ -89,7 +90,7 @@ def simulate(
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
     name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
     methods; step [s]: for the method "rk4" only; progress: called with the fraction done; max_steps: that one
-    run of a method in C may try, "not_converged" where they do not reach the end. until_contact: end
+    run with error control may try, "not_converged" where they do not reach the end. until_contact: end
     with the first contact of bars, as the last sample and in `events`, at t = 0 where they touch from the
     start; needs bar_distance and bar_distance_jacobian, else FormulationError.
 
@@ -418,11 +419,12 @@ def check_options(
         raise InvalidValueError(
             "out of range", where="--max-steps", given=max_steps, allowed=f"1 to {LARGEST_COUNT}"
         )
-    if step is not None and t_end > max_steps * step * (1.0 + 1e-9):
+    most = max(max_steps, MOST_FIXED_STEPS)
+    if step is not None and t_end > most * step * (1.0 + 1e-9):
         raise InvalidValueError(
             "too small for the simulated time",
             where="--step",
             given=step,
-            allowed=f"at least {t_end / max_steps:.3g} s, which makes {max_steps} steps",
+            allowed=f"at least {t_end / most:.3g} s, which makes {most} steps",
             hint="a longer step, a shorter time, or more steps by --max-steps",
         )

@@ -40,9 +40,8 @@ def test_many_constants_have_a_file_of_their_own(apart: GeneratedSource) -> None
     assert "_kernel(" not in tables
     whole = emit(*everything()).files
     assert f"{name}_tables.c" not in whole
-    assert sorted(whole[f"{name}.c"].split()) == sorted(
-        (code + tables[tables.index('.h"') + 3 :]).split()
-    )  # nothing is lost, nothing is there twice
+    parts = (code + tables[tables.index('.h"') + 3 :]).replace(f"#define {name.upper()}_WITHOUT_NAMES\n", "")
+    assert sorted(whole[f"{name}.c"].split()) == sorted(parts.split())  # nothing is lost or there twice
     assert whole["manifest.json"] == apart.files["manifest.json"]
 
 

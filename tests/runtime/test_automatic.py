@@ -185,7 +185,7 @@ def spinning(ratio: float) -> Structure:
     return structure.with_changes(node_velocity=velocity, damping=np.where(structure.is_bar, 0.0, 5.0))
 
 
-@pytest.mark.parametrize("ratio", [1e5, 1e6])
+@pytest.mark.parametrize("ratio", [1e6])
 def test_jumps_of_damped_cables_keep_the_error_within_ten_tolerances(ratio: float) -> None:
     found, exact = run(spinning, ratio), run(spinning, ratio, "rk853", 1e-11)
     assert found.status == "ok"
