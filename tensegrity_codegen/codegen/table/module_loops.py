@@ -7,6 +7,7 @@ becomes of it. What the next chunk needs is carried over.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -52,7 +53,7 @@ class ModuleStage:
         return sum(module.n_repetitions for shape in shapes for module in shape) // max(len(shapes), 1)
 
 
-class ShapeLoops:
+class ShapeLoops(ABC):
     """The loops over modules of one shape.
 
     strands: class, first strand, behind the last; kernels: of each of these classes; size: results that are
@@ -79,13 +80,13 @@ class ShapeLoops:
         self.strands = [item for item in self.text.strands() if item[0] in kernels]
         self.reads_rates = any(RATES[0] in kernel.parameters for kernel in kernels.values())
 
+    @abstractmethod
     def row(self, kernel: DensityKernel) -> list[str]:
         """Return the statements that store what a kernel returned, from `to` on."""
-        raise NotImplementedError
 
+    @abstractmethod
     def chunk(self) -> list[str]:
         """Return what becomes of the results of a chunk's members."""
-        raise NotImplementedError
 
     def write(self) -> list[str]:
         """Return all loops."""
