@@ -71,10 +71,13 @@ def equilibrium(
         found = find_equilibrium(
             model, arguments=loads.arguments, tolerance=tolerance, method=method, raise_on_failure=False
         )
+        held = _find_held(structure, added)
+        if held:
+            output.warn(f"held nodes carry a part of the load, which moves nothing: {', '.join(held)}")
         snap = loads.find_snap(model, found)
         if snap.snapped:
             output.warn(_tell_snap(snap))
-        data = equilibrium_data(model, found) | snap.as_evidence() | {"out": None}
+        data = equilibrium_data(model, found) | snap.as_evidence() | {"held_load": held, "out": None}
         if out is not None and found.is_found:
             write_scene(_describe_settled(structure, request, found), out, overwrite=overwrite)
             data["out"] = str(out)
@@ -126,6 +129,14 @@ class _Loads:
         if not found.is_found or not self.is_loaded:
             return Snap(None if self.is_loaded else False)
         return find_snap(model, found, self.base, self.total, cables=self.cables)
+
+
+def _find_held(structure: Structure | BodySystem, added: NDArray[np.float64]) -> list[str]:
+    """Return "NODE.axis" of the added loads (n_nodes, 3) [N] that go straight into a support."""
+    if isinstance(structure, BodySystem):
+        return []
+    where = np.argwhere((added != 0.0) & structure.node_anchored)
+    return [f"{structure.node_name[node]}.{'xyz'[axis]}" for node, axis in where]
 
 
 def _tell_snap(snap: Snap) -> str:

@@ -153,6 +153,14 @@ def test_a_load_that_is_none_is_refused(load: str, error: str, run: Run, folder:
     assert ended.data["allowed"]
 
 
+def test_a_load_into_a_support_is_told(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING)
+    loaded = run("equilibrium", path, "--load", "a=0,3,-5", "--json")
+    assert loaded.data["held_load"] == ["a.y", "a.z"]
+    assert "a.y, a.z" in loaded.err
+    assert run("equilibrium", path, "--load", "b=0,0,-5", "--json").data["held_load"] == []
+
+
 def test_a_load_off_the_plane_is_refused(run: Run, folder: Path) -> None:
     path = write_example(folder, "planar")
     structure, _ = load_scene(path)
