@@ -6,6 +6,7 @@ Steps are estimated from the bounds of rates.py; the numbers are measured: docs/
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -161,7 +162,20 @@ def _choose_explicit(model: CompiledModel, names: tuple[str, ...], rtol: float) 
         return Choice(held[0], f"the library holds no {wanted}")
     cause = "damped cables jump" if jumps and wanted == "rk54" else f"relative tolerance {rtol:.0e}"
     order = "order 5 steps over little" if jumps else "order 5 is enough"
-    return Choice(wanted, f"{cause}: {'order 8' if wanted == 'rk853' else order}")
+    return Choice(wanted, f"{_tell_rigid(model)}{cause}: {'order 8' if wanted == 'rk853' else order}")
+
+
+def _tell_rigid(model: CompiledModel) -> str:
+    """Return how many rigid bars there are and how many of them meet, nothing where there are none."""
+    bars = model.manifest.rigid_bar
+    if not bars:
+        return ""
+    ends = dict(zip(model.manifest.member_name, model.manifest.connectivity, strict=True))
+    free = set(model.manifest.coordinate_place[:, 0].tolist())
+    meeting = Counter(node for bar in bars for node in ends[bar] if node in free)
+    most = max(meeting.values(), default=1)
+    how = "a multiplier each" if most == 1 else f"up to {most} at a node, whose multipliers are coupled"
+    return f"{len(bars)} rigid {'bar' if len(bars) == 1 else 'bars'} (class {most}, {how}); "
 
 
 def _explicit_for(rtol: float, jumps: bool) -> str:
