@@ -117,6 +117,10 @@ class MemberSet:
     def add_to(self, node_load: list[Vector], densities: list[Scalar]) -> list[Vector]:
         """Return `node_load` plus the pull of all members, in the order of the plan [N]."""
         pulls = [member.pull(density) for member, density in zip(self.members, densities, strict=True)]
+        return self.add_pulls(node_load, pulls)
+
+    def add_pulls(self, node_load: list[Vector], pulls: list[Vector]) -> list[Vector]:
+        """Return `node_load` plus given forces on node j, minus those on node i, in the order of the plan."""
         force = list(node_load)
         for e, end in self.plan.ends:
             node, pull = self.ends[e][end], pulls[e]

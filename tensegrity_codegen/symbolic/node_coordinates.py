@@ -33,14 +33,15 @@ class NodeCoordinates:
         self.map = CoordinateMap(structure)
         self.ends = [(int(i), int(j)) for i, j in structure.connectivity]
         self.members = MemberSet(
-            structure, arguments, self._differences(arguments.position), self._differences(arguments.velocity)
+            structure, arguments, self.differences(arguments.position), self.differences(arguments.velocity)
         )
 
     def bar_pairs(self) -> BarPairs:
         """Return the pairs of bars whose distance can be asked for."""
         return pair_members(self.structure, self.arguments.position)
 
-    def _differences(self, vectors: list[Vector]) -> list[Vector]:
+    def differences(self, vectors: list[Vector]) -> list[Vector]:
+        """Return the difference of the ends' vectors, one a member."""
         return [member_vector(vectors[i], vectors[j]) for i, j in self.ends]
 
     # Nodes
@@ -145,11 +146,15 @@ class NodeCoordinates:
 
     def free_acceleration(self) -> ca.SX:
         """Return H^-1 f of the forces of springs, weights and loads, (n_coordinates, 1) [m/s2]."""
+        return self.accelerate(self.net_force)
+
+    def accelerate(self, node_force: list[Vector]) -> ca.SX:
+        """Return H^-1 f of a force on every node, (n_coordinates, 1)."""
         self.inertia.check()
         result: list[Scalar] = [None] * self.map.n_coordinates
         for column, axis in enumerate(self.structure.axes):
             for nodes in self.inertia.groups(axis):
-                force = [self.net_force[node][column] for node in nodes]
+                force = [node_force[node][column] for node in nodes]
                 solution = self.inertia.solve(nodes, force)
                 for index, value in zip(self.map.indices(nodes, axis), solution, strict=True):
                     result[index] = value

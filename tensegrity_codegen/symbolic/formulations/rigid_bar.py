@@ -26,6 +26,7 @@ from tensegrity_codegen.symbolic.jacobians import by_inputs, by_parameters
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, find_rigid_bars
+from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
 
 __all__ = ["build_rigid_bar"]
 
@@ -155,35 +156,21 @@ class _RigidBar(NodeCoordinates):
         return BarConstraints(self.structure, self.bars, self.map, self.inverse_mass)
 
     @cached_property
-    def vectors(self) -> list[Vector]:
-        return [self.members.vectors[e] for e in self.bars]
-
-    @cached_property
-    def jacobian(self) -> ca.SX:
-        return self.constraints.jacobian(self.vectors)
-
-    @cached_property
-    def matrix(self) -> ca.SX:
-        return self.constraints.matrix(self.jacobian)
-
-    @cached_property
-    def rigid_multipliers(self) -> ca.SX:
-        """Multipliers of bars of constant length, (n_bars, 1) [N/m]: force densities, positive in tension."""
-        rates = [self.members.vector_rates[e] for e in self.bars]
-        speed = ca.vertcat(*[dot(rate, rate) for rate in rates])
-        return self.constraints.solve(self.matrix, ca.mtimes(self.jacobian, self.free_acceleration()) + speed)
+    def motion(self) -> RigidMotion:
+        """The motion with bars of constant length."""
+        return RigidMotion(self, self.constraints)
 
     @cached_property
     def multipliers(self) -> ca.SX:
-        """Multipliers lambda, (n_bars, 1) [N/m]."""
+        """Multipliers lambda, (n_bars, 1) [N/m]: force densities, positive in tension."""
         if not self.is_corrected:
-            return self.rigid_multipliers
+            return self.motion.multipliers()
         kept = ca.vertcat(*self.lengths)
-        pull = kept * self.length_accelerations + self.length_rates * self.length_rates
-        return self.rigid_multipliers - self.constraints.solve(self.matrix, pull)
+        pull = kept * self.stretch(2) + self.stretch(1) * self.stretch(1)
+        return self.motion.multipliers() - self.constraints.solve(self.motion.matrix, pull)
 
     def acceleration(self) -> ca.SX:
-        return self.free_acceleration() - self.constraints.move(self.jacobian, self.multipliers)
+        return self.free_acceleration() - self.constraints.move(self.motion.jacobian, self.multipliers)
 
     def state_derivative(self) -> ca.SX:
         return ca.vertcat(self.v, self.acceleration())
@@ -194,20 +181,16 @@ class _RigidBar(NodeCoordinates):
     # Lengths that bars are kept at: constant, or rest length + tension / mu to first order
 
     @cached_property
-    def mu(self) -> ca.SX:
-        """Spring constants of the rigid bars in the scene, (n_bars, 1) [N/m]; zero where they have none."""
+    def mu_inverse(self) -> list[Scalar]:
+        """Inverse of the spring constants of the rigid bars in the scene [m/N]; zero where they have none."""
         of = self.elastic
-        return ca.SX((of.spring_constant + of.axial_stiffness / of.rest_length)[self.bars])
+        mu = (of.spring_constant + of.axial_stiffness / of.rest_length)[self.bars]
+        return [ca.SX(1.0 / k if k else 0.0) for k in mu]
 
-    @cached_property
-    def stretch(self) -> ca.SX:
-        """First-order stretch t / mu of rigid bars, (n_bars, 1) [m]; zero where they have no stiffness."""
-        lengths = ca.vertcat(*[self.members.lengths[e] for e in self.bars])
-        parts = [
-            self.rigid_multipliers[b] * lengths[b] / self.mu[b] if not self.mu[b].is_zero() else ca.SX(0.0)
-            for b in range(len(self.bars))
-        ]
-        return ca.vertcat(*parts)
+    def stretch(self, n: int = 0) -> ca.SX:
+        """Return the n-th derivative of the stretch t / mu, (n_bars, 1) [m/s^n]; zero without mu."""
+        tensions = zip(self.motion.tensions(n), self.mu_inverse, strict=True)
+        return ca.vertcat(*[tension * inverse for tension, inverse in tensions])
 
     @cached_property
     def lengths(self) -> list[Scalar]:
@@ -217,26 +200,8 @@ class _RigidBar(NodeCoordinates):
         rest = [self.arguments.rest_length[e] for e in self.bars]
         if not self.is_corrected:
             return rest
-        return [rest[b] + self.stretch[b] for b in range(len(self.bars))]
-
-    @cached_property
-    def rigid_acceleration(self) -> ca.SX:
-        return self.free_acceleration() - self.constraints.move(self.jacobian, self.rigid_multipliers)
-
-    def _along_motion(self, expression: ca.SX) -> ca.SX:
-        """Return d/dt of an expression of (q, q') along the motion with rigid bars."""
-        state, rate = ca.vertcat(self.q, self.v), ca.vertcat(self.v, self.rigid_acceleration)
-        return ca.densify(ca.jtimes(expression, state, rate))
-
-    @cached_property
-    def length_rates(self) -> ca.SX:
-        if not self.is_corrected:
-            return ca.SX.zeros(len(self.bars), 1)
-        return self._along_motion(self.stretch)
-
-    @cached_property
-    def length_accelerations(self) -> ca.SX:
-        return self._along_motion(self.length_rates)
+        stretch = self.stretch()
+        return [rest[b] + stretch[b] for b in range(len(self.bars))]
 
     def constraint_residual(self) -> ca.SX:
         lengths = [self.members.lengths[e] for e in self.bars]
@@ -253,20 +218,17 @@ class _RigidBar(NodeCoordinates):
         return self.constraints.project_position(self.q, self.arguments.position, self.lengths)
 
     def consistent_velocity(self) -> ca.SX:
-        rates = [kept * self.length_rates[b] for b, kept in enumerate(self.lengths)]
+        change = self.stretch(1) if self.is_corrected else ca.SX.zeros(len(self.bars), 1)
+        rates = [kept * change[b] for b, kept in enumerate(self.lengths)]
         return self.constraints.project_velocity(self.arguments.position, self.v, rates)
 
     def rigidity_error(self) -> ca.SX:
         """Return what the model neglects of the bars' lengths: stretch, or the inertia of its change."""
         if not self.is_corrected:
-            return ca.fabs(self.stretch)
-        square = ca.vertcat(*[dot(d, d) for d in self.vectors])
-        lag = square * self._along_motion(self._along_motion(self.stretch)) / ca.diag(self.matrix)
-        parts = [
-            ca.fabs(lag[b] / self.mu[b]) if not self.mu[b].is_zero() else ca.SX(0.0)
-            for b in range(len(self.bars))
-        ]
-        return ca.vertcat(*parts)
+            return ca.fabs(self.stretch())
+        square = ca.vertcat(*[dot(d, d) for d in (self.members.vectors[e] for e in self.bars)])
+        lag = square * self.stretch(2) / ca.diag(self.motion.matrix)
+        return ca.fabs(lag * ca.vertcat(*self.mu_inverse))
 
     # Forces
 
@@ -285,7 +247,7 @@ class _RigidBar(NodeCoordinates):
     def node_force(self) -> ca.SX:
         force = [list(row) for row in self.net_force]
         for b, (i, j) in enumerate(self.constraints.ends):
-            pull = [self.multipliers[b] * component for component in self.vectors[b]]
+            pull = [self.multipliers[b] * component for component in self.members.vectors[self.bars[b]]]
             force[i] = [f - p for f, p in zip(force[i], pull, strict=True)]
             force[j] = [f + p for f, p in zip(force[j], pull, strict=True)]
         return ca.horzcat(*[ca.vertcat(*row) for row in force])
