@@ -26,6 +26,8 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tests.common_prism import BARS, PLACES, POSITION, STRINGS, common_prism
 
 FloatArray = NDArray[np.float64]
@@ -55,10 +57,10 @@ def main() -> None:
 def ours(model: CompiledModel, name: str, tol: float, watch: Watch | None) -> Callable[[], FloatArray]:
     """Return a run of one of our methods, from the start to the node positions at the end."""
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    span = np.array([0.0, SECONDS])
+    motion = Motion(model, state, np.array([0.0, SECONDS]), watch=watch)
 
     def run() -> FloatArray:
-        found = integrate_adaptive(name, model, state, span, tol, tol / 10, watch=watch)
+        found = integrate_adaptive(motion, RunOptions(name, tol, tol / 10))
         return found.state[-1, :18].reshape(6, 3)
 
     return run

@@ -30,6 +30,8 @@ from tensegrity_codegen.runtime.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.work_precision.contender import Contender, Unavailable, measure
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, sundials
@@ -154,9 +156,9 @@ class Ensemble:
     def run(self, title: str, method: str, setting: float) -> tuple[FloatArray, float]:
         """Return positions at the end (n_batch, n_coordinates), NAN where not reached, and CPU seconds."""
         model, state = self._prepare(title)
-        options = {"step": setting} if method == "rk4" else {"rtol": setting, "atol": setting}
+        options = RunOptions(method, setting, setting, setting if method == "rk4" else None)
         started = time.process_time()
-        raw = integrate_batch(method, model, state, self.time, **options)  # type: ignore[arg-type]
+        raw = integrate_batch(Motion(model, state, self.time), options)
         seconds = time.process_time() - started
         return raw.state[:, -1, : raw.state.shape[2] // 2], seconds
 

@@ -10,16 +10,16 @@ smooth case these are so short that they stay taut. rk4 and radau do not end ste
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.integrate import integrate_once
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tensegrity_codegen.scene.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
@@ -65,16 +65,13 @@ def model_of(slack: bool) -> CompiledModel:
     return build_library(structure, request).load()
 
 
-def runs(model: CompiledModel, state: NDArray[np.float64]) -> dict[str, list[Callable[[], RawTrajectory]]]:
+def runs(motion: Motion) -> dict[str, list[Callable[[], RawTrajectory]]]:
     """Return the runs of each method, from coarse to fine."""
-    ends = np.array([0.0, SPAN])
-    found = {"rk4": [lambda n=n: integrate_rk4(model, state, ends, SPAN / n) for n in STEPS["rk4"]]}
-    for name in ("rk54", "rk853"):
-        found[name] = [
-            lambda t=t, m=name: integrate_adaptive(m, model, state, ends, t, t) for t in TOLERANCES[name]
-        ]
-    found["radau"] = [lambda t=t: integrate_radau(model, state, ends, t, t) for t in TOLERANCES["radau"]]
-    return found
+    asked = {"rk4": [RunOptions("rk4", step=SPAN / n) for n in STEPS["rk4"]]}
+    asked |= {name: [RunOptions(name, t, t) for t in TOLERANCES[name]] for name in TOLERANCES}
+    return {
+        name: [partial(integrate_once, motion, options) for options in each] for name, each in asked.items()
+    }
 
 
 def main() -> None:
@@ -83,8 +80,9 @@ def main() -> None:
     for word, slack in (("smooth", False), ("slack, taut", True)):
         model = model_of(slack)
         state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-        best = integrate_adaptive("rk853", model, state, np.array([0.0, SPAN]), 1e-14, 1e-14)
-        for name, calls in runs(model, state).items():
+        motion = Motion(model, state, np.array([0.0, SPAN]))
+        best = integrate_once(motion, RunOptions("rk853", 1e-14, 1e-14))
+        for name, calls in runs(motion).items():
             found = [call() for call in calls]
             errors = [float(np.abs(raw.state[-1] - best.state[-1]).max()) for raw in found]
             steps = [raw.n_steps for raw in found]

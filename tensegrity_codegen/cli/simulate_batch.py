@@ -13,6 +13,7 @@ from tensegrity_codegen.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
+    from tensegrity_codegen.runtime.options import RunOptions
 
 __all__ = ["WIDTH", "build_for_batch", "check_no_other", "simulate_starts"]
 
@@ -24,13 +25,12 @@ def simulate_starts(
     built: BuiltLibrary,
     starts: Path,
     out: Path | None,
-    *,
-    t_end: float,
-    **options: Any,
+    options: RunOptions,
+    **asked: Any,
 ) -> None:
     """Simulate every start of a file and say how many motions came to their end; exit code 3 unless all did.
 
-    options: of `simulate_batch`.
+    asked: t_end, samples and threads of `simulate_batch`.
     """
     from tensegrity_codegen.report.tables import run_table
     from tensegrity_codegen.runtime.read_starts import read_starts
@@ -39,7 +39,16 @@ def simulate_starts(
     model = built.load()
     given = read_starts(starts, model.manifest)
     with output.progress("simulating") as progress:
-        batch = simulate_batch(model, t_end, progress=progress, **given, **options)
+        batch = simulate_batch(
+            model,
+            method=options.method,
+            step=options.step,
+            rtol=options.rtol,
+            atol=options.atol,
+            progress=progress,
+            **asked,
+            **given,
+        )
     if out is not None:
         batch.write(out)
     data = batch.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
@@ -66,7 +75,7 @@ def build_for_batch(scene: Path, method: str, compiler: str | None, flags: str |
     """Return the library of a scene with what a batch of its motions needs; lanes if the method has any."""
     from tensegrity_codegen.pipeline import build_library, load_scene, simulation_quantities
     from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS
-    from tensegrity_codegen.runtime.simulate import integrators_for
+    from tensegrity_codegen.runtime.choice import integrators_for
 
     structure, request = load_scene(scene)
     wanted = request.wanting(*simulation_quantities(request.formulation), integrators=integrators_for(method))

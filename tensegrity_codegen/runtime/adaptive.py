@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, Watch, choose_watch
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator, Progress
+from tensegrity_codegen.runtime.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, choose_watch
+from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
 from tensegrity_codegen.runtime.keep import require_keep
-from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach, judge_end
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["integrate_adaptive"]
@@ -27,37 +27,23 @@ FIRST_CHUNK = 64  # steps of the first call into C
 FORESIGHT = 10_000  # steps after which a run that would need ten times that many is given up
 
 
-def integrate_adaptive(
-    name: str,
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    *,
-    max_steps: int = MOST_STEPS,
-    keep: str = "",
-) -> RawTrajectory:
-    """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
+def integrate_adaptive(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate a motion by the method "rk54" or "rk853".
 
-    name: "rk54" or "rk853". Every step's estimated error is at most atol + rtol |x|, component by component.
-    watch: events at which steps are cut; None: cables that go slack or taut. keep: "energy": every step ends
-    at the energy of the start, see templates/integrate_energy.c.j2. A run that an event ends has the
+    Every step's estimated error is at most atol + rtol |x|, component by component, and where the energy is
+    kept it ends at that of the start, see templates/integrate_energy.c.j2. A run that an event ends has the
     state there as its last sample. Status "unstable" where the state stops being finite, "not_converged"
     where no step meets the tolerance or more than max_steps would be needed, "too_many_events" where events
     follow each other too closely; with the samples reached. Raises as integrate_rk4, what a condition raises,
     and FormulationError for events that the library lacks.
     """
-    bound = BoundIntegrator(name, model, state, sample_time, arguments or {})
-    require_keep(bound.spec, keep)
-    ffi, end = bound.ffi, float(sample_time[-1])
+    bound = BoundIntegrator(options.method, motion)
+    require_keep(bound.spec, options.keep)
+    ffi, end, max_steps = bound.ffi, motion.t_end, options.max_steps
     time, step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
-    run, chunk, word = _EventRun(bound, model, watch), FIRST_CHUNK, "ok"
+    run, chunk, word = _EventRun(bound, motion), FIRST_CHUNK, "ok"
     counts = run.counts
-    if keep:
+    if options.keep:
         counts.keeps_energy = 1
     while (
         time[0] < end and word == "ok" and not run.is_over and run.is_within_reach(time[0] / end, max_steps)
@@ -65,8 +51,8 @@ def integrate_adaptive(
         started = clock.perf_counter()
         status = bound.call(
             end,
-            rtol,
-            atol,
+            options.rtol,
+            options.atol,
             chunk,
             time,
             step,
@@ -81,13 +67,12 @@ def integrate_adaptive(
         )
         run.raise_own()
         word = bound.check(status, ("non_finite_result", "step_too_small", "too_many_events"))
-        if progress is not None:
-            progress(float(time[0]) / end)
+        motion.report(float(time[0]) / end)
         if clock.perf_counter() - started < CHUNK_SECONDS:
             chunk *= 2
     status_word, message = ("ok", "") if run.is_over else judge_end(word, float(time[0]), end)
     reached, log = bound.n_reached, run.log()
-    times, states = sample_time[:reached], bound.samples[:reached]
+    times, states = motion.sample_time[:reached], bound.samples[:reached]
     if run.is_over and times[-1] < time[0]:
         times, states = np.append(times, time[0]), np.vstack([states, bound.state])
     events = f", {log.count} events" if log.count else ""
@@ -98,7 +83,7 @@ def integrate_adaptive(
         state=states,
         status=status_word,
         message=message or f"{counts.n_accepted} steps, {counts.n_rejected} rejected{events}",
-        method=name,
+        method=options.method,
         n_steps=int(counts.n_accepted),
         n_evaluations=int(counts.n_evaluations),
         log=log,
@@ -108,9 +93,9 @@ def integrate_adaptive(
 class _EventRun:
     """The counters of a run in C, with the events that it watches."""
 
-    def __init__(self, bound: BoundIntegrator, model: CompiledModel, watch: Watch | None) -> None:
-        ffi, self.manifest = bound.ffi, model.manifest
-        self.watch = choose_watch(bound.spec, model.manifest, watch)
+    def __init__(self, bound: BoundIntegrator, motion: Motion) -> None:
+        ffi, self.manifest = bound.ffi, motion.model.manifest
+        self.watch = choose_watch(bound.spec, self.manifest, motion.watch)
         self.counts = ffi.new("integrator_run *")
         self.raised: list[BaseException] = []
         self.has_events = bool(bound.spec.events)
@@ -121,7 +106,7 @@ class _EventRun:
         self.counts.event = ffi.cast("integrator_event *", ffi.from_buffer(self.rows))
         self.counts.most_events = len(self.rows)
         if self.watch.condition is not None:
-            n = len(model.manifest.coordinate_name)
+            n = len(self.manifest.coordinate_name)
             self.handle = ffi.callback(
                 "double(double, const double *, const double *, void *)", self._condition(ffi, n)
             )

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
-from tensegrity_codegen.runtime.choice import choose_method
+from tensegrity_codegen.runtime.choice import Choice, choose_method
 from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
-from tensegrity_codegen.runtime.event_log import Watch
-from tensegrity_codegen.runtime.integration import Progress
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.runtime.run_end import MOST_STEPS
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tensegrity_codegen.runtime.vibration import Vibration
 
@@ -30,20 +27,8 @@ FAR = 1e5  # from the origin, over the size of the structure
 NEAR = ("node_position", "rigid_bar")  # formulations in which positions are coordinates
 
 
-def integrate_auto(
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
-    watch: Watch | None = None,
-    *,
-    max_steps: int = MOST_STEPS,
-    keep: str = "",
-) -> RawTrajectory:
-    """Integrate from state (n_states,) over sample_time (n_t,) [s] by what choose_method says.
+def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate a motion by what choose_method says.
 
     The estimated error of positions is within atol + rtol |x| at every sample, component by component;
     that of velocities too, but where radau runs: to its smooth motion vibrations of stiff members are added
@@ -52,45 +37,42 @@ def integrate_auto(
     misses the tolerance the explicit method has its turn. Status "not_converged" where none meets it. Raises
     FormulationError where the library has no method with error control, and what the methods raise.
     """
-    given = arguments or {}
-    span = float(sample_time[1]), float(sample_time[-1])
-    choice = choose_method(model, state, span, rtol, atol, given, watches=watch is not None or bool(keep))
-
-    def explicit(name: str, most: int = max_steps) -> RawTrajectory:
-        found = tighten_until_converged(
-            lambda r, a: integrate_adaptive(
-                name, model, state, sample_time, r, a, given, progress, watch, max_steps=most, keep=keep
-            ),
-            rtol,
-            atol,
-            least_atol=choice.noise,
-        )
-        return _by_auto(found)
-
+    choice = choose_method(motion, options)
     if choice.name != "radau":
-        return _advise(replace(explicit(choice.name), why=choice.why), model)
-
-    vibration = choice.vibration
-    smooth = state if vibration is None else vibration.smooth(state)
-
-    def run(step_rtol: float, step_atol: float) -> RawTrajectory:
-        raw = integrate_radau(
-            model, smooth, sample_time, step_rtol, step_atol, given, progress,
-            quiet=choice.quiet, max_steps=min(max_steps, choice.most_steps),
-        )  # fmt: skip
-        if vibration is None:
-            return raw
-        jumps = bound_jumps(model, raw, raw.tension_member, choice.frequency, given)
-        return _with_vibration(raw, state, vibration, span, jumps)
-
-    found = _by_auto(tighten_until_converged(run, rtol, atol, _left_out, trust=PASSING_KINKS))
+        found = _run_explicit(motion, replace(options, method=choice.name), choice)
+        return _advise(replace(found, why=choice.why), motion.model)
+    found = _run_radau(motion, options, choice)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
-        return _tell(found, choice.why, rtol, atol)
+        return _tell(found, choice.why, options)
     if choice.otherwise:
-        other = explicit(choice.otherwise, min(max_steps, choice.most_otherwise))
+        most = min(options.max_steps, choice.most_otherwise)
+        other = _run_explicit(motion, replace(options, method=choice.otherwise, max_steps=most), choice)
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
-    return _advise(_tell(found, choice.why, rtol, atol), model)
+    return _advise(_tell(found, choice.why, options), motion.model)
+
+
+def _run_explicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
+    """Return a run of the explicit method of the options, its error within the tolerance."""
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        return integrate_adaptive(motion, options.within(rtol, atol))
+
+    return _by_auto(tighten_until_converged(run, options.rtol, options.atol, least_atol=choice.noise))
+
+
+def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
+    """Return a run of radau from the smooth state, with the vibrations about it added."""
+    options = replace(options, max_steps=min(options.max_steps, choice.most_steps))
+    vibration = choice.vibration
+    smooth = motion if vibration is None else replace(motion, state=vibration.smooth(motion.state))
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        raw = integrate_radau(smooth, options.within(rtol, atol), quiet=choice.quiet)
+        return raw if vibration is None else _with_vibration(raw, motion, vibration, choice.frequency)
+
+    found = tighten_until_converged(run, options.rtol, options.atol, _left_out, trust=PASSING_KINKS)
+    return _by_auto(found)
 
 
 def _by_auto(raw: RawTrajectory) -> RawTrajectory:
@@ -113,17 +95,13 @@ def _advise(raw: RawTrajectory, model: CompiledModel) -> RawTrajectory:
 
 
 def _with_vibration(
-    raw: RawTrajectory,
-    start: FloatArray,
-    vibration: Vibration,
-    span: tuple[float, float],
-    jumps: tuple[float, float],
+    raw: RawTrajectory, motion: Motion, vibration: Vibration, frequency: float
 ) -> RawTrajectory:
     """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
-    position, speed = vibration.error(*span)
-    added = vibration.add_to(raw, start)
+    position, speed = vibration.error(float(motion.sample_time[1]), motion.t_end)
+    jumps = bound_jumps(motion.model, raw, raw.tension_member, frequency, motion.arguments)
     errors = {"vibration_error": position + jumps[0], "vibration_speed_error": speed + jumps[1]}
-    return replace(added, evidence={**raw.evidence, **errors})
+    return replace(vibration.add_to(raw, motion.state), evidence={**raw.evidence, **errors})
 
 
 def _left_out(raw: RawTrajectory) -> FloatArray:
@@ -132,11 +110,11 @@ def _left_out(raw: RawTrajectory) -> FloatArray:
     return np.repeat(amounts, raw.state.shape[1] // 2)
 
 
-def _tell(raw: RawTrajectory, why: str, rtol: float, atol: float) -> RawTrajectory:
+def _tell(raw: RawTrajectory, why: str, options: RunOptions) -> RawTrajectory:
     """Return the run with its reason, and a word on velocities where they do not meet the tolerance."""
     n = raw.state.shape[1] // 2
     speed = raw.evidence.get("vibration_speed_error", 0.0)
-    allowed = atol + rtol * float(np.abs(raw.state[:, n:]).max(initial=0.0))
+    allowed = options.atol + options.rtol * float(np.abs(raw.state[:, n:]).max(initial=0.0))
     message = raw.message
     if speed > allowed:
         message += f"; velocities of bars are known to {speed:.2g} m/s: rk853 by name resolves them"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -17,8 +17,10 @@ from tensegrity_codegen.manifest import STATUS, IntegratorSpec
 from tensegrity_codegen.runtime.adaptive import FORESIGHT
 from tensegrity_codegen.runtime.arrays import to_batch
 from tensegrity_codegen.runtime.double_only import require_double
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, Progress, find_integrator
+from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, find_integrator
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.raw_batch import GIVEN_UP, RawBatch, judge_ends
 from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach
 
@@ -32,50 +34,34 @@ FIRST_CHUNK = 64  # steps of the first call into C
 OWN_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call
 
 
-def integrate_batch(
-    name: str,
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    *,
-    step: float | None = None,
-    rtol: float = 1e-6,
-    atol: float = 1e-9,
-    arguments: Mapping[str, Any] | None = None,
-    threads: int = 1,
-    progress: Progress | None = None,
-) -> RawBatch:
-    """Integrate x' = (q', H^-1 f) from x(0) = state (n_batch, n_states) over sample_time (n_t,) [s] from 0.
+def integrate_batch(motion: Motion, options: RunOptions, threads: int = 1) -> RawBatch:
+    """Integrate motions from states (n_batch, n_states) by one of BATCH_METHODS.
 
-    name: one of BATCH_METHODS; step [s]: of "rk4", the largest one used; rtol, atol: of the others, for the
-    error of every step of every state, component by component. arguments: run-time arguments of their own
-    shape for all states, or with one more, leading axis of n_batch rows. threads: how many share the work.
+    step [s]: of "rk4", the largest one used; rtol, atol: of the others, for the error of every step of every
+    state, component by component. Run-time arguments have their own shape, for all states, or one more,
+    leading axis of n_batch rows. threads: how many share the work.
 
     What becomes of a state does not depend on the others, nor on the threads; steps are not cut at events. A
     state that cannot go on has its word in `status`: "non_finite_input", "unstable" or "not_converged".
     Raises FormulationError and LibraryError for a library without this integrator or without batches,
     InvalidValueError for arrays of another shape.
     """
-    run = _Batch(name, model, state, sample_time, step, rtol, atol, arguments or {})
+    run = _Batch(motion, options)
     groups = range(0, len(run.state), run.width)
     stop = threading.Event()
 
     def integrate(start: int) -> None:
         run.advance_to_end(start, stop)
 
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(done / len(groups))
-
     if min(threads, len(groups)) < 2:
         for done, start in enumerate(groups, 1):
             integrate(start)
-            report(done)
+            motion.report(done / len(groups))
         return run.result()
     with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
         try:
             for done, _ in enumerate(pool.map(integrate, groups), 1):
-                report(done)
+                motion.report(done / len(groups))
         except BaseException:
             stop.set()  # the pool waits for its threads
             raise
@@ -85,29 +71,21 @@ def integrate_batch(
 class _Batch:
     """The arrays of one batch, of which groups of `width` states are integrated apart."""
 
-    def __init__(
-        self,
-        name: str,
-        model: CompiledModel,
-        state: FloatArray,
-        sample_time: FloatArray,
-        step: float | None,
-        rtol: float,
-        atol: float,
-        arguments: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, motion: Motion, options: RunOptions) -> None:
+        model, sample_time, step = motion.model, motion.sample_time, options.step
         require_double(model.manifest, "an integration from Python")
-        self.name, self.spec, self.library = name, _find_batch_integrator(model, name), model.library
+        self.name, self.library = options.method, model.library
+        self.spec = _find_batch_integrator(model, self.name)
         self.width, self.call = model.library.batch_width, model.library.symbol(f"{self.spec.symbol}_batch")
-        self.state = _check_state(state, 2 * len(model.manifest.coordinate_name)).copy()
-        self.end, self.rtol, self.atol = float(sample_time[-1]), rtol, atol
+        self.state = _check_state(motion.state, 2 * len(model.manifest.coordinate_name)).copy()
+        self.end, self.tolerance = motion.t_end, (options.rtol, options.atol)
         self.asked_time, self.sample_time = sample_time, np.array(sample_time, dtype=np.float64)
         self.n_steps_wanted, self.step = _divide(self.end, step)
         if step is not None:  # the last sample is the end of the last step, whatever the rounding
             last = round(self.end / self.step) * self.step
             self.sample_time[-1] = min(self.sample_time[-1], last)
         n_batch, n_states = self.state.shape
-        self.passed = [self._argument(model, argument, arguments) for argument in self.spec.arguments]
+        self.passed = [self._argument(motion, argument) for argument in self.spec.arguments]
         self.samples = np.full((n_batch, len(sample_time), n_states), np.nan)
         self.samples[:, 0] = self.state
         self.n_sampled = np.ones(n_batch, dtype=np.int64)
@@ -115,13 +93,10 @@ class _Batch:
         self.count = np.zeros((n_batch, 3), dtype=np.int64)
         self.times, self.steps = np.zeros(n_batch), np.zeros(n_batch)
 
-    def _argument(
-        self, model: CompiledModel, name: str, arguments: Mapping[str, Any]
-    ) -> tuple[FloatArray, bool]:
-        nominal = model.nominal(name)
-        array, is_batched = to_batch(
-            arguments.get(name, nominal), nominal.shape, model.library.precision, name
-        )
+    def _argument(self, motion: Motion, name: str) -> tuple[FloatArray, bool]:
+        nominal = motion.model.nominal(name)
+        value = motion.arguments.get(name, nominal)
+        array, is_batched = to_batch(value, nominal.shape, self.library.precision, name)
         if is_batched and len(array) != len(self.state):
             raise InvalidValueError(
                 "arguments of different batch lengths",
@@ -169,7 +144,7 @@ class _Batch:
         return status
 
     def _adaptive(self, rows: slice, done: int, chunk: int, work: FloatArray) -> int:
-        head = (self.end, self.rtol, self.atol, chunk)
+        head = (self.end, *self.tolerance, chunk)
         return self._call(rows, head, (self.times[rows], self.steps[rows]), self.count[rows], work)
 
     def _call(

@@ -7,21 +7,22 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import listen_to_members
 from tensegrity_codegen.runtime.rates import Rates, find_rates
 from tensegrity_codegen.runtime.vibration import Vibration, find_vibration
 from tensegrity_codegen.structure import Structure
 
-__all__ = ["Choice", "choose_method", "wanted_integrators"]
+__all__ = ["Choice", "choose_method", "integrators_for"]
 
 FloatArray = NDArray[np.float64]
 
@@ -60,8 +61,20 @@ class Choice:
     vibration: Vibration | None = None
 
 
-def wanted_integrators(structure: Structure | None, formulation: str, rtol: float) -> tuple[str, ...]:
-    """Return the integrators that a library shall hold for `auto`; structure: None for one of bodies."""
+def integrators_for(
+    method: str, structure: Structure | None = None, formulation: str = "node_position", rtol: float = 1e-6
+) -> tuple[str, ...]:
+    """Return the integrators that a library must hold for `method`, none for SciPy's methods.
+
+    structure (None: one of bodies), formulation, rtol: what is simulated and how well, by which `auto` wants
+    one or more.
+    """
+    if method in SCIPY_NAME:
+        return ()
+    return _wanted_by_auto(structure, formulation, rtol) if method == "auto" else (method,)
+
+
+def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) -> tuple[str, ...]:
     if structure is None:
         return (_explicit_for(rtol, False),)
     jumps = bool(np.any(structure.tension_only & (structure.damping > 0)))
@@ -76,44 +89,27 @@ def wanted_integrators(structure: Structure | None, formulation: str, rtol: floa
     return (explicit, "radau") if is_stiff else (explicit,)
 
 
-def choose_method(
-    model: CompiledModel,
-    state: FloatArray,
-    span: tuple[float, float],
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any],
-    *,
-    watches: bool = False,
-) -> Choice:
+def choose_method(motion: Motion, options: RunOptions) -> Choice:
     """Return the best of the methods that the library holds.
 
-    span: times of the first sample after the start and of the last [s]; watches: whether events are asked for
-    that only explicit methods watch. Raises FormulationError where the library has no method with error
-    control.
+    Events that are asked for, and the energy, are for explicit methods only. Raises FormulationError where
+    the library has no method with error control.
     """
+    model = motion.model
     specs = {spec.name: spec for spec in model.manifest.integrators}
-    explicit = _choose_explicit(model, tuple(specs), rtol)
-    if "radau" not in specs or not explicit.name or watches:
+    explicit = _choose_explicit(model, tuple(specs), options.rtol)
+    if "radau" not in specs or not explicit.name or motion.watch is not None or options.keep:
         return _need(model, explicit if explicit.name else Choice("radau" if "radau" in specs else "", ""))
-    rates = find_rates(model, specs["radau"].tensions, arguments)
+    rates = find_rates(model, specs["radau"].tensions, motion.arguments)
     if rates is None:
         return explicit
-    return _weigh(model, state, span, rtol, atol, arguments, rates, explicit)
+    return _weigh(motion, options, rates, explicit)
 
 
-def _weigh(
-    model: CompiledModel,
-    state: FloatArray,
-    span: tuple[float, float],
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any],
-    rates: Rates,
-    explicit: Choice,
-) -> Choice:
+def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) -> Choice:
     """Return radau or the explicit method, whichever takes less for these rates."""
-    first, last = span
+    model, state, rtol = motion.model, motion.state, options.rtol
+    first, last = float(motion.sample_time[1]), motion.t_end
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
     explicit = replace(explicit, noise=ROUNDING * size * rates.frequency, frequency=rates.frequency)
     steps = _explicit_steps(rates.frequency, rates.decay, last, rtol)
@@ -127,10 +123,10 @@ def _weigh(
     if slow >= steps:
         return replace(explicit, why=f"{explicit.why}; cables or their damping set the steps, not bars")
     stiff = next(spec.tensions for spec in model.manifest.integrators if spec.name == "radau")
-    amplitude = listen_to_members(model, state, arguments)["vibration"]
+    amplitude = listen_to_members(motion)["vibration"]
     with np.errstate(all="ignore"):  # members without a length have no direction
-        vibration = find_vibration(model, state, stiff, rates, arguments)
-    if not vibration.error(first, last)[0] <= atol + rtol * size:
+        vibration = find_vibration(model, state, stiff, rates, motion.arguments)
+    if not vibration.error(first, last)[0] <= options.atol + rtol * size:
         why = f"{explicit.why}; {told} and vibrate by {amplitude:.2g} m, which only short steps resolve"
         return replace(explicit, why=why)
     why = (

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 from tensegrity_codegen.errors import ConvergenceError
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.trajectory import Schedule
+from tensegrity_codegen.runtime.motion import Motion, Schedule
+from tensegrity_codegen.runtime.options import RunOptions
 
 __all__ = ["Flow", "build_derivative"]
 
@@ -80,7 +81,8 @@ class Flow:
     def _in_c(
         self, start: float, state: FloatArray, offset: FloatArray, rtol: float, atol: float
     ) -> FloatArray | None:
-        raw = integrate_adaptive(self._name, self.model, state, offset, rtol, atol, self.arguments)
+        motion = Motion(self.model, state, offset, self.arguments)
+        raw = integrate_adaptive(motion, RunOptions(self._name, rtol, atol))
         return raw.state if raw.status == "ok" else None
 
     def _dop853(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.manifest import STATUS, IntegratorSpec, Manifest
 from tensegrity_codegen.runtime.double_only import require_double
-from tensegrity_codegen.runtime.model import CompiledModel, raise_for_status
+from tensegrity_codegen.runtime.model import raise_for_status
+from tensegrity_codegen.runtime.motion import Motion
 
-__all__ = ["CHUNK_SECONDS", "BoundIntegrator", "Progress", "find_integrator"]
+__all__ = ["CHUNK_SECONDS", "BoundIntegrator", "find_integrator"]
 
 FloatArray = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 CHUNK_SECONDS = 0.1  # a call into C lasts about this long, so that Ctrl-C and progress get their turn
 
@@ -28,14 +27,8 @@ class BoundIntegrator:
     argument of another size.
     """
 
-    def __init__(
-        self,
-        name: str,
-        model: CompiledModel,
-        state: FloatArray,
-        sample_time: FloatArray,
-        arguments: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, name: str, motion: Motion) -> None:
+        model, state, sample_time = motion.model, motion.state, motion.sample_time
         require_double(model.manifest, "an integration from Python")
         spec = find_integrator(model.manifest, name)
         n_states = 2 * len(model.manifest.coordinate_name)
@@ -46,7 +39,7 @@ class BoundIntegrator:
         self.samples = np.empty((len(sample_time), n_states))
         self.samples[0] = state
         self.passed = {
-            name: _sized(name, arguments.get(name, nominal), nominal.shape)
+            name: _sized(name, motion.arguments.get(name, nominal), nominal.shape)
             for name, nominal in ((name, model.nominal(name)) for name in spec.arguments)
         }
         self.work = np.empty(spec.work_size)

@@ -13,8 +13,8 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.manifest import FunctionSpec
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Schedule
 from tensegrity_codegen.runtime.placement import place_nodes, place_velocities
-from tensegrity_codegen.runtime.trajectory import Schedule
 
 __all__ = [
     "CONTACT_QUANTITIES",

@@ -20,7 +20,8 @@ from scipy import optimize
 from tensegrity_codegen.runtime.flow import Flow
 from tensegrity_codegen.runtime.margins import Margins, build_contact_margins, build_slack_margins
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, Schedule, Trajectory
+from tensegrity_codegen.runtime.motion import Motion, Schedule
+from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory
 
 __all__ = ["MotionEvent", "find_contact", "find_slack", "stop_at_contact"]
 
@@ -91,23 +92,21 @@ def find_slack(
 
 
 def stop_at_contact(
-    model: CompiledModel,
-    integrate: Callable[[FloatArray], RawTrajectory],
-    sample_time: FloatArray,
-    *,
-    arguments: Mapping[str, Any],
-    schedule: Schedule | None = None,
+    motion: Motion, integrate: Callable[[Motion], RawTrajectory]
 ) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
     """Return the samples up to the first contact and the state there, and that event; all if there is none.
 
-    integrate: sample times [s] -> samples. What goes wrong after the contact does not matter: a run that did
+    integrate: motion -> samples. What goes wrong after the contact does not matter: a run that did
     not end well is made again up to the sample after the contact. Raises as find_contact.
     """
-    margins, flow = build_contact_margins(model, arguments), Flow(model, arguments, schedule)
-    raw = integrate(sample_time)
+    margins = build_contact_margins(motion.model, motion.arguments)
+    flow = Flow(motion.model, motion.arguments, motion.schedule)
+    raw = integrate(motion)
     events = _find(margins, flow, raw, only_first=True)
     if events and raw.status != "ok":
-        raw = integrate(sample_time[: max(2, int(np.sum(sample_time <= events[0].time)) + 1)])
+        times = motion.sample_time
+        times = times[: max(2, int(np.sum(times <= events[0].time)) + 1)]
+        raw = integrate(replace(motion, sample_time=times))
         events = _find(margins, flow, raw, only_first=True)
     if not events:
         return replace(raw, message="; ".join(filter(None, [raw.message, "no contact"]))), ()

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
-from tensegrity_codegen.runtime.integration import Progress
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import Trajectory
 
@@ -26,46 +26,43 @@ ARRAYS = (
 )
 
 
-def simulate_one_by_one(
-    model: CompiledModel,
-    t_end: float,
-    state: FloatArray,
-    arguments: Mapping[str, tuple[FloatArray, bool]],
-    *,
-    samples: int,
-    threads: int,
-    progress: Progress | None = None,
-    **common: Any,
-) -> BatchTrajectory:
+def simulate_one_by_one(motion: Motion, options: RunOptions, threads: int) -> BatchTrajectory:
     """Return the motions from state (n_batch, n_states), each simulated by itself with the same options.
 
-    arguments: run-time arguments, each with whether it has one row a motion. A motion that cannot even begin
+    The arguments come each with whether it has one row a motion. A motion that cannot even begin
     has the status "non_finite_input" or "unstable" and no samples. Raises what `simulate` raises besides.
     """
-    n = state.shape[1] // 2
+    n, state, common = motion.state.shape[1] // 2, motion.state, asdict(options)
 
     def run(k: int) -> Trajectory | tuple[str, str]:
-        options: dict[str, Any] = dict(common)
-        own = {name: array[k] if is_batched else array for name, (array, is_batched) in arguments.items()}
+        own = {
+            name: array[k] if is_batched else array for name, (array, is_batched) in motion.arguments.items()
+        }
         if not all(np.isfinite(array).all() for array in (state[k], *own.values())):
             return "non_finite_input", "the initial state or an argument is not finite"
-        options["coordinate"], options["velocity"] = state[k, :n], state[k, n:]
         try:
-            return simulate(model, t_end, samples=samples, arguments=own, **options)
+            return simulate(
+                motion.model,
+                motion.t_end,
+                samples=len(motion.sample_time),
+                coordinate=state[k, :n],
+                velocity=state[k, n:],
+                arguments=own,
+                **common,
+            )
         except NonFiniteError as error:
             return "unstable", str(error.problem)
 
-    found: list[Trajectory | tuple[str, str]] = []
+    found: list[Trajectory | tuple[str, str]] = []  # or why there is none
     with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
         try:
-            for motion in pool.map(run, range(len(state))):
-                found.append(motion)
-                if progress is not None:
-                    progress(len(found) / len(state))
+            for one in pool.map(run, range(len(state))):
+                found.append(one)
+                motion.report(len(found) / len(state))
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return _stack(model, np.linspace(0.0, t_end, samples), found, str(common["method"]))
+    return _stack(motion.model, motion.sample_time, found, options.method)
 
 
 def _stack(

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator, Progress
-from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.run_end import MOST_STEPS, is_within_reach, judge_end
+from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["RADAU_COUNTS", "integrate_radau", "listen_to_members"]
-
-FloatArray = NDArray[np.float64]
 
 # What the C function counts, in its order.
 RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
@@ -24,19 +21,8 @@ FIRST_CHUNK = 64  # steps of the first call into C
 FORESIGHT = 5_000  # steps after which a run that would need ten times that many is given up
 
 
-def integrate_radau(
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    rtol: float,
-    atol: float,
-    arguments: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
-    *,
-    quiet: float = 0.0,
-    max_steps: int = MOST_STEPS,
-) -> RawTrajectory:
-    """Integrate the mixed form from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
+def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) -> RawTrajectory:
+    """Integrate a motion in the mixed form.
 
     Every step's estimated error is at most atol + rtol |x|, component by component; where stiff members
     vibrate less than that, or than `quiet` [m], about their smooth motion this is damped out, and `evidence`
@@ -44,23 +30,20 @@ def integrate_radau(
     "unstable" where the state stops being finite, "not_converged" where no step meets the tolerance or more
     than max_steps would be needed; with the samples reached. Raises as integrate_rk4.
     """
-    run = _Run(model, state, sample_time, rtol, atol, arguments or {}, quiet)
+    run = _Run(motion, options, quiet)
     chunk, word = FIRST_CHUNK, "ok"
-    while not run.is_done and word == "ok" and run.is_within_reach(max_steps):
+    while not run.is_done and word == "ok" and run.is_within_reach(options.max_steps):
         started = clock.perf_counter()
         word = run.advance(chunk)
-        if progress is not None:
-            progress(run.fraction)
+        motion.report(run.fraction)
         if clock.perf_counter() - started < CHUNK_SECONDS:
             chunk *= 2
     return run.result(word)
 
 
-def listen_to_members(
-    model: CompiledModel, state: FloatArray, arguments: Mapping[str, Any] | None = None
-) -> dict[str, float]:
-    """Return the amplitudes with which stiff members vibrate at this state, see integrate_radau."""
-    run = _Run(model, state, np.array([0.0, 1.0]), 1e-3, 1e-3, arguments or {}, 0.0)
+def listen_to_members(motion: Motion) -> dict[str, float]:
+    """Return the amplitudes with which stiff members vibrate at the start, see integrate_radau."""
+    run = _Run(replace(motion, sample_time=np.array([0.0, 1.0])), RunOptions("radau", 1e-3, 1e-3), 0.0)
     run.advance(0)
     return run.vibrations()
 
@@ -68,19 +51,11 @@ def listen_to_members(
 class _Run:
     """One integration in C: its counters, and what it says of vibrations."""
 
-    def __init__(
-        self,
-        model: CompiledModel,
-        state: FloatArray,
-        sample_time: FloatArray,
-        rtol: float,
-        atol: float,
-        arguments: Mapping[str, Any],
-        quiet: float,
-    ) -> None:
-        self.bound = BoundIntegrator("radau", model, state, sample_time, arguments)
-        ffi, self.end = self.bound.ffi, float(sample_time[-1])
-        self.tolerance, self.quiet, self.asked_time = (rtol, atol), quiet, sample_time
+    def __init__(self, motion: Motion, options: RunOptions, quiet: float) -> None:
+        self.bound = BoundIntegrator("radau", motion)
+        ffi, self.end = self.bound.ffi, motion.t_end
+        self.tolerance, self.quiet = (options.rtol, options.atol), quiet
+        self.asked_time = motion.sample_time
         self.time, self.step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
         self.count, self.vibration = ffi.new("long long[]", len(RADAU_COUNTS)), ffi.new("double[]", 3)
 

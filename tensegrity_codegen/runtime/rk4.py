@@ -4,39 +4,24 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Mapping
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator, Progress
-from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["integrate_rk4"]
 
-FloatArray = NDArray[np.float64]
 
+def integrate_rk4(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate a motion with a fixed step, the largest up to that of the options that divides the span.
 
-def integrate_rk4(
-    model: CompiledModel,
-    state: FloatArray,
-    sample_time: FloatArray,
-    step: float,
-    arguments: Mapping[str, Any] | None = None,
-    progress: Progress | None = None,
-) -> RawTrajectory:
-    """Integrate x' = (q', H^-1 f) from x(0) = state (n_states,) over sample_time (n_t,) [s] from 0 up.
-
-    The step used is the largest one not above `step` that divides the span. progress is called with the
-    fraction done. Status "unstable" and the samples reached if the state stops being finite. Raises
+    Status "unstable" and the samples reached if the state stops being finite. Raises
     FormulationError if the model has no such integrator, InvalidValueError for a state or an argument of
     another size, NonFiniteError for one that is not finite.
     """
-    span = float(sample_time[-1])
-    n_steps = max(1, math.ceil(span / step * (1.0 - 1e-12)))
-    run = _Run(model, state, sample_time, span / n_steps, arguments or {})
+    n_steps = max(1, math.ceil(motion.t_end / float(options.step or 0.0) * (1.0 - 1e-12)))
+    run = _Run(motion, motion.t_end / n_steps)
     chunk, done = 64, 0
     while done < n_steps:
         count, started = min(chunk, n_steps - done), clock.perf_counter()
@@ -44,8 +29,7 @@ def integrate_rk4(
         done += int(run.n_done[0])
         if not is_finite:
             return run.result(done, f"the state is not finite after t = {done * run.step:.6g} s")
-        if progress is not None:
-            progress(done / n_steps)
+        motion.report(done / n_steps)
         if clock.perf_counter() - started < CHUNK_SECONDS:
             chunk *= 2
     return run.result(done, "")
@@ -54,19 +38,12 @@ def integrate_rk4(
 class _Run:
     """One integration with a fixed step."""
 
-    def __init__(
-        self,
-        model: CompiledModel,
-        state: FloatArray,
-        sample_time: FloatArray,
-        step: float,
-        arguments: Mapping[str, Any],
-    ) -> None:
-        self.bound = BoundIntegrator("rk4", model, state, sample_time, arguments)
-        self.step, self.asked_time = step, sample_time
+    def __init__(self, motion: Motion, step: float) -> None:
+        self.bound = BoundIntegrator("rk4", motion)
+        self.step, self.asked_time = step, motion.sample_time
         # The last sample is the end of the last step, whatever the rounding of n times the step.
         times = self.bound.sample_time
-        times[-1] = min(times[-1], round(sample_time[-1] / step) * step)
+        times[-1] = min(times[-1], round(motion.t_end / step) * step)
         self.n_done = self.bound.ffi.new("long long *", 0)
 
     def advance(self, first_step: int, count: int) -> bool:

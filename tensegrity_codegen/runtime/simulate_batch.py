@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,13 @@ from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS, integrat
 from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.evaluate_batch import evaluate_batch
-from tensegrity_codegen.runtime.integration import Progress
+from tensegrity_codegen.runtime.given import check_arguments
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion, Progress
 from tensegrity_codegen.runtime.one_by_one import simulate_one_by_one
+from tensegrity_codegen.runtime.options import RunOptions, check_options
 from tensegrity_codegen.runtime.raw_batch import RawBatch
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
-from tensegrity_codegen.runtime.simulate import check_arguments, check_options
 from tensegrity_codegen.runtime.step_doubling import check_batch_by_doubling
 
 __all__ = ["simulate_batch"]
@@ -59,46 +61,58 @@ def simulate_batch(
     the integrator, InvalidValueError for shapes and options out of range, UnknownNameError for an unknown
     method or argument.
     """
-    check_options(t_end, samples, method, step, rtol, atol)
+    options = RunOptions(method, rtol, atol, step)
+    check_options(options, t_end, samples)
     check_threads(threads)
-    passed = dict(arguments or {})
-    check_arguments(model, passed)
+    starts = _read_starts(model, coordinate, velocity, dict(arguments or {}))
+    check_sample_memory(model.manifest, len(starts.state) * samples)
+    times = np.linspace(0.0, t_end, samples)
+    if method not in BATCH_METHODS:
+        motion = Motion(model, starts.state, times, starts.arguments, progress)
+        return simulate_one_by_one(motion, options, threads)
+    state = _make_consistent(model, starts)
+    own = {name: array for name, (array, _) in starts.arguments.items()}
+    motion = Motion(model, state, times, own, progress)
+    raw = _integrate(motion, options, threads)
+    return evaluate_batch(model, raw, starts.arguments, threads)
+
+
+@dataclass(frozen=True)
+class _Starts:
+    """Initial states (n_batch, n_states), and run-time arguments with whether each has one row a motion."""
+
+    state: FloatArray
+    arguments: Mapping[str, tuple[FloatArray, bool]]
+
+
+def _read_starts(
+    model: CompiledModel,
+    coordinate: ArrayLike | None,
+    velocity: ArrayLike | None,
+    arguments: Mapping[str, Any],
+) -> _Starts:
+    check_arguments(model, arguments)
     given = {
         name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
-        for name, value in passed.items()
+        for name, value in arguments.items()
     }
-    q, q_batched = _initial(model, "coordinate", coordinate)
-    v, v_batched = _initial(model, "velocity", velocity)
-    lengths = {name: len(array) for name, (array, is_batched) in given.items() if is_batched}
-    lengths |= {"coordinate": len(q)} if q_batched else {}
-    lengths |= {"velocity": len(v)} if v_batched else {}
+    parts = {"coordinate": _initial(model, "coordinate", coordinate)}
+    parts["velocity"] = _initial(model, "velocity", velocity)
+    lengths = {name: len(array) for name, (array, is_batched) in (given | parts).items() if is_batched}
     n_batch = _agree(lengths)
-    check_sample_memory(model.manifest, n_batch * samples)
-    state = np.concatenate([_tile(q, q_batched, n_batch), _tile(v, v_batched, n_batch)], axis=1)
-    if method not in BATCH_METHODS:
-        return simulate_one_by_one(
-            model,
-            t_end,
-            state,
-            given,
-            samples=samples,
-            threads=threads,
-            progress=progress,
-            method=method,
-            step=step,
-            rtol=rtol,
-            atol=atol,
-        )
-    state = _make_consistent(model, state, given)
-    own = {name: array for name, (array, _) in given.items()}
-    options: dict[str, Any] = {"rtol": rtol, "atol": atol, "threads": threads, "progress": progress}
+    rows = [array if is_batched else np.tile(array, (n_batch, 1)) for array, is_batched in parts.values()]
+    return _Starts(np.concatenate(rows, axis=1), given)
 
-    def integrate(step: float | None) -> RawBatch:
-        time = np.linspace(0.0, t_end, samples)
-        return integrate_batch(method, model, state, time, step=step, arguments=own, **options)
 
-    raw = integrate(None) if step is None else check_batch_by_doubling(integrate, step, model.manifest)
-    return evaluate_batch(model, raw, given, threads)
+def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
+    """Return the samples of a batch, those of a fixed step held to another step."""
+    if options.step is None:
+        return integrate_batch(motion, options, threads)
+
+    def run(step: float) -> RawBatch:
+        return integrate_batch(motion, replace(options, step=step), threads)
+
+    return check_batch_by_doubling(run, options.step, motion.model.manifest)
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:
@@ -125,14 +139,9 @@ def _agree(lengths: Mapping[str, int]) -> int:
     return next(iter(lengths.values()))
 
 
-def _tile(array: FloatArray, is_batched: bool, n_batch: int) -> FloatArray:
-    return array if is_batched else np.tile(array, (n_batch, 1))
-
-
-def _make_consistent(
-    model: CompiledModel, state: FloatArray, given: Mapping[str, tuple[FloatArray, bool]]
-) -> FloatArray:
+def _make_consistent(model: CompiledModel, starts: _Starts) -> FloatArray:
     """Return the states, brought onto the constraints between coordinates where a model has any."""
+    state, arguments = starts.state, starts.arguments
     if not model.has("consistent_coordinate"):
         return state
     n, rows = state.shape[1] // 2, []
@@ -140,6 +149,6 @@ def _make_consistent(
         if not np.isfinite(row).all():  # the integrator says so
             rows.append(row)
             continue
-        own = {name: array[k] if is_batched else array for name, (array, is_batched) in given.items()}
+        own = {name: array[k] if is_batched else array for name, (array, is_batched) in arguments.items()}
         rows.append(np.concatenate(make_consistent(model, row[:n], row[n:], own)))
     return np.array(rows)

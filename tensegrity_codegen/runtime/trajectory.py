@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.balance import balance_energy
 from tensegrity_codegen.runtime.charts import NEAR_POLE, name_charts
 from tensegrity_codegen.runtime.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.motion import Schedule
 from tensegrity_codegen.runtime.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.placement import NODE_QUANTITIES, place_motion
 from tensegrity_codegen.structure import Structure
@@ -29,7 +30,6 @@ __all__ = [
     "SIMULATION_QUANTITIES",
     "UNREADABLE",
     "RawTrajectory",
-    "Schedule",
     "Trajectory",
     "evaluate_trajectory",
     "judge_charts",
@@ -40,8 +40,6 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-# Time [s] -> run-time parameters and inputs by name.
-Schedule = Callable[[float], Mapping[str, Any]]
 
 # What a simulation needs of a model, and the integrators it may use.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")

@@ -25,6 +25,8 @@ from tensegrity_codegen.runtime.linearize import linearize
 from tensegrity_codegen.runtime.margins import build_contact_margins, build_slack_margins
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.model_path import ModelPath
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.studies.precision import evaluate_in
@@ -223,7 +225,7 @@ SPAN = np.array([0.0, 0.1])
 ANALYSES = {
     "simulate": lambda model: simulate(model, 0.1),
     "simulate by SciPy": lambda model: simulate(model, 0.1, method="scipy_rk45"),
-    "rk4": lambda model: integrate_rk4(model, np.zeros(16), SPAN, 1e-3),
+    "rk4": lambda model: integrate_rk4(Motion(model, np.zeros(16), SPAN), RunOptions("rk4", step=1e-3)),
     "rk853": lambda model: simulate(model, 0.1, method="rk853"),
     "equilibrium": find_equilibrium,
     "equilibrium in C": EquilibriumSolver,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,8 @@ from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tests.runtime.build import bar, cable, make_structure
@@ -43,6 +47,12 @@ def state_of(model: CompiledModel) -> np.ndarray:
     return np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
 
 
+def integrate(
+    method: str, model: CompiledModel, time: np.ndarray, rtol: float, atol: float, **given: Any
+) -> RawTrajectory:
+    return integrate_adaptive(Motion(model, state_of(model), time, **given), RunOptions(method, rtol, atol))
+
+
 def exact(time: np.ndarray) -> np.ndarray:
     return 1.0 + 0.2 * np.cos(FREQUENCY * time)
 
@@ -55,7 +65,7 @@ def exact_speed(time: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
 def test_a_harmonic_motion_is_met_within_a_few_tolerances(method: str, rtol: float) -> None:
     model, time = oscillator(), np.linspace(0.0, 1.0, 57)
-    run = integrate_adaptive(method, model, state_of(model), time, rtol, rtol * 1e-2)
+    run = integrate(method, model, time, rtol, rtol * 1e-2)
     assert run.status == "ok"
     np.testing.assert_allclose(run.state[:, 0], exact(time), atol=30 * rtol)
 
@@ -64,9 +74,7 @@ def test_a_harmonic_motion_is_met_within_a_few_tolerances(method: str, rtol: flo
 def test_the_number_of_steps_grows_as_the_order_says(method: str, least: float, most: float) -> None:
     """At order p the step goes with the p-th root of the tolerance: 10^5 in tolerance, 10^(5/p) in steps."""
     model, time = oscillator(), np.linspace(0.0, 20.0, 3)
-    counts = [
-        integrate_adaptive(method, model, state_of(model), time, tol, tol).n_steps for tol in (1e-5, 1e-10)
-    ]
+    counts = [integrate(method, model, time, tol, tol).n_steps for tol in (1e-5, 1e-10)]
     assert least < counts[1] / counts[0] < most
 
 
@@ -85,7 +93,7 @@ def pendulum() -> CompiledModel:
 def end_of_equal_steps(method: str, model: CompiledModel, t_end: float, count: int) -> np.ndarray:
     """The state after `count` equal steps: each call is given the time of one, and a tolerance for any."""
     time = np.linspace(0.0, t_end, count + 1)
-    bound = BoundIntegrator(method, model, state_of(model), time[[0, -1]], {})
+    bound = BoundIntegrator(method, Motion(model, state_of(model), time[[0, -1]]))
     now, run = bound.ffi.new("double *"), bound.ffi.new("integrator_run *")
     for end in time[1:].tolist():
         step = bound.ffi.new("double *", 1.0)
@@ -114,7 +122,7 @@ def test_the_error_of_equal_steps_falls_as_the_order_says(
 def test_samples_between_steps_are_as_good_as_those_at_steps(method: str) -> None:
     model = oscillator()
     time = np.linspace(0.0, 2.0, 2001)
-    run = integrate_adaptive(method, model, state_of(model), time, 1e-9, 1e-11)
+    run = integrate(method, model, time, 1e-9, 1e-11)
     assert run.n_steps < 1000
     assert np.abs(run.state[:, 0] - exact(time)).max() < 1e-8
     assert np.abs(run.state[:, 1] - exact_speed(time)).max() < 1e-6
@@ -123,7 +131,7 @@ def test_samples_between_steps_are_as_good_as_those_at_steps(method: str) -> Non
 def test_dense_output_of_rk853_costs_evaluations_only_where_samples_fall() -> None:
     model, ends, many = oscillator(), np.array([0.0, 2.0]), np.linspace(0.0, 2.0, 2001)
     plain, sampled, few = (
-        integrate_adaptive("rk853", model, state_of(model), time, 1e-9, 1e-11)
+        integrate("rk853", model, time, 1e-9, 1e-11)
         for time in (ends, many, np.array([0.0, 0.5, 0.500001, 2.0]))
     )
     tried = int(plain.message.split(", ")[1].split()[0])
@@ -157,10 +165,10 @@ def test_the_estimate_of_auto_is_an_upper_bound_of_its_error() -> None:
 def test_the_same_bits_come_out_in_one_call_and_in_many(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model, time = oscillator(), np.linspace(0.0, 30.0, 11)
     calls: list[float] = []
-    one = integrate_adaptive(method, model, state_of(model), time, 1e-10, 1e-12)
+    one = integrate(method, model, time, 1e-10, 1e-12)
     monkeypatch.setattr(adaptive, "FIRST_CHUNK", 7)
     monkeypatch.setattr(adaptive, "CHUNK_SECONDS", 0.0)
-    many = integrate_adaptive(method, model, state_of(model), time, 1e-10, 1e-12, progress=calls.append)
+    many = integrate(method, model, time, 1e-10, 1e-12, progress=calls.append)
     assert len(calls) > 50
     assert calls[-1] == 1.0
     assert (one.n_steps, one.n_evaluations) == (many.n_steps, many.n_evaluations)
@@ -176,7 +184,7 @@ def test_energy_of_an_undamped_motion_is_kept_to_the_tolerance() -> None:
 @each
 def test_a_tolerance_that_no_step_meets_is_not_converged(method: str) -> None:
     model = oscillator()
-    run = integrate_adaptive(method, model, state_of(model), np.linspace(0.0, 1.0, 3), 1e-300, 1e-300)
+    run = integrate(method, model, np.linspace(0.0, 1.0, 3), 1e-300, 1e-300)
     assert run.status == "not_converged"
     assert len(run.time) < 3
 
@@ -184,7 +192,7 @@ def test_a_tolerance_that_no_step_meets_is_not_converged(method: str) -> None:
 @each
 def test_a_time_out_of_reach_is_given_up_early(method: str) -> None:
     model = oscillator()
-    run = integrate_adaptive(method, model, state_of(model), np.array([0.0, 1e12]), 1e-8, 1e-8)
+    run = integrate(method, model, np.array([0.0, 1e12]), 1e-8, 1e-8)
     assert run.status == "not_converged"
     assert "too many steps" in run.message
 
@@ -193,7 +201,9 @@ def test_a_time_out_of_reach_is_given_up_early(method: str) -> None:
 def test_a_state_that_is_not_finite_is_named(method: str) -> None:
     model = oscillator()
     with pytest.raises(NonFiniteError, match="state"):
-        integrate_adaptive(method, model, np.array([np.nan, 0.0]), np.linspace(0.0, 1.0, 3), 1e-6, 1e-9)
+        integrate_adaptive(
+            Motion(model, np.array([np.nan, 0.0]), np.linspace(0.0, 1.0, 3)), RunOptions(method)
+        )
 
 
 def test_a_library_without_it_says_how_to_get_it() -> None:
@@ -202,14 +212,14 @@ def test_a_library_without_it_says_how_to_get_it() -> None:
     )
     model = build_library(structure, ModelRequest(("acceleration",))).load()
     with pytest.raises(FormulationError, match="no integrator 'rk54'"):
-        integrate_adaptive("rk54", model, state_of(model), np.linspace(0.0, 1.0, 3), 1e-6, 1e-9)
+        integrate("rk54", model, np.linspace(0.0, 1.0, 3), 1e-6, 1e-9)
 
 
 def test_the_tolerance_is_tightened_over_rk853_too() -> None:
     model, time = oscillator(), np.linspace(0.0, 5.0, 51)
 
     def run(rtol: float, atol: float) -> RawTrajectory:
-        return integrate_adaptive("rk853", model, state_of(model), time, rtol, atol)
+        return integrate("rk853", model, time, rtol, atol)
 
     found = tighten_until_converged(run, 1e-9, 1e-11)
     error = np.abs(found.state[:, 0] - exact(time)) / (1e-11 + 1e-9 * np.abs(found.state[:, 0]))

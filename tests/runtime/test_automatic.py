@@ -11,7 +11,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.choice import wanted_integrators
+from tensegrity_codegen.runtime.choice import integrators_for
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
@@ -124,16 +124,16 @@ def test_events_are_for_explicit_methods() -> None:
 
 def test_what_a_library_shall_hold_follows_from_stiffness_damping_and_tolerance() -> None:
     soft, stiff = prism(bar_stiffness=5e3), prism(bar_stiffness=1e6)
-    assert wanted_integrators(soft, "node_position", 1e-6) == ("rk853",)
-    assert wanted_integrators(stiff, "node_position", 1e-6) == ("rk853", "radau")
-    assert wanted_integrators(stiff, "node_position", 1e-2) == ("rk54", "radau")
-    assert wanted_integrators(stiff, "node_distance", 1e-6) == ("rk853",)
+    assert integrators_for("auto", soft, "node_position", 1e-6) == ("rk853",)
+    assert integrators_for("auto", stiff, "node_position", 1e-6) == ("rk853", "radau")
+    assert integrators_for("auto", stiff, "node_position", 1e-2) == ("rk54", "radau")
+    assert integrators_for("auto", stiff, "node_distance", 1e-6) == ("rk853",)
     damped = soft.with_changes(damping=np.where(soft.tension_only, 1.0, 0.0))
-    assert wanted_integrators(damped, "node_position", 1e-6) == ("rk54",)
-    assert wanted_integrators(damped, "node_position", 1e-9) == ("rk853",)
+    assert integrators_for("auto", damped, "node_position", 1e-6) == ("rk54",)
+    assert integrators_for("auto", damped, "node_position", 1e-9) == ("rk853",)
     lone = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz"})
-    assert wanted_integrators(lone, "node_position", 1e-6) == ("rk853", "radau")
-    assert wanted_integrators(None, "bodies", 1e-6) == ("rk853",)
+    assert integrators_for("auto", lone, "node_position", 1e-6) == ("rk853", "radau")
+    assert integrators_for("auto", None, "bodies", 1e-6) == ("rk853",)
 
 
 def test_a_library_without_error_control_says_how_to_get_it() -> None:

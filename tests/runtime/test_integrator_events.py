@@ -16,6 +16,8 @@ from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tensegrity_codegen.structure import Structure
 from tests.common_prism import BARS, EVENTS, POSITION, common_prism
@@ -35,7 +37,7 @@ def run(
     method: str, model: CompiledModel, time: Any, tol: float, watch: Watch | None = None
 ) -> RawTrajectory:
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    return integrate_adaptive(method, model, state, np.array(time), tol, tol, watch=watch)
+    return integrate_adaptive(Motion(model, state, np.array(time), watch=watch), RunOptions(method, tol, tol))
 
 
 def net(damping: float = 0.0) -> Structure:
@@ -60,7 +62,7 @@ def equal_steps(
     """End state and events of equal steps, each cut at its events, at a tolerance that any step meets."""
     time = np.linspace(0.0, t_end, count + 1)
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    bound = BoundIntegrator(method, model, state, time[[0, -1]], {})
+    bound = BoundIntegrator(method, Motion(model, state, time[[0, -1]]))
     null, now, counts = bound.ffi.NULL, bound.ffi.new("double *"), bound.ffi.new("integrator_run *")
     counts.watch = int(watch)
     for end in time[1:].tolist():

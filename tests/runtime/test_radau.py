@@ -17,6 +17,8 @@ from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import radau
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory
@@ -50,7 +52,7 @@ def run(model: CompiledModel, tolerance: float, time: np.ndarray = TIME, **argum
     known = {item.name for item in model.manifest.arguments}
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
     given = {name: value for name, value in arguments.items() if name in known}
-    return integrate_radau(model, state, time, tolerance, tolerance, given)
+    return integrate_radau(Motion(model, state, time, given), RunOptions("radau", tolerance, tolerance))
 
 
 def run_at(
@@ -94,7 +96,7 @@ class BoundSteps:
 
     def __init__(self, model: CompiledModel, count: int, span: float) -> None:
         state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-        bound = radau.BoundIntegrator("radau", model, state, np.array([0.0, span]), {})
+        bound = radau.BoundIntegrator("radau", Motion(model, state, np.array([0.0, span])))
         ffi = bound.ffi
         time, step = ffi.new("double *", 0.0), ffi.new("double *", span / count)
         counts, vibration = ffi.new("long long[]", 6), ffi.new("double[]", 3)
@@ -250,7 +252,7 @@ def test_states_that_are_not_finite_are_refused() -> None:
     model = model_of(prism_of_ratio)
     state = np.full(2 * len(model.manifest.coordinate_name), np.nan)
     with pytest.raises(NonFiniteError):
-        integrate_radau(model, state, TIME, 1e-6, 1e-6)
+        integrate_radau(Motion(model, state, TIME), RunOptions("radau"))
 
 
 def test_a_tolerance_below_rounding_is_not_called_met() -> None:

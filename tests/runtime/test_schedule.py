@@ -10,8 +10,9 @@ import pytest
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.methods import METHODS
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.simulate import METHODS, simulate
+from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
 from tests.runtime.build import make_structure, spring
 

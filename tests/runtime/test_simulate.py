@@ -13,8 +13,9 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFi
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import rk4
+from tensegrity_codegen.runtime.methods import METHODS
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.simulate import METHODS, simulate
+from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure import ActuatedInput, Structure
 from tests.runtime.build import cable, make_structure, prism, spring

@@ -16,6 +16,8 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import batch_integration, sample_memory
 from tensegrity_codegen.runtime.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory import simulation_quantities
@@ -98,11 +100,12 @@ def test_short_calls_into_c_change_nothing(
 ) -> None:
     state = np.hstack([starts(model, 9), np.zeros((9, len(model.nominal("velocity"))))])
     time = np.linspace(0.0, T_END, SAMPLES)
-    whole = integrate_batch(method, model, state, time, **options)
+    asked = RunOptions(method, **options)
+    whole = integrate_batch(Motion(model, state, time), asked)
     monkeypatch.setattr(batch_integration, "FIRST_CHUNK", 1)
     monkeypatch.setattr(batch_integration, "CHUNK_SECONDS", 0.0)
     told: list[float] = []
-    parts = integrate_batch(method, model, state, time, progress=told.append, **options)
+    parts = integrate_batch(Motion(model, state, time, progress=told.append), asked)
     np.testing.assert_array_equal(whole.state, parts.state)
     assert whole.message == parts.message
     assert told == [0.5, 1.0]

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.node_distance.models import compile_in
@@ -32,7 +34,7 @@ def measure_constraint_drift(
     model = compile_in(structure, "node_distance", "constraint_residual", basis=basis, pairs=pairs)
     n = len(model.manifest.coordinate_name)
     state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-    raw = integrate_rk4(model, state, np.linspace(0.0, t_end, samples), step)
+    raw = integrate_rk4(Motion(model, state, np.linspace(0.0, t_end, samples)), RunOptions("rk4", step=step))
     residual = np.array([model.compute("constraint_residual", coordinate=row[:n]) for row in raw.state])
     return {
         "time": raw.time,

@@ -10,16 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, TensegrityError
-from tensegrity_codegen.runtime.adaptive import integrate_adaptive
-from tensegrity_codegen.runtime.automatic import integrate_auto
 from tensegrity_codegen.runtime.consistency import make_consistent
-from tensegrity_codegen.runtime.error_control import tighten_until_converged
-from tensegrity_codegen.runtime.integration import Progress
+from tensegrity_codegen.runtime.integrate import integrate
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.runtime.rk4 import integrate_rk4
-from tensegrity_codegen.runtime.simulate import check_options
-from tensegrity_codegen.runtime.step_doubling import check_by_doubling
+from tensegrity_codegen.runtime.motion import Motion, Progress
+from tensegrity_codegen.runtime.options import RunOptions, check_options
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
@@ -91,27 +86,15 @@ def _simulate(
     model: CompiledModel, case: Case, method: str, rtol: float, watch: Progress
 ) -> tuple[RawTrajectory, str, str]:
     """Return the samples, and the status and message that a simulation gives them."""
-    atol, values = ATOL_OF_RTOL * rtol, dict(values_of(model, case.structure))
+    values = dict(values_of(model, case.structure))
     step = None if case.step is None else case.step * case.t_end
-    check_options(case.t_end, SAMPLES, method, step, rtol, atol)
+    options = RunOptions(method, rtol, ATOL_OF_RTOL * rtol, step)
+    check_options(options, case.t_end, SAMPLES)
     if not all(np.isfinite(value).all() for value in values.values()):
         raise NonFiniteError("the initial state is not finite", where="simulate")
     place, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
     state, times = np.concatenate([place, speed]), np.linspace(0.0, case.t_end, SAMPLES)
-
-    def integrate(rtol: float, atol: float) -> RawTrajectory:
-        if method == "radau":
-            return integrate_radau(model, state, times, rtol, atol, values, watch)
-        return integrate_adaptive(method, model, state, times, rtol, atol, values, watch)
-
-    if method == "auto":
-        raw = integrate_auto(model, state, times, rtol, atol, values, watch)
-    elif step is None:
-        raw = tighten_until_converged(integrate, rtol, atol)
-    else:
-        raw = check_by_doubling(
-            lambda h: integrate_rk4(model, state, times, h, values, watch), step, model.manifest
-        )
+    raw = integrate(Motion(model, state, times, values, watch), options)
     found = evaluate_trajectory(model, raw, values)
     return raw, found.status, found.message
 

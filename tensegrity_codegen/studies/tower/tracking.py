@@ -17,8 +17,9 @@ from tensegrity_codegen.errors import UnstableError
 from tensegrity_codegen.pipeline import build_library, simulation_quantities
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Schedule
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import Schedule, Trajectory
+from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.studies.tower.printed import PrintedTower
 from tensegrity_codegen.studies.tower.reconfiguration import Reconfiguration
 from tensegrity_codegen.studies.tower.symmetry import SymmetricTower

@@ -13,12 +13,12 @@ from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.integrate import integrate_once
 from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.placement import place_nodes
-from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory, simulation_quantities
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
@@ -99,8 +99,10 @@ def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler:
     fixed = method in FIXED
 
     def run(setting: float) -> Callable[[], Run]:
-        step = setting * problem.t_end if fixed else None
-        raw = _integrate(model, method, state, problem.sample_time, setting, step)
+        options = RunOptions(method, setting, ATOL_OF_RTOL * setting)
+        if fixed:
+            options = RunOptions(method, step=setting * problem.t_end)
+        raw = integrate_once(Motion(model, state, problem.sample_time), options)
         return lambda: _look(model, raw)
 
     settings = STEPS if fixed else RADAU_TOLERANCES if method in IMPLICIT else TOLERANCES
@@ -119,17 +121,6 @@ def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
         n_evaluations=raw.n_evaluations,
         energy_drift=None if found.energy_drift is None else float(np.ptp(found.total_energy)),
     )
-
-
-def _integrate(
-    model: CompiledModel, method: str, state: FloatArray, times: FloatArray, rtol: float, step: float | None
-) -> RawTrajectory:
-    """Return the samples of one of our methods, without what `simulate` computes from them."""
-    if step is not None:
-        return integrate_rk4(model, state, times, step)
-    if method in IMPLICIT:
-        return integrate_radau(model, state, times, rtol, ATOL_OF_RTOL * rtol)
-    return integrate_adaptive(method, model, state, times, rtol, ATOL_OF_RTOL * rtol)
 
 
 def initial_state(model: CompiledModel) -> FloatArray:

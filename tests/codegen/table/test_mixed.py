@@ -9,6 +9,8 @@ import pytest
 
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tests.codegen.subjects import everything
 from tests.runtime.stiff_bars import class_two
@@ -36,5 +38,6 @@ def test_radau_runs_over_tables_to_the_same_bits() -> None:
     for emitter in ("unrolled", "table"):
         model = build_library(class_two(1e7), replace(request, emitter=emitter)).load()
         state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-        runs.append(integrate_radau(model, state, np.array([0.0, 0.2]), 1e-6, 1e-6))
+        motion = Motion(model, state, np.array([0.0, 0.2]))
+        runs.append(integrate_radau(motion, RunOptions("radau", 1e-6, 1e-6)))
     np.testing.assert_array_equal(runs[0].state, runs[1].state)

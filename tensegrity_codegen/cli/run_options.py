@@ -1,0 +1,60 @@
+"""Options of a simulation, as `simulate` takes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = [
+    "AtolOption",
+    "BatchOption",
+    "ControlOption",
+    "KeepOption",
+    "MaxStepsOption",
+    "MethodOption",
+    "RtolOption",
+    "SamplesOption",
+    "SettleOption",
+    "StepOption",
+    "TEndOption",
+    "ThreadsOption",
+    "UntilOption",
+]
+
+TEndOption = Annotated[float, typer.Option("--t-end", help="Simulated time [s].", show_default=False)]
+SamplesOption = Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")]
+RtolOption = Annotated[
+    float, typer.Option("--rtol", help="Relative tolerance of methods with error control.")
+]
+AtolOption = Annotated[
+    float, typer.Option("--atol", help="Absolute tolerance of methods with error control.")
+]
+MethodOption = Annotated[
+    str,
+    typer.Option(
+        "--method",
+        help="auto (says why), rk853, rk54, radau (stiff bars), rk4, or through SciPy: scipy_radau, ...",
+    ),
+]
+StepOption = Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")]
+MaxStepsOption = Annotated[
+    int, typer.Option("--max-steps", help="Steps that one run of a method in C may try.")
+]
+KeepOption = Annotated[
+    str, typer.Option("--keep", help="energy: hold it at each step, for long undamped motions.")
+]
+ControlOption = Annotated[
+    str,
+    typer.Option("--control", help="What the tolerance bounds: samples (whole error), or steps (each)."),
+]
+SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
+UntilOption = Annotated[
+    str | None,
+    typer.Option("--until", help="End early: contact of two bars, or a condition: 'top.z < 0.1'."),
+]
+BatchOption = Annotated[
+    Path | None, typer.Option("--batch", help="File of many starts (.npz), simulated side by side.")
+]
+ThreadsOption = Annotated[int, typer.Option("--threads", help="Threads that share a batch.")]

@@ -1,0 +1,53 @@
+"""One entry for all methods of integration, their error held to what is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tensegrity_codegen.runtime.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.automatic import PASSING_KINKS, integrate_auto
+from tensegrity_codegen.runtime.error_control import tighten_until_converged
+from tensegrity_codegen.runtime.methods import SCIPY_NAME
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.radau import integrate_radau
+from tensegrity_codegen.runtime.rk4 import integrate_rk4
+from tensegrity_codegen.runtime.scipy_methods import integrate_scipy
+from tensegrity_codegen.runtime.step_doubling import check_by_doubling
+from tensegrity_codegen.runtime.trajectory import RawTrajectory
+
+__all__ = ["integrate", "integrate_once"]
+
+IN_C = {
+    "rk4": integrate_rk4,
+    "rk54": integrate_adaptive,
+    "rk853": integrate_adaptive,
+    "radau": integrate_radau,
+}
+
+
+def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Return the states at the sample times by one of METHODS, checked unless `control` is "steps"."""
+    if options.method == "auto":
+        return integrate_auto(motion, options)
+    if options.method in SCIPY_NAME:
+        return integrate_scipy(motion, options)
+    if options.control == "steps":
+        return integrate_once(motion, options)
+    if options.step is not None:
+        return check_by_doubling(
+            lambda step: integrate_once(motion, replace(options, step=step)),
+            options.step,
+            motion.model.manifest,
+        )
+    return tighten_until_converged(
+        lambda rtol, atol: integrate_once(motion, options.within(rtol, atol)),
+        options.rtol,
+        options.atol,
+        trust=PASSING_KINKS if options.method == "radau" else 0.0,
+    )
+
+
+def integrate_once(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Return one run of a method in C, its whole error unchecked."""
+    return IN_C[options.method](motion, options)

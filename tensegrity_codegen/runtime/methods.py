@@ -1,0 +1,28 @@
+"""The methods of integration by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["ADAPTIVE", "METHODS", "SCIPY_NAME"]
+
+# Every method by name, and what it is.
+METHODS = {
+    "auto": "rk853, rk54 or radau, by stiffness, damping and tolerance, with ever tighter steps until the "
+    "estimated error at the samples meets rtol and atol",
+    "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, steps cut at events",
+    "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, steps cut at events",
+    "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
+    "rk4": "Runge-Kutta 4 in C with the fixed step `step`, checked by a run with twice that",
+    "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
+    "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
+    "scipy_lsoda": "SciPy's LSODA over the same functions, a check",
+    "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
+}
+ADAPTIVE = ("rk54", "rk853")  # explicit, with error control
+SCIPY_NAME: dict[str, Any] = {
+    "scipy_dop853": "DOP853",
+    "scipy_rk45": "RK45",
+    "scipy_lsoda": "LSODA",
+    "scipy_radau": "Radau",
+}

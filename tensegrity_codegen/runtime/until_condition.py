@@ -1,0 +1,71 @@
+"""Motions that a condition ends: what the integrator shall watch, and the event at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.runtime.condition import build_condition, is_comparison
+from tensegrity_codegen.runtime.event_log import Condition, Watch
+from tensegrity_codegen.runtime.integrate import integrate
+from tensegrity_codegen.runtime.methods import ADAPTIVE
+from tensegrity_codegen.runtime.model import CompiledModel
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.motion_events import MotionEvent
+from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.trajectory import RawTrajectory
+
+__all__ = ["stop_at_condition", "watch_condition"]
+
+
+def watch_condition(
+    model: CompiledModel,
+    method: str,
+    condition: str | Condition | None,
+    is_end: bool,
+    arguments: Mapping[str, Any],
+) -> Watch | None:
+    """Return what the integrator shall watch: a condition, if there is one, and the cables if it knows them.
+
+    is_end: whether the condition ends the run. Raises InvalidValueError for a method that watches none, and
+    as build_condition.
+    """
+    if condition is None:
+        return None
+    if method not in (*ADAPTIVE, "auto"):
+        raise InvalidValueError(
+            "this method watches no condition",
+            where="condition",
+            given=method,
+            allowed=", ".join(("auto", *ADAPTIVE)),
+        )
+    call = build_condition(condition, model, arguments) if isinstance(condition, str) else condition
+    known = next((spec.events for spec in model.manifest.integrators if spec.name in ADAPTIVE), ())
+    kinds = (*(kind for kind in known if kind == "cable"), "condition")
+    return Watch(kinds, ("condition",) if is_end else (), call)
+
+
+def stop_at_condition(
+    motion: Motion, options: RunOptions, condition: str | Condition
+) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
+    """Return the samples up to where the watched condition ends the motion, and that event if it does.
+
+    A comparison that holds from the start ends it at once.
+    """
+    call, n = motion.watch.condition if motion.watch else None, len(motion.state) // 2
+    name = condition if isinstance(condition, str) else "condition"
+    compares = isinstance(condition, str) and is_comparison(condition)
+    if compares and call is not None and call(0.0, motion.state[:n], motion.state[n:]) > 0:
+        start, said = motion.state[None, :], "the condition holds from the start"
+        raw = RawTrajectory(motion.sample_time[:1], start, "ok", said, options.method, 0, 0)
+        return raw, (_event(raw, name),)
+    raw = integrate(motion, options)
+    is_over = raw.log.count and raw.log.kind[-1] == "condition" and raw.time[-1] >= raw.log.time[-1]
+    return raw, (_event(raw, name),) if is_over else ()
+
+
+def _event(raw: RawTrajectory, name: str) -> MotionEvent:
+    """Return the event at the last sample of a run."""
+    n, state = raw.state.shape[1] // 2, raw.state[-1]
+    return MotionEvent("condition", (name,), float(raw.time[-1]), 0.0, state[:n], state[n:])
