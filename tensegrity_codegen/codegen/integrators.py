@@ -246,6 +246,7 @@ def _tableau_context(name: str, table: Tableau) -> dict[str, Any]:
         "source": table.source,
         "stages": table.stages,
         "rates": table.rates,
+        "ends_late": table.ends_late,
         "error_order": table.error_order,
         "rows": [_numbers(row) for row in table.rows],
         "errors": [_numbers(row) for row in table.errors],

@@ -38,6 +38,11 @@ class Tableau:
         return len(self.rows)
 
     @property
+    def ends_late(self) -> bool:
+        """Whether the error estimates do without the derivative at the end: rejected steps spare it."""
+        return not any(self.stages in row for row in self.errors)
+
+    @property
     def rates(self) -> int:
         """Number of derivatives that are kept, those for dense output too."""
         return 1 + len(self.rows) + len(self.dense_rows)
