@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.integrate import integrate_once
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.scene.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 

@@ -29,7 +29,7 @@ from tensegrity_codegen.runtime.equilibrium import EQUILIBRIUM_QUANTITIES, find_
 from tensegrity_codegen.runtime.equilibrium import equilibrium_quantities as _quantities_of
 from tensegrity_codegen.runtime.linearize import LINEARIZE_QUANTITIES, linearize_quantities
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, simulation_quantities
+from tensegrity_codegen.runtime.simulation_quantities import SIMULATION_QUANTITIES, simulation_quantities
 from tensegrity_codegen.scene.read import read_scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
 from tensegrity_codegen.structure import Structure

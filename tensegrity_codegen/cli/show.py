@@ -47,7 +47,7 @@ def show(
         from tensegrity_codegen.pipeline import load_scene
         from tensegrity_codegen.report.animate import write_animation
         from tensegrity_codegen.report.plots import plot_structure, plot_trajectory
-        from tensegrity_codegen.runtime.trajectory import read_trajectory
+        from tensegrity_codegen.runtime.read_trajectory import read_trajectory
 
         check_target(out)
         subject, _ = load_scene(scene)

@@ -13,8 +13,8 @@ from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrato
 from tensegrity_codegen.runtime.keep import require_keep
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["integrate_adaptive"]
 

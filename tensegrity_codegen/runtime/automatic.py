@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.vibration import Vibration
 
 __all__ = ["PASSING_KINKS", "integrate_auto"]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["EnergyBalance", "balance_energy"]
+from tensegrity_codegen.manifest import Manifest
+
+__all__ = ["EnergyBalance", "balance_energy", "find_energy_flow"]
 
 FloatArray = NDArray[np.float64]
 
@@ -56,3 +59,20 @@ def balance_energy(kinetic: FloatArray, total: FloatArray) -> EnergyBalance:
         has_grown=change > ENERGY_TOLERANCE * scale[..., None],
         has_lost=np.asarray(np.fmax.reduce(-change, axis=-1) > ENERGY_TOLERANCE * scale),
     )
+
+
+def find_energy_flow(
+    manifest: Manifest, power: Callable[[], FloatArray]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return whether each motion keeps its energy (...), and whether something drives it (...).
+
+    power: energy_rate (..., n_t) [W] at the samples, called only where it depends on something. A model
+    without `energy_rate` keeps its energy if its accelerations depend on no velocity.
+    """
+    needed = {spec.quantity: spec.arguments for spec in manifest.functions}
+    if "energy_rate" not in needed:
+        return np.array("velocity" not in needed["acceleration"]), np.array(False)
+    if not needed["energy_rate"]:
+        return np.array(True), np.array(False)
+    found = power()
+    return ~np.any(found, axis=-1), np.max(found, axis=-1) > 0.0

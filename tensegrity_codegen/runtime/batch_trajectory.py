@@ -5,39 +5,29 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.trajectory import Trajectory, write_arrays
+from tensegrity_codegen.runtime.sampled import SAMPLED, STATE, Sampled
+from tensegrity_codegen.runtime.trajectory import Trajectory
 
 __all__ = ["BatchTrajectory"]
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class BatchTrajectory:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BatchTrajectory(Sampled):
     """Motions over the same sample times; rows that a motion did not reach are NAN.
 
-    time (n_t,) [s]; coordinate, velocity (n_batch, n_t, n_coordinates); node_position, node_velocity
-    (n_batch, n_t, n_nodes, 3); member_tension (n_batch, n_t, n_members) [N]; kinetic_energy, total_energy
-    (n_batch, n_t) [J]; energy_drift (n_batch,): as of a Trajectory, NAN where energy changes rightly.
+    Arrays as of Sampled; energy_drift (n_batch,): as of a Trajectory, NAN where energy changes rightly.
     status, message: one a motion, words as of a Trajectory and "non_finite_input"; n_reached: samples of
     each; n_steps, n_rejected (-1: not known), n_evaluations (n_batch,); error_estimate (n_batch,): NAN where
     a method makes none. `batch[k]` is motion k as a Trajectory.
     """
 
-    time: FloatArray
-    coordinate: FloatArray
-    velocity: FloatArray
-    node_position: FloatArray
-    node_velocity: FloatArray
-    member_tension: FloatArray
-    kinetic_energy: FloatArray
-    total_energy: FloatArray
     energy_drift: FloatArray
     error_estimate: FloatArray
     status: tuple[str, ...]
@@ -46,10 +36,7 @@ class BatchTrajectory:
     n_steps: NDArray[np.int64]
     n_rejected: NDArray[np.int64]
     n_evaluations: NDArray[np.int64]
-    method: str
     step: float | None
-    node_name: tuple[str, ...]
-    member_name: tuple[str, ...]
 
     @property
     def is_ok(self) -> NDArray[np.bool_]:
@@ -67,13 +54,7 @@ class BatchTrajectory:
         drift, estimate = float(self.energy_drift[k]), float(self.error_estimate[k])
         return Trajectory(
             time=self.time[reached],
-            coordinate=self.coordinate[k, reached],
-            velocity=self.velocity[k, reached],
-            node_position=self.node_position[k, reached],
-            node_velocity=self.node_velocity[k, reached],
-            member_tension=self.member_tension[k, reached],
-            kinetic_energy=self.kinetic_energy[k, reached],
-            total_energy=self.total_energy[k, reached],
+            **{name: getattr(self, name)[k, reached] for name in (*STATE, *SAMPLED)},
             energy_drift=None if np.isnan(drift) else drift,
             error_estimate=None if np.isnan(estimate) else estimate,
             status=self.status[k],
@@ -104,25 +85,7 @@ class BatchTrajectory:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array, of single motions with one more, leading axis."""
-        return {
-            "time": self.time,
-            "node_position": self.node_position,
-            "node_velocity": self.node_velocity,
-            "member_tension": self.member_tension,
-            "kinetic_energy": self.kinetic_energy,
-            "total_energy": self.total_energy,
-            "energy_drift": self.energy_drift,
-            "n_reached": self.n_reached,
-            "node_name": np.array(self.node_name),
-            "member_name": np.array(self.member_name),
-            "status": np.array(self.status),
-            "message": np.array(self.message),
-            "method": np.array(self.method),
-        }
-
-    def write(self, path: str | Path) -> None:
-        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
-        write_arrays(path, self.arrays())
+        return {**super().arrays(), "energy_drift": self.energy_drift, "n_reached": self.n_reached}
 
 
 def _largest(values: FloatArray) -> float | None:

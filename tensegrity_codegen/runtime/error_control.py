@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["MOST_OF_TOLERANCE", "tighten_until_converged"]
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.balance import balance_energy
+from tensegrity_codegen.runtime.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.runtime.charts import judge_charts
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.raw_batch import RawBatch
-from tensegrity_codegen.runtime.trajectory import judge_charts
 
 __all__ = ["evaluate_batch"]
 
@@ -144,7 +144,8 @@ def _judge(
     model: CompiledModel, raw: RawBatch, samples: _Samples, kinetic: FloatArray, total: FloatArray
 ) -> tuple[FloatArray, list[tuple[str, str]]]:
     """Return energy drift, and status and message, of every motion."""
-    conservative, is_driven = _find_energy_flow(model, samples)
+    flow = find_energy_flow(model.manifest, lambda: np.nan_to_num(samples.compute("energy_rate")))
+    conservative, is_driven = (np.broadcast_to(word, samples.shape[0]) for word in flow)
     balance = balance_energy(kinetic, total)
     ends = list(zip(raw.status, raw.message, strict=True))
     n = raw.state.shape[2] // 2
@@ -154,18 +155,3 @@ def _judge(
         if model.has("chart_margin") and raw.n_reached[k]:
             ends[k] = judge_charts(model, raw.time, raw.state[k, : raw.n_reached[k], :n], *ends[k])
     return np.where(conservative, balance.drift, np.nan), ends
-
-
-def _find_energy_flow(model: CompiledModel, samples: _Samples) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return whether each motion keeps its energy, and whether something drives it, (n_batch,) each.
-
-    A model without `energy_rate` keeps its energy if its accelerations depend on no velocity.
-    """
-    needed = {spec.quantity: spec.arguments for spec in model.manifest.functions}
-    nothing = np.zeros(samples.shape[0], dtype=bool)
-    if "energy_rate" not in needed:
-        return np.full(len(nothing), "velocity" not in needed["acceleration"]), nothing
-    if not needed["energy_rate"]:
-        return ~nothing, nothing
-    power = np.nan_to_num(samples.compute("energy_rate"))
-    return ~np.any(power, axis=1), np.max(power, axis=1) > 0.0

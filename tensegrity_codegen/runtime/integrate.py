@@ -11,10 +11,10 @@ from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.scipy_methods import integrate_scipy
 from tensegrity_codegen.runtime.step_doubling import check_by_doubling
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["integrate", "integrate_once"]
 

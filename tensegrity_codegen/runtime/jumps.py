@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.placement import place_nodes, place_velocities
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["bound_jumps"]
 

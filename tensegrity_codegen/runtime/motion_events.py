@@ -21,7 +21,8 @@ from tensegrity_codegen.runtime.flow import Flow
 from tensegrity_codegen.runtime.margins import Margins, build_contact_margins, build_slack_margins
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Schedule
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
+from tensegrity_codegen.runtime.trajectory import Trajectory
 
 __all__ = ["MotionEvent", "find_contact", "find_slack", "stop_at_contact"]
 

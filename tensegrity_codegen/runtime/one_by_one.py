@@ -13,17 +13,13 @@ from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.sampled import SAMPLED, STATE
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.trajectory import Trajectory
 
 __all__ = ["simulate_one_by_one"]
 
 FloatArray = NDArray[np.float64]
-
-ARRAYS = (
-    *("coordinate", "velocity", "node_position", "node_velocity", "member_tension"),
-    *("kinetic_energy", "total_energy"),
-)
 
 
 def simulate_one_by_one(motion: Motion, options: RunOptions, threads: int) -> BatchTrajectory:
@@ -71,7 +67,7 @@ def _stack(
     """Return the motions as one, NAN where samples were not reached."""
     manifest, n_batch, n_t = model.manifest, len(found), len(time)
     n, nodes, members = len(manifest.coordinate_name), len(manifest.node_name), len(manifest.member_name)
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(ARRAYS, ())
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
     shapes |= {"coordinate": (n,), "velocity": (n,), "member_tension": (members,)}
     shapes |= {"node_position": (nodes, 3), "node_velocity": (nodes, 3)}
     arrays = {name: np.full((n_batch, n_t, *shape), np.nan) for name, shape in shapes.items()}

@@ -10,8 +10,8 @@ import numpy as np
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
 
 __all__ = ["RADAU_COUNTS", "integrate_radau", "listen_to_members"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
 from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.runtime.trajectory import UNREADABLE, read_arrays
+from tensegrity_codegen.runtime.array_file import UNREADABLE, read_arrays
 
 __all__ = ["read_starts"]
 

@@ -8,7 +8,7 @@ import time as clock
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["integrate_rk4"]
 

@@ -11,7 +11,7 @@ from tensegrity_codegen.runtime.flow import build_derivative
 from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["integrate_scipy"]
 

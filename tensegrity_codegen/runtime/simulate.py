@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.double_only import require_double
+from tensegrity_codegen.runtime.evaluate_trajectory import evaluate_trajectory
 from tensegrity_codegen.runtime.event_log import Condition
 from tensegrity_codegen.runtime.given import check_arguments, check_schedule, find_start
 from tensegrity_codegen.runtime.integrate import integrate
@@ -19,7 +20,7 @@ from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contac
 from tensegrity_codegen.runtime.options import RunOptions, check_options
 from tensegrity_codegen.runtime.run_end import MOST_STEPS
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
-from tensegrity_codegen.runtime.trajectory import Trajectory, evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.runtime.until_condition import stop_at_condition, watch_condition
 
 __all__ = ["simulate"]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.raw_batch import RawBatch
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 

@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.motion_events import MotionEvent
 from tensegrity_codegen.runtime.options import RunOptions
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["stop_at_condition", "watch_condition"]
 

@@ -21,7 +21,7 @@ from scipy.sparse import linalg
 
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.rates import Rates
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
 __all__ = ["Vibration", "find_vibration"]
 

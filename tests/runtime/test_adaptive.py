@@ -17,8 +17,8 @@ from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
 from tests.runtime.build import bar, cable, make_structure
 
 METHODS = ("rk54", "rk853")

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.structure import Structure
 from tests.common_prism import BARS, EVENTS, POSITION, common_prism
 from tests.runtime.build import bar, cable, make_structure, prism, spring

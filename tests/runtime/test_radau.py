@@ -20,8 +20,9 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, Trajectory
+from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.structure import Structure
 from tests.runtime.build import bar, cable, make_structure
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio

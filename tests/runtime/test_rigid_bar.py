@@ -11,7 +11,7 @@ from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import simulation_quantities
+from tensegrity_codegen.runtime.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure import Structure
 from tests.common_prism import BARS, POSITION, common_prism, span
 from tests.runtime.build import bar, cable, make_structure

@@ -13,7 +13,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.methods import METHODS
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
+from tensegrity_codegen.runtime.simulation_quantities import SIMULATION_QUANTITIES
 from tests.runtime.build import make_structure, spring
 
 RATE = float(np.sqrt(200.0))  # of two masses of 1 kg on 100 N/m

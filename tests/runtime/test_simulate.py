@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime import rk4
 from tensegrity_codegen.runtime.methods import METHODS
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES
+from tensegrity_codegen.runtime.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure import ActuatedInput, Structure
 from tests.runtime.build import cable, make_structure, prism, spring
 

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.runtime.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.trajectory import simulation_quantities
+from tensegrity_codegen.runtime.simulation_quantities import simulation_quantities
 from tests.runtime.build import bar, cable, make_structure, prism
 
 METHODS: tuple[tuple[str, dict[str, Any]], ...] = (("rk4", {"step": 1e-3}), ("rk54", {}), ("rk853", {}))

@@ -16,9 +16,11 @@ from hypothesis import strategies as st
 from tensegrity_codegen.errors import OutputError, SceneError, SceneSyntaxError, StructureError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import trajectory
+from tensegrity_codegen.runtime import array_file
+from tensegrity_codegen.runtime.read_trajectory import read_trajectory
 from tensegrity_codegen.runtime.simulate import simulate
-from tensegrity_codegen.runtime.trajectory import SIMULATION_QUANTITIES, Trajectory, read_trajectory
+from tensegrity_codegen.runtime.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.structure import Structure
 from tests.runtime.build import make_structure, spring
 
@@ -68,7 +70,7 @@ def test_what_is_written_reads_back_to_the_last_bit(written: Written, tmp_path: 
 def test_a_long_result_is_not_compressed_and_reads_back_alike(
     written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, method: int
 ) -> None:
-    monkeypatch.setattr(trajectory, "MOST_COMPRESSED", most)
+    monkeypatch.setattr(array_file, "MOST_COMPRESSED", most)
     written[0].write(tmp_path / "run.npz")
     with zipfile.ZipFile(tmp_path / "run.npz") as file:
         assert {item.compress_type for item in file.infolist()} == {method}

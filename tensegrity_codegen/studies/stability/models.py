@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
-from tensegrity_codegen.runtime.trajectory import simulation_quantities
+from tensegrity_codegen.runtime.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.changes import as_springs, with_rigid_bars, with_springs

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, TensegrityError
 from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.evaluate_trajectory import evaluate_trajectory
 from tensegrity_codegen.runtime.integrate import integrate
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Progress
 from tensegrity_codegen.runtime.options import RunOptions, check_options
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.models import values_of

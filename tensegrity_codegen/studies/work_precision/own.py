@@ -14,12 +14,14 @@ from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.consistency import make_consistent
+from tensegrity_codegen.runtime.evaluate_trajectory import evaluate_trajectory
 from tensegrity_codegen.runtime.integrate import integrate_once
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.placement import place_nodes
-from tensegrity_codegen.runtime.trajectory import RawTrajectory, evaluate_trajectory, simulation_quantities
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
+from tensegrity_codegen.runtime.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.flow import build_derivative
-from tensegrity_codegen.runtime.trajectory import RawTrajectory
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run
 from tensegrity_codegen.studies.work_precision.own import (
     ATOL_OF_RTOL,

@@ -1,0 +1,56 @@
+"""Arrays in .npz files: written whole or not at all, read without trust."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.files import replaced
+
+__all__ = ["UNREADABLE", "read_arrays", "write_arrays"]
+
+# Bytes of the arrays of a result file that are compressed: zlib takes about 1 s for 20 MB of them.
+MOST_COMPRESSED = 64 * 2**20
+
+# What NumPy and zipfile raise for damaged files: bad headers, lengths, checksums, methods, single arrays.
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    AttributeError,
+    TypeError,
+    RuntimeError,
+    MemoryError,
+    BadZipFile,
+    zlib.error,
+)
+
+
+def write_arrays(path: str | Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays to an .npz file, whole or not at all; raises OutputError if it cannot be written.
+
+    Above MOST_COMPRESSED bytes they are not compressed, which would take longer than the simulation.
+    """
+    given: dict[str, Any] = dict(arrays)
+    size = sum(np.asarray(array).nbytes for array in given.values())
+    save = np.savez_compressed if size <= MOST_COMPRESSED else np.savez
+    with replaced(path) as temporary, temporary.open("wb") as file:
+        save(file, **given)
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the arrays of an .npz file by name; raises one of UNREADABLE for what is none."""
+    # Opened here, since NumPy leaves a file open that turns out to be no archive.
+    with path.open("rb") as file:
+        if file.read(2) != b"PK":  # else NumPy speaks of pickled data
+            raise BadZipFile("the file is no archive of arrays")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
