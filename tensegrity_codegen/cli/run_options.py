@@ -40,14 +40,20 @@ MethodOption = Annotated[
 ]
 StepOption = Annotated[float | None, typer.Option("--step", help="Step of fixed-step methods [s].")]
 MaxStepsOption = Annotated[
-    int, typer.Option("--max-steps", help="Steps that one run of a method in C may try.")
+    int | None,
+    typer.Option(
+        "--max-steps", help="Steps that one run of a method in C may try: a million, more with --keep."
+    ),
 ]
 KeepOption = Annotated[
     str, typer.Option("--keep", help="energy: hold it at each step, for long undamped motions.")
 ]
 ControlOption = Annotated[
-    str,
-    typer.Option("--control", help="What the tolerance bounds: samples (whole error), or steps (each)."),
+    str | None,
+    typer.Option(
+        "--control",
+        help="What the tolerance bounds: samples (whole error; usual), or steps (each; usual with --keep).",
+    ),
 ]
 SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
 UntilOption = Annotated[

@@ -47,9 +47,9 @@ def simulate(
     atol: AtolOption = 1e-9,
     method: MethodOption = "auto",
     step: StepOption = None,
-    max_steps: MaxStepsOption = 1_000_000,
+    max_steps: MaxStepsOption = None,
     keep: KeepOption = "",
-    control: ControlOption = "samples",
+    control: ControlOption = None,
     settle: SettleOption = False,
     until: UntilOption = None,
     batch: BatchOption = None,
@@ -72,9 +72,9 @@ def simulate(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.runtime.options import RunOptions, check_options
+        from tensegrity_codegen.runtime.options import ask, check_options
 
-        options = RunOptions(method, rtol, atol, step, max_steps, keep, control)
+        options = ask(method, rtol, atol, step, max_steps, keep, control)
         asked = _Asked(options, *read_until(until), settle)
         check_options(options, t_end, samples, until_contact=asked.until_contact)
         if out is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +39,8 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     FormulationError where the library has no method with error control, and what the methods raise.
     """
     choice = choose_method(motion, options)
+    if options.control == "steps":
+        return replace(_run_once(motion, options, choice), why=choice.why)
     if choice.name != "radau":
         found = _run_explicit(motion, replace(options, method=choice.name), choice)
         return _advise(replace(found, why=choice.why), motion.model)
@@ -52,6 +55,14 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     return _advise(_tell(found, choice.why, options), motion.model)
 
 
+def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
+    """Return one run of the chosen method, its steps' errors alone within the tolerance."""
+    if choice.name == "radau":
+        return _by_auto(_prepare_radau(motion, options, choice)(options.rtol, options.atol))
+    options = replace(options, method=choice.name, atol=max(options.atol, choice.noise))
+    return _by_auto(integrate_adaptive(motion, options))
+
+
 def _run_explicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return a run of the explicit method of the options, its error within the tolerance."""
 
@@ -62,7 +73,16 @@ def _run_explicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTra
 
 
 def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
-    """Return a run of radau from the smooth state, with the vibrations about it added."""
+    """Return a run of radau, its error within the tolerance."""
+    run = _prepare_radau(motion, options, choice)
+    found = tighten_until_converged(run, options.rtol, options.atol, _left_out, trust=PASSING_KINKS)
+    return _by_auto(found)
+
+
+def _prepare_radau(
+    motion: Motion, options: RunOptions, choice: Choice
+) -> Callable[[float, float], RawTrajectory]:
+    """Return (rtol, atol) -> run of radau from the smooth state, with the vibrations about it added."""
     options = replace(options, max_steps=min(options.max_steps, choice.most_steps))
     vibration = choice.vibration
     smooth = motion if vibration is None else replace(motion, state=vibration.smooth(motion.state))
@@ -71,8 +91,7 @@ def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajec
         raw = integrate_radau(smooth, options.within(rtol, atol), quiet=choice.quiet)
         return raw if vibration is None else _with_vibration(raw, motion, vibration, choice.frequency)
 
-    found = tighten_until_converged(run, options.rtol, options.atol, _left_out, trust=PASSING_KINKS)
-    return _by_auto(found)
+    return run
 
 
 def _by_auto(raw: RawTrajectory) -> RawTrajectory:

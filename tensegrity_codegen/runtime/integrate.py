@@ -28,12 +28,13 @@ IN_C = {
 
 def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Return the states at the sample times by one of METHODS, checked unless `control` is "steps"."""
-    if options.method == "auto":
-        return integrate_auto(motion, options)
     if options.method in SCIPY_NAME:
         return integrate_scipy(motion, options)
     if options.control == "steps":
-        return integrate_once(motion, options)
+        is_auto = options.method == "auto"
+        return _tell(integrate_auto(motion, options) if is_auto else integrate_once(motion, options))
+    if options.method == "auto":
+        return integrate_auto(motion, options)
     if options.step is not None:
         return check_by_doubling(
             lambda step: integrate_once(motion, replace(options, step=step)),
@@ -45,6 +46,15 @@ def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
         options.rtol,
         options.atol,
         trust=PASSING_KINKS if options.method == "radau" else 0.0,
+    )
+
+
+def _tell(run: RawTrajectory) -> RawTrajectory:
+    """Return a good run with the word that nothing is known of its whole error."""
+    if run.status != "ok":
+        return run
+    return replace(
+        run, message=f"{run.message}; the error at the samples is not estimated (--control samples)"
     )
 
 

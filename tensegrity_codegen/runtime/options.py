@@ -11,14 +11,15 @@ from tensegrity_codegen.runtime.keep import check_keep
 from tensegrity_codegen.runtime.methods import ADAPTIVE, METHODS, SCIPY_NAME
 from tensegrity_codegen.runtime.run_end import MOST_STEPS
 
-__all__ = ["RunOptions", "check_options"]
+__all__ = ["RunOptions", "ask", "check_options"]
 
 MOST_FIXED_STEPS = 100_000_000  # unless --max-steps allows more: some seconds for a small structure
+MOST_LONG_STEPS = 100_000_000  # the same of a run that keeps the energy: such runs are long
 CONTROLS = ("samples", "steps")  # what the tolerance bounds: the error of every sample, or of each step
 MOST_SAMPLES = 1_000_000
 LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
 SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
-CHECKED_OR_NOT = (*ADAPTIVE, "radau", "rk4")  # methods of which one run may be had without a check
+CHECKED_OR_NOT = ("auto", *ADAPTIVE, "radau", "rk4")  # methods of which one run may be had without a check
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,27 @@ class RunOptions:
     def within(self, rtol: float, atol: float) -> RunOptions:
         """Return the same with other tolerances."""
         return replace(self, rtol=rtol, atol=atol)
+
+
+def ask(
+    method: str,
+    rtol: float,
+    atol: float,
+    step: float | None,
+    max_steps: int | None,
+    keep: str,
+    control: str | None,
+) -> RunOptions:
+    """Return the options of a run; max_steps, control: None for what suits the rest.
+
+    Runs that keep the energy are long, and motions that go on long enough are beyond any tolerance at the
+    samples: of these each step's error is controlled unless asked otherwise.
+    """
+    most = MOST_LONG_STEPS if keep else MOST_STEPS
+    usual = "steps" if keep else "samples"
+    return RunOptions(
+        method, rtol, atol, step, most if max_steps is None else max_steps, keep, control or usual
+    )
 
 
 def check_options(options: RunOptions, t_end: float, samples: int, *, until_contact: bool = False) -> None:
@@ -84,7 +106,7 @@ def _check_control(options: RunOptions) -> None:
             "this method's samples are always or never checked",
             where="--control",
             given=f"{options.control} with method {options.method!r}",
-            allowed="steps with rk853, rk54, radau, rk4; samples with any",
+            allowed=f"steps with {', '.join(CHECKED_OR_NOT)}; samples with any",
         )
 
 

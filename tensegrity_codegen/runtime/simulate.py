@@ -17,8 +17,7 @@ from tensegrity_codegen.runtime.integrate import integrate
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
-from tensegrity_codegen.runtime.options import RunOptions, check_options
-from tensegrity_codegen.runtime.run_end import MOST_STEPS
+from tensegrity_codegen.runtime.options import ask, check_options
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.runtime.until_condition import stop_at_condition, watch_condition
@@ -43,18 +42,19 @@ def simulate(
     condition: str | Condition | None = None,
     until_condition: bool = False,
     progress: Progress | None = None,
-    max_steps: int = MOST_STEPS,
+    max_steps: int | None = None,
     keep: str = "",
-    control: str = "samples",
+    control: str | None = None,
 ) -> Trajectory:
     """Simulate H q'' = f from t = 0 to t_end [s] and return `samples` equally spaced states.
 
     coordinate, velocity: initial state, the scene's own if not given; arguments: run-time parameters by
     name; schedule: time [s] -> run-time parameters and inputs by name that change with it, for SciPy's
     methods; step [s]: for the method "rk4" only; progress: called with the fraction done; max_steps: that one
-    run with error control may try, "not_converged" where they do not reach the end. until_contact: end
-    with the first contact of bars, as the last sample and in `events`, at t = 0 where they touch from the
-    start; needs bar_distance and bar_distance_jacobian, else FormulationError.
+    run with error control may try, "not_converged" where they do not reach the end; a million, or with `keep`
+    a hundred million. until_contact: end with the first contact of bars, as the last sample and in `events`,
+    at t = 0 where they touch from the start; needs bar_distance and bar_distance_jacobian, else
+    FormulationError.
 
     Methods in C with error control cut their steps where cables go slack or taut, if the library has that
     event, and where the sign of a condition changes: an expression over quantities, see condition.py, or
@@ -62,10 +62,11 @@ def simulate(
     until_condition: end with the first such change, as with a contact; where the condition is a comparison,
     at t = 0 if it holds from the start.
 
-    control: what rtol and atol bound in rk54, rk853 and radau. "samples": the estimated error of all samples;
-    the steps' tolerance is tightened until two runs agree so well, else the status is "not_converged"; rk4 is
-    held to runs with other steps. "steps": the error of each step, in one run, and nothing is said of their
-    sum, which may be far more over long times and for stiff members.
+    control: what rtol and atol bound in auto, rk54, rk853 and radau. "samples", the default: the estimated
+    error of all samples; the steps' tolerance is tightened until two runs agree so well, else the status is
+    "not_converged"; rk4 is held to runs with other steps. "steps", the default with `keep`: the error of each
+    step, in one run, and nothing is said of their sum, which may be far more over long times and for stiff
+    members.
 
     keep: "energy", for undamped motions over long times: each step of rk54, rk853 or auto ends at the energy
     of the start; needs a library built with keep = ("energy",), else FormulationError.
@@ -75,7 +76,7 @@ def simulate(
     or argument, FormulationError where the model lacks the integrator, NonFiniteError for values that are
     not finite.
     """
-    options = RunOptions(method, rtol, atol, step, max_steps, keep, control)
+    options = ask(method, rtol, atol, step, max_steps, keep, control)
     check_options(options, t_end, samples, until_contact=until_contact)
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)

@@ -295,7 +295,7 @@ def test_a_summary_is_ready_for_json(oscillator: CompiledModel) -> None:
 
 OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"control": "nothing"}, "--control"),
-    ({"control": "steps"}, "--control"),
+    ({"control": "steps", "method": "scipy_rk45"}, "--control"),
     ({"t_end": 0.0}, "--t-end"),
     ({"t_end": -1.0}, "--t-end"),
     ({"t_end": np.nan}, "--t-end"),
