@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-from rich.console import RenderableType
-
+from tensegrity_codegen.cli.build_options import (
+    AnyFlagsOption,
+    EmitterOption,
+    FolderOption,
+    MeasureOption,
+    QuantityOption,
+    TuneForOption,
+    TuneOption,
+)
 from tensegrity_codegen.cli.options import (
     BatchWidthOption,
     CompilerOption,
@@ -25,38 +31,22 @@ from tensegrity_codegen.request import ModelRequest, check_batch_width
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
+    from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tuning import TunedLibrary
 
 __all__ = ["build"]
 
 
 def build(
     scene: SceneArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for header, C source, example and library.")
-    ] = None,
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option("--quantity", "-q", help="Quantity to compute instead of the scene's; may be repeated."),
-    ] = None,
-    measure: Annotated[
-        bool, typer.Option("--measure", help="Compile what was left out too, to measure the bytes it saved.")
-    ] = False,
+    out: FolderOption = None,
+    quantity: QuantityOption = None,
+    measure: MeasureOption = False,
     precision: PrecisionOption = None,
-    emitter: Annotated[
-        str | None,
-        typer.Option(
-            "--emitter", help="Way of writing the C, not the scene's: auto, unrolled, lanes, table."
-        ),
-    ] = None,
-    tune: Annotated[
-        bool, typer.Option("--tune", help="Measure emitters and compilers, take the fastest, remember it.")
-    ] = False,
-    tune_for: Annotated[
-        str | None, typer.Option("--tune-for", help="Quantity whose time decides; as --tune, over all.")
-    ] = None,
-    any_flags: Annotated[
-        bool, typer.Option("--any-flags", help="Let --tune compare reference and native flags too.")
-    ] = False,
+    emitter: EmitterOption = None,
+    tune: TuneOption = False,
+    tune_for: TuneForOption = None,
+    any_flags: AnyFlagsOption = False,
     batch_width: BatchWidthOption = None,
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
@@ -69,37 +59,51 @@ def build(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import build_library, load_scene
-        from tensegrity_codegen.report.tables import candidates_table, functions_table, left_out_table
-        from tensegrity_codegen.tuning import build_tuned
 
         structure, request = load_scene(scene)
-        request = _narrow(request, quantity, precision, emitter, batch_width)
-        if flags is not None:
-            request = replace(request, flags=find_flags(flags, "--flags").name)
-        tables: list[RenderableType] = []
-        tuned: dict[str, Any] = {}
+        request = _narrow(request, quantity, precision, emitter, batch_width, flags)
+        tuned = None
         if tune or tune_for is not None:
-            sets = tuple(FLAG_SETS) if any_flags else ()
-            found = build_tuned(
-                structure, request, compiler=compiler, flags=sets, by=tune_for, measure=measure
-            )
-            built, tables = found.built, [candidates_table(found.rows)]
-            tuned = {"by": found.by, "from_cache": found.from_cache, "candidates": [*map(vars, found.rows)]}
+            tuned = _tune(structure, request, compiler, tune_for, any_flags, measure)
+            built = tuned.built
         elif any_flags:
             raise InvalidValueError("nothing to compare", where="--any-flags", hint="add --tune")
         else:
             built = build_library(structure, request, compiler=compiler, measure=measure)
-        folder = built.export(out) if out is not None else built.entry.folder
-        data = _describe(built, folder) | ({"tuned": tuned} if tuned else {})
-        how = "from the cache" if built.from_cache else f"built with {built.compiler}"
-        output.result(
-            data,
-            functions_table(built.manifest),
-            left_out_table(built.manifest),
-            *tables,
-            f"emitter {built.manifest.emitter}: {built.why_emitter}",
-            f"{data['library']}\n{how}, {built.seconds:.2f} s",
-        )
+        _tell(output, built, built.export(out) if out is not None else built.entry.folder, tuned)
+
+
+def _tune(
+    structure: Subject,
+    request: ModelRequest,
+    compiler: str | None,
+    by: str | None,
+    any_flags: bool,
+    measure: bool,
+) -> TunedLibrary:
+    """Return the fastest library for this machine, and what it was compared with."""
+    from tensegrity_codegen.tuning import build_tuned
+
+    sets = tuple(FLAG_SETS) if any_flags else ()
+    return build_tuned(structure, request, compiler=compiler, flags=sets, by=by, measure=measure)
+
+
+def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary | None) -> None:
+    """Say what a library holds and where it is."""
+    from tensegrity_codegen.report.tables import candidates_table, functions_table, left_out_table
+
+    data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
+    if tuned is not None:
+        tables.append(candidates_table(tuned.rows))
+        rows = [vars(row) for row in tuned.rows]
+        data["tuned"] = {"by": tuned.by, "from_cache": tuned.from_cache, "candidates": rows}
+    how = "from the cache" if built.from_cache else f"built with {built.compiler}"
+    output.result(
+        data,
+        *tables,
+        f"emitter {built.manifest.emitter}: {built.why_emitter}",
+        f"{data['library']}\n{how}, {built.seconds:.2f} s",
+    )
 
 
 def _narrow(
@@ -108,6 +112,7 @@ def _narrow(
     precision: str | None,
     emitter: str | None,
     batch_width: int | None,
+    flags: str | None,
 ) -> ModelRequest:
     """Return the request with the choices of the command line in place of the scene's."""
     if quantity:
@@ -123,6 +128,8 @@ def _narrow(
     if batch_width is not None:
         check_batch_width(batch_width, "--batch-width")
         request = replace(request, batch_width=batch_width)
+    if flags is not None:
+        request = replace(request, flags=find_flags(flags, "--flags").name)
     return request
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -12,6 +12,11 @@ from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgu
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_target, replaced
 from tensegrity_codegen.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.linearize import LinearModel
+    from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["linearize"]
 
@@ -35,63 +40,75 @@ def linearize(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.pipeline import (
-            build_library,
-            equilibrium_quantities,
-            has_statics,
-            is_corrected,
-            linearize_quantities,
-            load_scene,
-            settle_structure,
-            with_statics,
-        )
-        from tensegrity_codegen.runtime.equilibrium import find_equilibrium
-        from tensegrity_codegen.runtime.linearize import linearize as run
-
         if out is not None:
             check_target(out)
-        structure, request = load_scene(scene)
-        if isinstance(structure, Structure) and is_corrected(request):
-            request = with_statics(
-                structure, request
-            )  # springs are exact, and however stiff cost nothing here
-        if settle and isinstance(structure, Structure) and not has_statics(request):
-            structure = settle_structure(structure, request, compiler=compiler)
-            structure = structure.with_changes(node_velocity=0 * structure.node_velocity)
-            settle = False
-        quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
-        wanted = request.wanting(*quantities, *(equilibrium_quantities(structure, request) if settle else ()))
-        model = build_library(structure, wanted, compiler=compiler).load()
-        # What is left of the forces turns neutral motions into slow ones.
-        start = find_equilibrium(model, tolerance=SETTLED).coordinate if settle else None
-        linear = run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))
+        linear = _linearize(scene, settle, compiler)
         if out is not None:
             write_linear_model(linear, out)
-        data = {
-            "status": "ok",
-            "n_states": len(linear.state),
-            "n_inputs": len(linear.input_name),
-            "n_variations": len(linear.state) if linear.variation is None else linear.variation.shape[1],
-            "A_nonzeros": linear.A.nnz,
-            "B_nonzeros": linear.B.nnz,
-            "largest_affine_term": float(np.max(np.abs(linear.c))),
-            "natural_frequency": linear.natural_frequency,
-            "damping_ratio": linear.damping_ratio,
-            "state_name": linear.state_name,
-            "input_name": linear.input_name,
-            "out": None if out is None else str(out),
-        }
-        shown = ", ".join(f"{value:.6g}" for value in linear.natural_frequency[:12])
-        output.result(
-            data,
-            f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
-            f"B {linear.B.nnz}",
-            f"natural frequencies [Hz]: {shown}{' ...' if len(linear.natural_frequency) > 12 else ''}",
-            f"largest entry of the affine term c: {data['largest_affine_term']:.3g}",
-        )
+        _tell(output, linear, out)
 
 
-def write_linear_model(linear: Any, path: Path) -> None:
+def _linearize(scene: Path, settle: bool, compiler: str | None) -> LinearModel:
+    """Return the linear model of a scene about its own state or the equilibrium."""
+    from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, linearize_quantities
+    from tensegrity_codegen.runtime.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.linearize import linearize as run
+
+    structure, request, settle = _read(scene, settle, compiler)
+    quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
+    wanted = request.wanting(*quantities, *(equilibrium_quantities(structure, request) if settle else ()))
+    model = build_library(structure, wanted, compiler=compiler).load()
+    # What is left of the forces turns neutral motions into slow ones.
+    start = find_equilibrium(model, tolerance=SETTLED).coordinate if settle else None
+    return run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))
+
+
+def _read(scene: Path, settle: bool, compiler: str | None) -> tuple[Subject, ModelRequest, bool]:
+    """Return structure and request, and whether it is still to be settled."""
+    from tensegrity_codegen.pipeline import (
+        has_statics,
+        is_corrected,
+        load_scene,
+        settle_structure,
+        with_statics,
+    )
+
+    structure, request = load_scene(scene)
+    if isinstance(structure, Structure) and is_corrected(request):
+        request = with_statics(structure, request)  # springs are exact, and however stiff cost nothing here
+    if not (settle and isinstance(structure, Structure) and not has_statics(request)):
+        return structure, request, settle
+    structure = settle_structure(structure, request, compiler=compiler)
+    return structure.with_changes(node_velocity=0 * structure.node_velocity), request, False
+
+
+def _tell(output: Output, linear: LinearModel, out: Path | None) -> None:
+    """Say what the linear model is, and where it was written."""
+    data = {
+        "status": "ok",
+        "n_states": len(linear.state),
+        "n_inputs": len(linear.input_name),
+        "n_variations": len(linear.state) if linear.variation is None else linear.variation.shape[1],
+        "A_nonzeros": linear.A.nnz,
+        "B_nonzeros": linear.B.nnz,
+        "largest_affine_term": float(np.max(np.abs(linear.c))),
+        "natural_frequency": linear.natural_frequency,
+        "damping_ratio": linear.damping_ratio,
+        "state_name": linear.state_name,
+        "input_name": linear.input_name,
+        "out": None if out is None else str(out),
+    }
+    shown = ", ".join(f"{value:.6g}" for value in linear.natural_frequency[:12])
+    output.result(
+        data,
+        f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
+        f"B {linear.B.nnz}",
+        f"natural frequencies [Hz]: {shown}{' ...' if len(linear.natural_frequency) > 12 else ''}",
+        f"largest entry of the affine term c: {data['largest_affine_term']:.3g}",
+    )
+
+
+def write_linear_model(linear: LinearModel, path: Path) -> None:
     """Write a linear model to an .npz file: sparse matrices as row, column, value; names and vectors."""
     arrays: dict[str, Any] = {}
     for name in ("A", "B", "variation"):
