@@ -196,6 +196,61 @@ PRISM_API int prism_compute_acceleration(
     const double coordinate[15],
     double acceleration[15]);
 
+/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is positive.
+ *
+ *   coordinate (15,) [m]: Free node coordinates, node by node.
+ *   returns cable_margin (9,) [m]
+ *   78 operations. Source: S&K 2.
+ */
+PRISM_API int prism_compute_cable_margin(
+    const double coordinate[15],
+    double cable_margin[9]);
+
+
+/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller's. */
+enum {
+  PRISM_EVENT_CABLE = 1,
+  PRISM_EVENT_CONTACT = 2,
+  PRISM_EVENT_CONDITION = 4
+};
+
+/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
+ * apart, condition positive), -1 where it falls. */
+typedef struct {
+  double time;
+  int kind;
+  int which;
+  int direction;
+} prism_event;
+
+/* How a run with error control goes; all zero before its first call. */
+typedef struct {
+  long long n_accepted;    /* steps taken */
+  long long n_rejected;    /* steps tried in vain */
+  long long n_evaluations; /* of the accelerations */
+  int watch; /* the kinds of events at which steps are cut, added up; 0: none */
+  int stop;  /* those that end the run, just past the event */
+  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
+  void *condition_data;
+  prism_event *event; /* (most_events,), NULL: not kept */
+  long long most_events;
+  long long n_events; /* how many there were, also beyond most_events */
+  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
+  int is_started;          /* from here on: kept between calls */
+  int may_grow;
+  int succession;
+  int crowd;
+  int n_stalled;
+  double mark;
+  double ahead;
+  double pace;
+  double leash;
+  double cut;
+  double remaining;
+  double loudness;
+  double last_event;
+} prism_run;
+
 /* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
  * interpolation between steps. Time after step k is time_start + k * step.
  *
@@ -203,15 +258,25 @@ PRISM_API int prism_compute_acceleration(
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 15) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: 195 doubles of the caller's
+ *   work: 455 doubles of the caller's
  * Stops with PRISM_NON_FINITE_RESULT after the step before the first non-finite state.
+ *
+ * prism_integrate_rk4_run cuts steps at the events that `run` watches: up to the event, past it, and on to the
+ * end of the same step. `run` is all zero before the first call but for what it is to watch; with the same run, time,
+ * state and work it carries on. time [s]: where the state is, within the step first_step; advanced in place.
+ * Where an event of run->stop ends a call, its step does not count as done: go on with it.
  */
-enum { PRISM_RK4_WORK = 195 };
+enum { PRISM_RK4_WORK = 455 };
 PRISM_API int prism_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[30],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[195]);
+    long long *n_done, double work[455]);
+PRISM_API int prism_integrate_rk4_run(
+    double time_start, double step, long long first_step, long long n_steps,
+    double *time, double state[30],
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    long long *n_done, prism_run *run, double work[455]);
 
 
 #ifdef __cplusplus

@@ -21,6 +21,7 @@ int main(void)
   double member_tension[1];
   double acceleration[3];
   double total_energy[1];
+  double cable_margin[1];
 
   printf("%s, scene %.12s, interface version %d\n", two_nodes_descriptor.name, two_nodes_descriptor.scene_hash,
          two_nodes_descriptor.abi_version);
@@ -35,6 +36,10 @@ int main(void)
 
   status = two_nodes_compute_total_energy(two_nodes_nominal_coordinate, two_nodes_nominal_velocity, total_energy);
   print_values("total_energy [J]", status, total_energy, 1);
+  worst = status > worst ? status : worst;
+
+  status = two_nodes_compute_cable_margin(two_nodes_nominal_coordinate, cable_margin);
+  print_values("cable_margin [m]", status, cable_margin, 1);
   worst = status > worst ? status : worst;
   return worst;
 }

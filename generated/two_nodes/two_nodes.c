@@ -11,7 +11,7 @@
 #endif
 
 const two_nodes_description two_nodes_descriptor = {
-    2, "two_nodes", "9b34dd6b9cc390ecd14967c32be349edf3719268ee49477ad5d062af5756066c", "node_position", "unrolled", "double",
+    2, "two_nodes", "5faa01cf42abe84eed44580e976778a2ad84956bbfe3629bea039fd7245af459", "node_position", "unrolled", "double",
     "tensegrity_codegen 0.1.0, casadi 3.8.2"};
 
 const char two_nodes_instruction_sets[] = "instruction sets:"
@@ -514,6 +514,47 @@ TENSEGRITY_PLAIN int two_nodes_compute_total_energy(
   return total_energy_checked(coordinate, velocity, total_energy);
 }
 
+static void cable_margin_kernel(
+    const double *TENSEGRITY_RESTRICT coordinate,
+    double *TENSEGRITY_RESTRICT cable_margin)
+{
+  const double t1 = coordinate[0] * coordinate[0];
+  const double t3 = coordinate[1] * coordinate[1];
+  const double t4 = t1 + t3;
+  const double t6 = coordinate[2] * coordinate[2];
+  const double t7 = t4 + t6;
+  const double t8 = sqrt(t7);
+  const double t10 = t8 - 1.0;
+  cable_margin[0] = t10;
+}
+
+static TENSEGRITY_APART int cable_margin_checked(
+    const double coordinate[3],
+    double cable_margin[1])
+{
+  if (coordinate == NULL || cable_margin == NULL) {
+    return TWO_NODES_NULL_POINTER;
+  }
+  if (!all_finite(coordinate, 3)) {
+    fill_nan(cable_margin, 1);
+    return TWO_NODES_NON_FINITE_INPUT;
+  }
+  cable_margin_kernel(coordinate, cable_margin);
+  if (!all_finite(cable_margin, 1)) {
+    fill_nan(cable_margin, 1);
+    return TWO_NODES_NON_FINITE_RESULT;
+  }
+  return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN int two_nodes_compute_cable_margin(
+    const double coordinate[3],
+    double cable_margin[1])
+{
+  TENSEGRITY_CHECK_MACHINE
+  return cable_margin_checked(coordinate, cable_margin);
+}
+
 /* State at fraction s of a step: quintic Hermite on (q, v, a) of both ends; exact at both ends. It is the integral of
  * the cubic through (v, a), and a defect of fifth order that is left out where it is rounding of the coordinates:
  * over a tiny step that would be much in the velocities. */
@@ -537,6 +578,391 @@ static void motion_interpolate(
   }
 }
 
+/* Index of each member that pulls only. */
+static const int event_cable[1] = {0};
+
+/* Margins at a time and state: an event is a change of their signs. Those that are not watched stay at one. */
+static void event_margins(
+    double time, const double *coordinate, const double *velocity, const two_nodes_run *run, double *margin)
+{
+  const int watch = run->watch;
+  int k;
+  for (k = 0; k < 2; ++k) {
+    margin[k] = 1.0;
+  }
+  if (watch & TWO_NODES_EVENT_CABLE) {
+    cable_margin_kernel(coordinate, margin + 0);
+  }
+  if ((watch & TWO_NODES_EVENT_CONDITION) && run->condition != NULL) {
+    margin[1] = run->condition(time, coordinate, velocity, run->condition_data);
+  }
+}
+
+/* A piece of the motion: from `old` (q, v, a) to q1, v1, a1 within h; quintic Hermite in between. */
+typedef struct {
+  const double *old, *q1, *v1, *a1;
+  double time, h;
+} event_path;
+
+/* Margins at fraction s of the path; point: 2 n. */
+static void event_margins_at(
+    const event_path *path, double s, const two_nodes_run *run, double *point, double *margin)
+{
+  motion_interpolate(s, path->h, path->old, path->q1, path->v1, path->a1, point);
+  event_margins(path->time + s * path->h, point, point + 3, run, margin);
+}
+
+/* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values. */
+static void event_noise(double loudness, const double *coordinate, const double *margin, double *noise)
+{
+  double size = 1.0;
+  int k;
+  for (k = 0; k < 3; ++k) {
+    size = fmax(size, fabs(coordinate[k]));
+  }
+  for (k = 0; k < 2; ++k) {
+    noise[k] = 4e-15 * loudness * (k < 1 ? size : fabs(margin[k]));
+  }
+}
+
+/* What the search for an event works with, margin by margin: on which side each was, its noise, values and slopes at
+ * both ends and in the middle of the path; spare memory. Slopes are those over the whole path, `rise` a second. */
+typedef struct {
+  double *side, *noise, *first, *rise, *last, *slope, *middle, *turn, *spare, *other, *start, *point;
+  int may_turn; /* whether a turn that is too near to tell may cut the step */
+  int which;    /* the margin whose event was found */
+} event_memory;
+
+static event_memory event_take(double *memory)
+{
+  event_memory m;
+  m.side = memory;
+  m.may_turn = 0;
+  m.which = 0;
+  m.noise = memory + 2;
+  m.first = memory + 4;
+  m.rise = memory + 6;
+  m.last = memory + 8;
+  m.slope = memory + 10;
+  m.middle = memory + 12;
+  m.turn = memory + 14;
+  m.spare = memory + 16;
+  m.other = memory + 18;
+  m.start = memory + 20;
+  m.point = memory + 22;
+  return m;
+}
+
+/* Positive while margin k is on its old side. */
+static double event_left(const event_memory *m, const double *margin, int k)
+{
+  return m->side[k] * margin[k] + m->noise[k];
+}
+
+/* Slopes of all margins at s over the whole path; here: margins at s, NULL if not known. */
+static void event_slopes(
+    const event_path *path, double s, const double *here, const two_nodes_run *run, event_memory *m, double *slope)
+{
+  const double other = s < 0.5 ? s + 1e-4 : s - 1e-4;
+  int k;
+  if (here == NULL) {
+    event_margins_at(path, s, run, m->point, m->other);
+    here = m->other;
+  }
+  event_margins_at(path, other, run, m->point, slope);
+  for (k = 0; k < 2; ++k) {
+    slope[k] = (slope[k] - here[k]) / (other - s);
+  }
+}
+
+/* Where in [low, high] margin k leaves its side, that it has left at `high`; f: what is left at both (Illinois). */
+static double event_root(
+    const event_path *path, int k, double low, double f_low, double high, double f_high,
+    const two_nodes_run *run, event_memory *m)
+{
+  int i, kept = 0;
+  if (f_low < 0.0) {
+    return low;
+  }
+  for (i = 0; i < 200 && high - low > 1e-10 * high && high - low > 1e-300; ++i) {
+    double s = i % 8 == 7 ? 0.5 * (low + high) : (low * f_high - high * f_low) / (f_high - f_low), f;
+    if (!(s > low && s < high)) {
+      s = 0.5 * (low + high);
+    }
+    event_margins_at(path, s, run, m->point, m->spare);
+    f = event_left(m, m->spare, k);
+    if (f < 0.0) {
+      high = s;
+      f_high = f;
+      f_low *= kept == 1 ? 0.5 : 1.0;
+      kept = 1;
+    } else {
+      low = s;
+      f_low = f;
+      f_high *= kept == -1 ? 0.5 : 1.0;
+      kept = -1;
+    }
+  }
+  return high;
+}
+
+/* Margin k falls at `low` and rises at `high`, on its side at both. Where it leaves it in between; negative: not so,
+ * but the turn at minus this comes too near to tell; 2: neither. */
+static double event_dip(
+    const event_path *path, int k, double low, double f_low, double d_low, double high, double f_high, double d_high, const two_nodes_run *run, event_memory *m)
+{
+  const double start = low, f_start = f_low;
+  int i;
+  for (i = 0; i < 40; ++i) {
+    const double s = 0.5 * (low + high);
+    /* Where the tangents of both ends meet: a bound from below, as long as it curves one way. */
+    const double meet = (f_high - f_low - d_high * (high - low)) / (d_low - d_high);
+    double f, d;
+    if (f_low + d_low * meet > (i == 0 ? 0.5 * fmin(f_low, f_high) : 0.0)) {
+      return 2.0;
+    }
+    if (high - low < 1e-5) {
+      return m->may_turn && low > 1e-3 && high < 0.999 ? -s : 2.0;
+    }
+    event_margins_at(path, s, run, m->point, m->spare);
+    f = event_left(m, m->spare, k);
+    if (f < 0.0) {
+      return event_root(path, k, start, f_start, s, f, run, m);
+    }
+    event_slopes(path, s, NULL, run, m, m->spare);
+    d = m->side[k] * m->spare[k];
+    if (d < 0.0) {
+      low = s;
+      f_low = f;
+      d_low = d;
+    } else {
+      high = s;
+      f_high = f;
+      d_high = d;
+    }
+  }
+  return 2.0;
+}
+
+/* The first event in the part [low, high] of a path with margins and slopes at both ends: where, as event_dip says. */
+static double event_in_part(
+    const event_path *path, double low, const double *first, const double *rise, double high, const double *last,
+    const double *slope, const two_nodes_run *run, event_memory *m)
+{
+  double found = 2.0;
+  int k;
+  for (k = 0; k < 2; ++k) {
+    const double f_low = event_left(m, first, k), f_high = event_left(m, last, k);
+    double s = 2.0;
+    if (f_high < 0.0) {
+      s = event_root(path, k, low, f_low, high, f_high, run, m);
+    } else if (rise != NULL && m->side[k] * rise[k] < 0.0 && m->side[k] * slope[k] > 0.0) {
+      s = event_dip(path, k, low, f_low, m->side[k] * rise[k], high, f_high, m->side[k] * slope[k], run, m);
+    }
+    if (fabs(s) < fabs(found)) {
+      found = s;
+      m->which = k;
+    }
+  }
+  return found;
+}
+
+/* Whether every margin is so far from zero at both ends that its slopes do not lead it there within the path; for
+ * cables and bars, which turn slowly: of a condition nothing is known. */
+static int event_is_far(const event_memory *m)
+{
+  int k;
+  for (k = 0; k < 2; ++k) {
+    const double side = m->side[k];
+    if (side * m->first[k] < -side * m->start[k] || side * m->first[k] < 0.0 ||
+        side * m->last[k] < side * m->slope[k] || side * m->last[k] < 0.0) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+/* The first event on a path of which m->first, m->rise are known; fills m->last, and with `closely` m->slope. */
+static double event_on_path(
+    const event_path *path, int parts, int closely, const two_nodes_run *run, event_memory *m)
+{
+  double found;
+  int k;
+  event_margins_at(path, 1.0, run, m->point, m->last);
+  if (!closely) {
+    return event_in_part(path, 0.0, m->first, NULL, 1.0, m->last, NULL, run, m);
+  }
+  for (k = 0; k < 2; ++k) {
+    m->start[k] = path->h * m->rise[k];
+  }
+  event_slopes(path, 1.0, m->last, run, m, m->slope);
+  if (parts == 1 || (run->condition == NULL && event_is_far(m))) {
+    return event_in_part(path, 0.0, m->first, m->start, 1.0, m->last, m->slope, run, m);
+  }
+  event_margins_at(path, 0.5, run, m->point, m->middle);
+  event_slopes(path, 0.5, m->middle, run, m, m->turn);
+  found = event_in_part(path, 0.0, m->first, m->start, 0.5, m->middle, m->turn, run, m);
+  return fabs(found) <= 1.0 ? found : event_in_part(path, 0.5, m->middle, m->turn, 1.0, m->last, m->slope, run, m);
+}
+
+/* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
+static double event_near(double base, double pace, const event_memory *m)
+{
+  const double passing = 8.0 * m->noise[m->which] / fabs(m->rise[m->which]);
+  return base + (passing < 1e-8 * pace ? passing : 1e-8 * pace);
+}
+
+/* Note an event of margin k. */
+static void event_note(double time, int k, int direction, two_nodes_run *run)
+{
+  const int kind = k == 1 ? TWO_NODES_EVENT_CONDITION : k >= 0 && k < 1 ? TWO_NODES_EVENT_CABLE : 0;
+  int which = 0;
+  if (kind == TWO_NODES_EVENT_CABLE) {
+    which = event_cable[k];
+  }
+  if (run->event != NULL && run->n_events < run->most_events) {
+    two_nodes_event *event = run->event + run->n_events;
+    event->time = time;
+    event->kind = kind;
+    event->which = which;
+    event->direction = direction;
+  }
+  ++run->n_events;
+  if (run->stop & kind) {
+    run->is_stopped = 1;
+  }
+}
+
+/* Turn the margins that have left their sides, noting each; returns how many. */
+static int event_turn(double time, event_memory *m, const double *margin, two_nodes_run *run)
+{
+  int k, count = 0;
+  for (k = 0; k < 2; ++k) {
+    if (event_left(m, margin, k) < 0.0) {
+      m->side[k] = -m->side[k];
+      event_note(time, k, m->side[k] > 0.0 ? 1 : -1, run);
+      ++count;
+    }
+  }
+  return count;
+}
+
+/* Whether all margins that have left their sides have done so by little more than their noise. */
+static int event_lands(const event_memory *m)
+{
+  int k, count = 0;
+  for (k = 0; k < 2; ++k) {
+    const double left = event_left(m, m->last, k);
+    if (left < -4.0 * m->noise[k]) {
+      return 0;
+    }
+    count += left < 0.0;
+  }
+  return count > 0;
+}
+
+/* Begin to watch at a time, with steps of about this length, where the margins are known. */
+static void event_begin(double time, double step, two_nodes_run *run, event_memory *m)
+{
+  int k;
+  run->ahead = 0.0;
+  run->leash = 0.0;
+  run->cut = 0.0;
+  run->loudness = 1.0;
+  run->succession = 0;
+  run->crowd = 0;
+  run->n_stalled = 0;
+  run->mark = time;
+  run->last_event = time - step;
+  run->pace = step;
+  for (k = 0; k < 2; ++k) {
+    m->side[k] = m->first[k] > 0.0 ? 1.0 : -1.0;
+  }
+}
+
+/* Zero where events hold the motion up without end. */
+static int event_goes_on(double time, double step, two_nodes_run *run)
+{
+  if (fabs(time - run->mark) > 1e-3 * step) {
+    run->mark = time;
+    run->n_stalled = 0;
+  }
+  return ++run->n_stalled <= 2000;
+}
+
+/* Length of the next step, of `planned`: up to a cut, and short after events in short succession, where the next one
+ * is expected near and a long step would miss it. is_short, is_cut: whether it is either. */
+static double event_step(double planned, const two_nodes_run *run, int *is_short, int *is_cut)
+{
+  double h = planned;
+  *is_short = run->leash > 0.0 && run->leash < h;
+  h = *is_short ? run->leash : h;
+  *is_cut = run->cut > 0.0 && run->cut < h;
+  return *is_cut ? run->cut : h;
+}
+
+/* Whether the event that the motion is at, `root` ahead on a glide of length h, is near enough to be passed. Else the
+ * next step is cut at just before it; where the glide meets none, noise was taken for one. */
+static int event_is_near(double root, double near, double h, two_nodes_run *run)
+{
+  run->ahead = 0.0;
+  run->cut = 0.0;
+  if (root > h) {
+    run->loudness *= 8.0;
+    return 0;
+  }
+  if (root > near) {
+    run->cut = root - fmax(root * fmin(0.05, (root / run->pace) * (root / run->pace)), 0.5 * near);
+    run->remaining = root - run->cut;
+    return 0;
+  }
+  return 1;
+}
+
+/* Try again up to just before the event found at this part of a step of length h, the nearer the less the step went
+ * beyond; or up to the turn, where `found` is negative. */
+static void event_cut(double found, double h, double near, two_nodes_run *run)
+{
+  const double root = fabs(found) * h;
+  run->cut = found < 0.0 ? root : root * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+  run->remaining = root - run->cut;
+  run->ahead = found >= 0.0 && root <= near ? fmax(root, 1e-300) : 0.0;
+  ++run->n_rejected;
+}
+
+/* After a step that was taken: what is left up to the event that it was cut at. */
+static void event_taken(double step, int is_cut, int is_landing, two_nodes_run *run)
+{
+  if (!is_cut) {
+    run->leash = 4.0 * run->leash < step ? 4.0 * run->leash : 0.0;
+  }
+  run->loudness = 1.0;
+  run->cut = 0.0;
+  run->ahead = is_cut && !is_landing ? run->remaining : 0.0;
+}
+
+/* Count an event that follows the last one within a step, or a thousandth of it; after a few, steps are short. */
+static void event_follows(double time, double step, two_nodes_run *run)
+{
+  const double gap = time - run->last_event;
+  run->succession = gap < 1e-3 * step ? run->succession + 1 : 0;
+  run->crowd = gap < step ? run->crowd + 1 : 0;
+  run->leash = run->crowd > 5 ? 2.0 * gap + 4e-16 * fabs(time) : 0.0;
+  run->last_event = time;
+}
+
+/* Margins and their slopes a second at the start of a path; non-zero if they are finite. */
+static int event_stand(const event_path *path, const two_nodes_run *run, event_memory *m)
+{
+  int k;
+  event_margins(path->time, path->old, path->old + 3, run, m->first);
+  event_slopes(path, 0.0, m->first, run, m, m->rise);
+  for (k = 0; k < 2; ++k) {
+    m->rise[k] /= path->h;
+  }
+  return all_finite(m->first, 2) && all_finite(m->rise, 2);
+}
+
 /* Non-zero for a finite number. Times are doubles, whatever the precision of the state. */
 static int is_finite(double number) { return number - number == 0.0; }
 
@@ -546,6 +972,66 @@ static void motion_slope(
 {
   (void)velocity;
   acceleration_kernel(coordinate, result);
+}
+
+/* Derivative (v, a) of the state (q, v). */
+static void motion_rate(
+    const double *state, double *rate)
+{
+  int k;
+  for (k = 0; k < 3; ++k) {
+    rate[k] = state[3 + k];
+  }
+  motion_slope(state, state + 3, rate + 3);
+}
+
+/* Fill the samples up to t1, on a step from `old` (q, v, a) at t0 to `state` with its derivative `rate`; spare: n. */
+static void motion_sample(
+    double t0, double h, double t1, const double *old, const double *state, const double *rate, double *spare,
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled)
+{
+  (void)spare;
+  while (*n_sampled < n_samples && sample_time[*n_sampled] <= t1) {
+    const double s = t1 <= sample_time[*n_sampled] ? 1.0 : (double)((sample_time[*n_sampled] - t0) / h);
+    double *sample = sample_state + *n_sampled * 6;
+    motion_interpolate(s, (double)h, old, state, state + 3, rate + 3, sample);
+    ++*n_sampled;
+  }
+}
+
+/* The state a short time later, by its Taylor series of second order: fills trial. */
+static void motion_glide(double h, const double *state, const double *lost, const double *rate, double *change, double *trial)
+{
+  int k;
+  for (k = 0; k < 3; ++k) {
+    const double a = rate[3 + k];
+    change[k] = h * (rate[k] + 0.5 * h * a) + lost[k];
+    change[3 + k] = h * a + lost[3 + k];
+    trial[k] = state[k] + change[k];
+    trial[3 + k] = state[3 + k] + change[3 + k];
+  }
+}
+
+/* Margins and their slopes a second where the motion stands, over a glide of length h; non-zero if they are finite. */
+static int motion_stand(
+    double time, double h, const double *state, const double *lost, const double *rate, double *change, double *trial, double *old, const two_nodes_run *run, event_memory *m)
+{
+  event_path path;
+  int k;
+  for (k = 0; k < 6; ++k) {
+    old[k] = state[k];
+  }
+  for (k = 0; k < 3; ++k) {
+    old[6 + k] = rate[3 + k];
+  }
+  motion_glide(h, state, lost, rate, change, trial);
+  path.old = old;
+  path.q1 = trial;
+  path.v1 = trial + 3;
+  path.a1 = rate + 3;
+  path.time = time;
+  path.h = h;
+  return event_stand(&path, run, m);
 }
 
 /* One step from (q, v) with acceleration a; leaves the new state in q, v and its acceleration in a. */
@@ -578,16 +1064,12 @@ static void rk4_step(
   motion_slope(q, v, a);
 }
 
-TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
-    double time_start, double step, long long first_step, long long n_steps,
-    double state[6],
-    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[39])
+/* Whether a run can be made with this; n_done becomes 0. */
+static int rk4_check(
+    double step, double time_start, long long first_step, long long n_steps, const double *state,
+    long long n_samples, const double *sample_time, const double *sample_state, const long long *n_sampled,
+    long long *n_done, const double *work)
 {
-  TENSEGRITY_CHECK_MACHINE
-  double *a, *old, *stage, *trial;
-  long long i;
-  int k;
   if (state == NULL || n_sampled == NULL || n_done == NULL || work == NULL) {
     return TWO_NODES_NULL_POINTER;
   }
@@ -600,6 +1082,23 @@ TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
   }
   if (!is_finite(time_start) || !is_finite(step) || !all_finite(state, 6)) {
     return TWO_NODES_NON_FINITE_INPUT;
+  }
+  return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
+    double time_start, double step, long long first_step, long long n_steps,
+    double state[6],
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    long long *n_done, double work[91])
+{
+  TENSEGRITY_CHECK_MACHINE
+  double *a, *old, *stage, *trial;
+  long long i;
+  int k, status = rk4_check(
+      step, time_start, first_step, n_steps, state, n_samples, sample_time, sample_state, n_sampled, n_done, work);
+  if (status != TWO_NODES_OK) {
+    return status;
   }
   a = work;
   old = work + 3;
@@ -630,6 +1129,242 @@ TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
       const double s = (double)((sample_time[*n_sampled] - t0) / step);
       motion_interpolate(s, (double)step, old, state, state + 3, a, sample_state + *n_sampled * 6);
       ++*n_sampled;
+    }
+    *n_done = i + 1;
+  }
+  return TWO_NODES_OK;
+}
+
+/* Try a step: rates[0] is the derivative at `state`; fills rates[1..4], the change of the state and `trial`, and
+ * returns zero, or infinity where it is not finite. `lost` is what rounding has taken from the state so far (Kahan 1965).
+ * Coefficients: W. Kutta, Zeitschrift fuer Mathematik und Physik 46 (1901). */
+static double rk4_try(
+    double h, const double *state, const double *lost,
+    double *TENSEGRITY_RESTRICT rates, double *TENSEGRITY_RESTRICT change, double *TENSEGRITY_RESTRICT trial)
+{
+  int k;
+  for (k = 0; k < 6; ++k) {
+    trial[k] = state[k] + (h * (0.5 * rates[k]) + lost[k]);
+  }
+  motion_rate(trial, rates + 6);
+  for (k = 0; k < 6; ++k) {
+    trial[k] = state[k] + (h * (0.5 * rates[6 + k]) + lost[k]);
+  }
+  motion_rate(trial, rates + 12);
+  for (k = 0; k < 6; ++k) {
+    trial[k] = state[k] + (h * (1.0 * rates[12 + k]) + lost[k]);
+  }
+  motion_rate(trial, rates + 18);
+  for (k = 0; k < 6; ++k) {
+    change[k] = h * (0.16666666666666666 * rates[k] + 0.3333333333333333 * rates[6 + k] + 0.3333333333333333 * rates[12 + k] + 0.16666666666666666 * rates[18 + k]) + lost[k];
+    trial[k] = state[k] + change[k];
+  }
+  motion_rate(trial, rates + 24);
+  if (!all_finite(trial, 6) || !all_finite(rates + 24, 6)) {
+    return INFINITY;
+  }
+  return 0.0;
+}
+
+/* Pass the event that lies `root` ahead, no farther than `near`: a glide to just beyond it. Zero if nothing has turned. */
+static int rk4_pass(
+    double root, double near, double left, double step, double *time, double *state,
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    double *rates, double *trial, double *old, double *lost, double *change, two_nodes_run *run, event_memory *m)
+{
+  const double h = fmin(root + near, left), t1 = h < left ? *time + h : *time + left;
+  int k;
+  motion_glide(h, state, lost, rates, change, trial);
+  event_margins(t1, trial, trial + 3, run, m->last);
+  if (!event_turn(*time + root, m, m->last, run)) {
+    return 0;
+  }
+  for (k = 0; k < 6; ++k) {
+    old[k] = state[k];
+    state[k] = trial[k];
+    lost[k] = change[k] - (trial[k] - old[k]);
+  }
+  for (k = 0; k < 3; ++k) {
+    old[6 + k] = rates[3 + k];
+  }
+  motion_rate(state, rates);
+  motion_sample(*time, h, t1, old, state, rates, m->point, n_samples, sample_time, sample_state, n_sampled);
+  event_follows(*time + root, step, run);
+  *time = t1;
+  ++run->n_accepted;
+  ++run->n_evaluations;
+  return 1;
+}
+
+/* On from *time to time_end, in one step but for cuts at events. */
+static int rk4_advance(
+    double time_end, double *time, double *step, double *state,
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled, two_nodes_run *run, double *work)
+{
+  double *rates, *trial, *old, *lost, *change, *spare;
+  event_memory m;
+  int k;
+  rates = work;
+  trial = work + 30;
+  old = trial + 6;
+  lost = old + 9;
+  change = lost + 6;
+  spare = change + 6;
+  m = event_take(spare + 6);
+  run->is_stopped = 0;
+  if (!run->is_started) {
+    for (k = 0; k < 6; ++k) {
+      lost[k] = 0.0;
+    }
+    motion_rate(state, rates);
+    ++run->n_evaluations;
+    if (!all_finite(rates, 6)) {
+      return TWO_NODES_NON_FINITE_RESULT;
+    }
+    if (run->watch && !motion_stand(*time, *step, state, lost, rates, change, trial, old, run, &m)) {
+      return TWO_NODES_NON_FINITE_RESULT;
+    }
+    event_begin(*time, *step, run, &m);
+    run->is_started = 1;
+  }
+  while (*time < time_end) {
+    const double left = time_end - *time;
+    double h = *step, t1, error;
+    int is_last, is_cut = 0;
+    int is_short = 0, is_landing = 0;
+    event_path path;
+    /* The glide over an event must cost no accuracy, nor end a run late. */
+    const double base = (run->stop ? 1e-12 : 1e-8) * run->pace + 1e-15 * fabs(*time);
+    for (k = 0; k < 6; ++k) {
+      old[k] = state[k];
+    }
+    for (k = 0; k < 3; ++k) {
+      old[6 + k] = rates[3 + k];
+    }
+    path.old = old;
+    path.q1 = trial;
+    path.v1 = trial + 3;
+    path.time = *time;
+    if (!event_goes_on(*time, *step, run)) {
+      return TWO_NODES_TOO_MANY_EVENTS;
+    }
+    if (run->watch) {
+      event_noise(run->loudness, state, m.first, m.noise);
+    }
+    if (run->ahead > 0.0) {
+      double root, near;
+      path.h = fmin(fmax(4.0 * run->ahead, 4.0 * base), left);
+      path.a1 = rates + 3;
+      motion_glide(path.h, state, lost, rates, change, trial);
+      root = event_on_path(&path, 1, 0, run, &m) * path.h;
+      near = event_near(base, run->pace, &m);
+      if (!event_is_near(root, near, path.h, run)) {
+        continue;
+      }
+      if (rk4_pass(root, near, left, *step, time, state, n_samples, sample_time, sample_state, n_sampled,
+                       rates, trial, old, lost, change, run, &m)) {
+        run->loudness = 1.0;
+        if (!all_finite(rates, 6) ||
+            !motion_stand(*time, run->pace, state, lost, rates, change, trial, old, run, &m)) {
+          return TWO_NODES_NON_FINITE_RESULT;
+        }
+        if (run->succession > 200) {
+          return TWO_NODES_TOO_MANY_EVENTS;
+        }
+        if (run->is_stopped) {
+          return TWO_NODES_OK;
+        }
+      } else {
+        run->loudness *= 8.0;
+      }
+      continue;
+    }
+    h = event_step(h, run, &is_short, &is_cut);
+    is_last = h >= left || !(is_cut || is_short);
+    h = is_last ? left : h;
+    t1 = is_last ? time_end : *time + h;
+    error = rk4_try(h, state, lost, rates, change, trial);
+    run->n_evaluations += 4;
+    if (error < INFINITY) {
+      for (k = 0; k < 6; ++k) {
+        change[k] -= trial[k] - state[k];
+      }
+    }
+    if (run->watch && error < INFINITY) {
+      double found;
+      path.h = h;
+      path.a1 = rates + 27;
+      m.may_turn = !is_cut;
+      found = event_on_path(&path, run->condition != NULL ? 2 : 1, error <= 1.0, run, &m);
+      if (!all_finite(m.last, 2)) {
+        error = INFINITY;
+      } else if (found >= 0.0 && error <= 1.0 && event_lands(&m)) {
+        is_landing = 1;
+      } else if (found <= 1.0) {
+        event_cut(found, h, event_near(base, run->pace, &m), run);
+        continue;
+      }
+    }
+    if (!(error <= 1.0)) {
+      return TWO_NODES_NON_FINITE_RESULT;
+    }
+    for (k = 0; k < 6; ++k) {
+      state[k] = trial[k];
+      lost[k] = change[k];
+    }
+    for (k = 0; k < 6; ++k) {
+      rates[k] = rates[24 + k];
+    }
+    motion_sample(*time, h, t1, old, state, rates, spare, n_samples, sample_time, sample_state, n_sampled);
+    *time = t1;
+    ++run->n_accepted;
+    if (run->watch && !is_cut && h > 0.5 * *step && !is_short) {
+      for (k = 0; k < 2; ++k) {
+        m.first[k] = m.last[k];
+        m.rise[k] = m.slope[k] / h;
+      }
+      run->pace = h;
+    } else if (run->watch && !motion_stand(*time, run->pace, state, lost, rates, spare, trial, old, run, &m)) {
+      return TWO_NODES_NON_FINITE_RESULT; /* the slopes over a short step would be rounding */
+    }
+    event_taken(*step, is_cut, is_landing, run);
+    if (is_landing && event_turn(t1, &m, m.first, run)) {
+      event_follows(t1, *step, run);
+      if (run->succession > 200) {
+        return TWO_NODES_TOO_MANY_EVENTS;
+      }
+      if (run->is_stopped) {
+        return TWO_NODES_OK;
+      }
+    }
+  }
+  return TWO_NODES_OK;
+}
+
+TENSEGRITY_PLAIN int two_nodes_integrate_rk4_run(
+    double time_start, double step, long long first_step, long long n_steps,
+    double *time, double state[6],
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    long long *n_done, two_nodes_run *run, double work[91])
+{
+  TENSEGRITY_CHECK_MACHINE
+  long long i;
+  int status;
+  if (time == NULL || run == NULL) {
+    return TWO_NODES_NULL_POINTER;
+  }
+  status = rk4_check(step, time_start, first_step, n_steps, state, n_samples, sample_time, sample_state, n_sampled, n_done, work);
+  if (status != TWO_NODES_OK) {
+    return status;
+  }
+  if (!is_finite(*time)) {
+    return TWO_NODES_NON_FINITE_INPUT;
+  }
+  for (i = 0; i < n_steps; ++i) {
+    const double t1 = time_start + ((double)first_step + (double)i + 1.0) * step;
+    status = rk4_advance(t1, time, &step, state, n_samples, sample_time, sample_state, n_sampled, run, work);
+    if (status != TWO_NODES_OK || run->is_stopped) {
+      return status;
     }
     *n_done = i + 1;
   }
@@ -886,6 +1621,88 @@ int two_nodes_total_energy_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_i
 {
   if (sz_arg != NULL) {
     *sz_arg = 2;
+  }
+  if (sz_res != NULL) {
+    *sz_res = 1;
+  }
+  if (sz_iw != NULL) {
+    *sz_iw = 0;
+  }
+  if (sz_w != NULL) {
+    *sz_w = 3;
+  }
+  return 0;
+}
+
+TWO_NODES_API int two_nodes_cable_margin(const double **arg, double **res, casadi_int *iw, double *w, int mem);
+TWO_NODES_API int two_nodes_cable_margin_checkout(void);
+TWO_NODES_API void two_nodes_cable_margin_release(int mem);
+TWO_NODES_API casadi_int two_nodes_cable_margin_n_in(void);
+TWO_NODES_API casadi_int two_nodes_cable_margin_n_out(void);
+TWO_NODES_API const char *two_nodes_cable_margin_name_in(casadi_int i);
+TWO_NODES_API const char *two_nodes_cable_margin_name_out(casadi_int i);
+TWO_NODES_API const casadi_int *two_nodes_cable_margin_sparsity_in(casadi_int i);
+TWO_NODES_API const casadi_int *two_nodes_cable_margin_sparsity_out(casadi_int i);
+TWO_NODES_API int two_nodes_cable_margin_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w);
+
+TENSEGRITY_PLAIN int two_nodes_cable_margin(const double **arg, double **res, casadi_int *iw, double *w, int mem)
+{
+  TENSEGRITY_CHECK_MACHINE
+  const double *in[1];
+  int k;
+  (void)iw;
+  (void)mem;
+  /* CasADi passes NULL for an argument of zeros and for a result that nobody wants. */
+  if (res[0] == NULL) {
+    return 0;
+  }
+  for (k = 0; k < 3; ++k) {
+    w[k] = 0.0;
+  }
+  in[0] = w;
+  in[0] = arg[0] != NULL ? arg[0] : w;
+  return two_nodes_compute_cable_margin(in[0], res[0]);
+}
+
+int two_nodes_cable_margin_checkout(void) { return 0; }
+
+void two_nodes_cable_margin_release(int mem) { (void)mem; }
+
+casadi_int two_nodes_cable_margin_n_in(void) { return 1; }
+
+casadi_int two_nodes_cable_margin_n_out(void) { return 1; }
+
+const char *two_nodes_cable_margin_name_in(casadi_int i)
+{
+  if (i == 0) {
+    return "coordinate";
+  }
+  (void)i;
+  return NULL;
+}
+
+const char *two_nodes_cable_margin_name_out(casadi_int i) { return i == 0 ? "cable_margin" : NULL; }
+
+const casadi_int *two_nodes_cable_margin_sparsity_in(casadi_int i)
+{
+  static const casadi_int coordinate_pattern[] = {3, 1, 1};
+  if (i == 0) {
+    return coordinate_pattern;
+  }
+  (void)i;
+  return NULL;
+}
+
+const casadi_int *two_nodes_cable_margin_sparsity_out(casadi_int i)
+{
+  static const casadi_int pattern[] = {1, 1, 1};
+  return i == 0 ? pattern : NULL;
+}
+
+int two_nodes_cable_margin_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_iw, casadi_int *sz_w)
+{
+  if (sz_arg != NULL) {
+    *sz_arg = 1;
   }
   if (sz_res != NULL) {
     *sz_res = 1;

@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.batch_integrators import BatchMemory, plan_memor
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.energy_keeping import KEPT_QUANTITIES, keeper_context, keeper_memory
 from tensegrity_codegen.codegen.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
-from tensegrity_codegen.codegen.tableaus import TABLEAUS, Row, Tableau
+from tensegrity_codegen.codegen.tableaus import RK4, TABLEAUS, Row, Tableau
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import EVENT_KINDS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.precision import find_precision
@@ -30,6 +30,7 @@ __all__ = [
 ]
 
 INTEGRATORS = ("rk4", *TABLEAUS, RADAU)
+TRIED = {"rk4": RK4, **TABLEAUS}  # whose steps are tried, and cut at events
 
 # What each kind of event needs, besides the condition, which is the caller's.
 EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
@@ -63,7 +64,7 @@ def find_events(
     Where the request names none: see choose_events. is_offered: whether the model has a quantity. Raises
     FormulationError for an unknown kind.
     """
-    if not any(name in TABLEAUS for name in request.integrators):
+    if not any(name in TRIED for name in request.integrators):
         return (), ()
     kinds = request.events
     if kinds and request.precision != "double":
@@ -119,13 +120,13 @@ def integrator_spec(
     called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *quantities, *kept)]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
-    watched = events if name in TABLEAUS else ()
+    watched = events if name in TRIED else ()
     cables = tuple(int(e) for e in np.flatnonzero(model.subject.tension_only)) if "cable" in watched else ()
     n = len(model.frame.coordinate_name)
     margins = 1 + sum(f.shape[0] for f in called if f.quantity in quantities)
-    work = _work(name) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
+    work = _work(name, bool(watched)) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
     work += keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
-    slack = int(model.subject.tension_only.sum()) if name in TABLEAUS else 0
+    slack = int(model.subject.tension_only.sum())
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
@@ -138,16 +139,16 @@ def integrator_spec(
     )
 
 
-def _work(name: str) -> int:
-    """Return the doubles of work memory, in multiples of n_coordinates."""
-    if name == "rk4":  # acceleration, old (q, v, a), trial (q, v), stages
+def _work(name: str, watches: bool) -> int:
+    """Return the doubles of work memory, in multiples of n_coordinates; watches: whether there are events."""
+    if name == "rk4" and not watches:  # acceleration, old (q, v, a), trial (q, v), stages
         return 1 + 3 + 2 + 7
     # rates (v, a), trial (q, v), old (q, v, a), what rounding took, change of the state, spare, dense output
-    return 2 * TABLEAUS[name].rates + 2 + 3 + 2 + 2 + 2 + _dense(name)
+    return 2 * TRIED[name].rates + 2 + 3 + 2 + 2 + 2 + _dense(name)
 
 
 def _dense(name: str) -> int:
-    table = TABLEAUS[name]
+    table = TRIED[name]
     return 2 * (3 + len(table.dense)) if table.dense else 0
 
 
@@ -155,19 +156,26 @@ def integrator_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any
     """Return what the templates of integrators read: all, the first with error control, and its events."""
     functions = {spec.quantity: spec for spec in manifest.functions}
     adaptive = [spec for spec in manifest.integrators if spec.name in TABLEAUS]
+    watching = [spec for spec in manifest.integrators if spec.events]
+    tried = [
+        spec for spec in manifest.integrators if spec in adaptive or (spec.name == "rk4" and spec.events)
+    ]
     return {
         "integrators": [_context(spec, manifest, functions, arguments) for spec in manifest.integrators],
         "first_explicit": next((spec.name for spec in manifest.integrators if spec.name != RADAU), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
+        "first_trial": tried[0].name if tried else "",
+        "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *watching)), ""),
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
-        "events": _events_context(manifest, adaptive[0], functions)
-        if adaptive and adaptive[0].events
-        else None,
+        "events": _events_context(manifest, watching[0], functions, arguments) if watching else None,
     }
 
 
 def _events_context(
-    manifest: Manifest, spec: IntegratorSpec, functions: Mapping[str, FunctionSpec]
+    manifest: Manifest,
+    spec: IntegratorSpec,
+    functions: Mapping[str, FunctionSpec],
+    arguments: Mapping[str, dict[str, Any]],
 ) -> dict[str, Any]:
     first = 0
     kinds: list[dict[str, Any]] = []
@@ -188,6 +196,9 @@ def _events_context(
     ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
     return {
         "kinds": kinds,
+        "arguments": [
+            arguments[name] for name in spec.arguments if any(name in kind["arguments"] for kind in kinds)
+        ],
         "cables": list(spec.cables),
         "n_margins": first + 1,
         "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
@@ -213,10 +224,10 @@ def _context(
             "batch": None,
         }
     kernel = functions["acceleration"].arguments
-    table = TABLEAUS.get(spec.name)
+    table = TRIED[spec.name]
     return {
         "name": spec.name,
-        "template": "rk4" if table is None else "adaptive",
+        "template": "rk4" if spec.name == "rk4" else "adaptive",
         "symbol": spec.symbol,
         "work_size": spec.work_size,
         "arguments": [arguments[name] for name in spec.arguments],
@@ -224,8 +235,9 @@ def _context(
         "uses_velocity": "velocity" in kernel,
         "keeps_constraints": all(name in functions for name in PROJECTION),
         "projection": [functions[name] for name in PROJECTION if name in functions],
-        "dense_size": 0 if table is None else _dense(spec.name) * len(manifest.coordinate_name),
-        "tableau": None if table is None else _tableau_context(spec.name, table),
+        "dense_size": _dense(spec.name) * len(manifest.coordinate_name),
+        "tableau": _tableau_context(spec.name, table),
+        "keeps": bool(spec.keeps),
         "batch": _batch_context(spec, manifest),
     }
 
@@ -239,7 +251,7 @@ def _batch_context(spec: IntegratorSpec, manifest: Manifest) -> BatchMemory | No
 
 
 def _tableau_context(name: str, table: Tableau) -> dict[str, Any]:
-    title, dense_title = TITLES[name]
+    title, dense_title = TITLES.get(name, ("", ""))
     return {
         "title": title,
         "dense_title": dense_title,

@@ -10,18 +10,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["TABLEAUS", "Tableau"]
+__all__ = ["RK4", "TABLEAUS", "Tableau"]
 
 Row = Mapping[int, float]
 
 
 @dataclass(frozen=True)
 class Tableau:
-    """One pair: order of the step, source, rows, one or two error estimates, dense output.
+    """One method: order of the step, source, rows, up to two error estimates, dense output.
 
-    errors: coefficients of k_j; with two of them, e5 and e3, the error is h e5^2 / sqrt(e5^2 + e3^2 / 100).
-    error_order: the power of h that the estimate goes with. dense_rows: further stages for dense output,
-    dense: coefficients of its highest powers; none: Hermite interpolation.
+    errors: coefficients of k_j; with two of them, e5 and e3, the error is h e5^2 / sqrt(e5^2 + e3^2 / 100);
+    with none steps are given. error_order: the power of h that the estimate goes with. dense_rows: further
+    stages for dense output, dense: coefficients of its highest powers; none: Hermite interpolation.
     """
 
     order: int
@@ -140,6 +140,14 @@ RK853_DENSE: tuple[Row, ...] = (
     },
 )
 # fmt: on
+
+RK4 = Tableau(
+    order=4,
+    source="W. Kutta, Zeitschrift fuer Mathematik und Physik 46 (1901)",
+    rows=({0: 1 / 2}, {1: 1 / 2}, {2: 1.0}, {0: 1 / 6, 1: 1 / 3, 2: 1 / 3, 3: 1 / 6}),
+    errors=(),
+    error_order=0,
+)
 
 TABLEAUS: Mapping[str, Tableau] = {
     "rk54": Tableau(

@@ -201,7 +201,12 @@ def _integrator_declaration(spec: IntegratorSpec, real: str) -> str:
     sampled = f"long long, const double *, {real} *, long long *"
     if spec.name == "rk4":
         run = f"double, double, long long, long long, {real} *"
-        return f"int {spec.symbol}({run}, {passed}{sampled}, long long *, {real} *);"
+        plain = f"int {spec.symbol}({run}, {passed}{sampled}, long long *, {real} *);"
+        run = f"double, double, long long, long long, double *, {real} *"
+        watching = (
+            f"int {spec.symbol}_run({run}, {passed}{sampled}, long long *, integrator_run *, {real} *);"
+        )
+        return f"{plain} {watching}" if spec.events else plain
     run = f"double, double, double, long long, double *, double *, {real} *"
     if spec.name == "radau":
         sampled = "long long, const double *, double *, double *, long long *"

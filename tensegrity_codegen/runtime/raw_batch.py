@@ -66,5 +66,5 @@ def judge_ends(
             ends.append((verdict, message or f"{taken} steps, {rejected} rejected{quiet}"))
         else:
             more = ": take a smaller step" if verdict == "unstable" else ""
-            ends.append((verdict, message + more or f"fixed step {step:.6g} s"))
+            ends.append((verdict, message + more or f"fixed step {step:.6g} s{quiet}"))
     return ends

@@ -33,14 +33,14 @@ def check_by_doubling(
     found = run(step)
     if found.status != "ok":
         return found
-    step = min(step, float(found.time[-1]))  # a longer one was cut to the whole time
+    step = found.step or step  # a longer one was cut to the whole time
     error, n_evaluations = None, found.n_evaluations
     for factor in FACTORS:
         other = run(factor * step)
         n_evaluations += other.n_evaluations
         ratio = _ratio(other, found)
         if other.status == "ok" and (factor < 1.0 or ratio > 1.1):
-            error = float(_error(found.state, other.state, ratio, float(found.time[-1]), manifest))
+            error = _apart(found, other, ratio, manifest)
             if error <= 1.0:
                 break
     checked = replace(found, n_evaluations=n_evaluations, error_estimate=error)
@@ -75,6 +75,14 @@ def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manif
         n_evaluations=n_evaluations,
         error_estimate=error,
     )
+
+
+def _apart(found: RawTrajectory, other: RawTrajectory, ratio: float, manifest: Manifest) -> float:
+    """Return the estimated error of a run beside the other; infinite where an event has ended only one."""
+    shared = min(len(found.time), len(other.time))
+    if max(len(found.time), len(other.time)) > shared + 1:
+        return float(np.inf)
+    return float(_error(found.state[:shared], other.state[:shared], ratio, float(found.time[-1]), manifest))
 
 
 def _is_ok(batch: RawBatch) -> NDArray[np.bool_]:

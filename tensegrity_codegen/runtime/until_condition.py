@@ -9,7 +9,7 @@ from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.event_log import Condition, Watch
 from tensegrity_codegen.runtime.integrate import integrate
-from tensegrity_codegen.runtime.methods import ADAPTIVE
+from tensegrity_codegen.runtime.methods import WATCHING
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.motion_events import MotionEvent
@@ -33,15 +33,15 @@ def watch_condition(
     """
     if condition is None:
         return None
-    if method not in (*ADAPTIVE, "auto"):
+    if method not in WATCHING:
         raise InvalidValueError(
             "this method watches no condition",
             where="condition",
             given=method,
-            allowed=", ".join(("auto", *ADAPTIVE)),
+            allowed=", ".join(WATCHING),
         )
     call = build_condition(condition, model, arguments) if isinstance(condition, str) else condition
-    known = next((spec.events for spec in model.manifest.integrators if spec.name in ADAPTIVE), ())
+    known = next((spec.events for spec in model.manifest.integrators if spec.name in WATCHING), ())
     kinds = (*(kind for kind in known if kind == "cable"), "condition")
     return Watch(kinds, ("condition",) if is_end else (), call)
 
