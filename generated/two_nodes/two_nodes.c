@@ -1135,7 +1135,7 @@ TENSEGRITY_PLAIN int two_nodes_integrate_rk4(
   return TWO_NODES_OK;
 }
 
-/* Try a step: rates[0] is the derivative at `state`; fills rates[1..4], the change of the state and `trial`, and
+/* Try a step: rates[0] is the derivative at `state`; fills rates[1..3], the change of the state and `trial`, and
  * returns zero, or infinity where it is not finite. `lost` is what rounding has taken from the state so far (Kahan 1965).
  * Coefficients: W. Kutta, Zeitschrift fuer Mathematik und Physik 46 (1901). */
 static double rk4_try(
@@ -1159,8 +1159,7 @@ static double rk4_try(
     change[k] = h * (0.16666666666666666 * rates[k] + 0.3333333333333333 * rates[6 + k] + 0.3333333333333333 * rates[12 + k] + 0.16666666666666666 * rates[18 + k]) + lost[k];
     trial[k] = state[k] + change[k];
   }
-  motion_rate(trial, rates + 24);
-  if (!all_finite(trial, 6) || !all_finite(rates + 24, 6)) {
+  if (!all_finite(trial, 6)) {
     return INFINITY;
   }
   return 0.0;
@@ -1284,10 +1283,17 @@ static int rk4_advance(
     h = is_last ? left : h;
     t1 = is_last ? time_end : *time + h;
     error = rk4_try(h, state, lost, rates, change, trial);
-    run->n_evaluations += 4;
+    run->n_evaluations += 3;
     if (error < INFINITY) {
       for (k = 0; k < 6; ++k) {
         change[k] -= trial[k] - state[k];
+      }
+    }
+    if (error <= 1.0 || (run->watch && error < INFINITY)) {
+      motion_rate(trial, rates + 24);
+      ++run->n_evaluations;
+      if (!all_finite(rates + 24, 6)) {
+        error = INFINITY;
       }
     }
     if (run->watch && error < INFINITY) {
