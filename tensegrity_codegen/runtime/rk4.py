@@ -90,7 +90,7 @@ class _Run:
             if trouble
             else f"fixed step {self.step:.6g} s{self.events.told}",
             method="rk4",
-            n_steps=int(counts.n_accepted) if self.is_watching else n_steps,
+            n_steps=n_steps,
             n_evaluations=int(counts.n_evaluations) if self.is_watching else 4 * n_steps + 1,
             step=self.step,
             log=self.events.log(),
