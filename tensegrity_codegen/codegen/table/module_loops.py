@@ -1,8 +1,8 @@
 """The loop over repeated modules of one shape: chunks of repetitions, their nodes, the results of members.
 
 A chunk of repetitions at a time: its nodes are brought into lines, [column][axis][node]; each strand works
-out what its members contribute, [strand][result][member], from pieces of two columns; a subclass says what
-becomes of it. What the next chunk needs is carried over.
+out what its members contribute, [strand][result][member], from pieces of two columns, with the sums of nodes
+behind them; a subclass says what becomes of it. What the next chunk needs is carried over.
 """
 
 from __future__ import annotations
@@ -84,6 +84,10 @@ class ShapeLoops(ABC):
     def row(self, kernel: DensityKernel) -> list[str]:
         """Return the statements that store what a kernel returned, from `to` on."""
 
+    def before(self) -> list[str]:
+        """Return the declarations before all chunks."""
+        return []
+
     @abstractmethod
     def chunk(self) -> list[str]:
         """Return what becomes of the results of a chunk's members."""
@@ -96,11 +100,13 @@ class ShapeLoops(ABC):
         if self.reads_rates:
             self.arrays["rate"] = self.arrays["position"]
         self.arrays["part"] = n_strands * self.size
+        length = {**self.arrays, "part": self.arrays["part"] + self.n_sums}
         body = [
-            *(f"TENSEGRITY_ALIGNED {real} {name}[{n * room}];" for name, n in self.arrays.items()),
-            f"TENSEGRITY_ALIGNED {real} sum[{self.n_sums * room}];",
+            *(f"TENSEGRITY_ALIGNED {real} {name}[{n * room}];" for name, n in length.items()),
+            f"{real} *const sum = part + {self.arrays['part'] * room};",
             f"const int n = {text.repetitions(self.writer)};",
             "int k, c, s;",
+            *self.before(),
             f"for (c = 0; c < {n_columns}; ++c) {{",
             *self._bring("0", str(NEAR), ""),
             "}",

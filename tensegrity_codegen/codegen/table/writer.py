@@ -39,6 +39,7 @@ class Writer:
         self._kernels: dict[tuple[str, MemberClass], str] = {}
         self._densities: dict[KernelKind, DensityKernel] = {}
         self._rows: dict[KernelKind, DensityKernel] = {}
+        self.uses_columns = False  # whether loops over modules write columns of matrices
 
     def number(self, value: float) -> str:
         """Return a number as an operand in C."""
@@ -116,6 +117,7 @@ class Writer:
             "n_axes": self.model.n_axes,
             "near": NEAR,
             "beyond": BEYOND,
+            "has_columns": self.uses_columns,
             "kernels": list(self._rows.values()),
         }
         return render("rows.c", context).splitlines()

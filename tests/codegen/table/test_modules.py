@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tensegrity_codegen.assembly import plan_assembly
+from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
@@ -62,6 +64,13 @@ def test_every_compiler_and_both_flag_sets_agree(family: str, flags: str) -> Non
 @pytest.mark.parametrize("name", ["damped", "spine", "grid", "flat", "shuffled"])
 def test_matrices_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
     assert_equal_to_casadi(SUBJECTS[name], MATRICES)
+
+
+@pytest.mark.parametrize(("name", "in_runs"), [("tower", 3), ("grid", 3), ("flat", 1), ("shuffled", 0)])
+def test_columns_of_matrices_are_written_in_runs_where_repetitions_are_alike(name: str, in_runs: int) -> None:
+    source = emit(SUBJECTS[name], ModelRequest(("tangent_stiffness",), emitter="table"))
+    calls = re.findall(r"lines_to_columns\(part", "".join(source.files.values()))
+    assert len(calls) == in_runs
 
 
 def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None:
