@@ -18,21 +18,14 @@ import casadi as ca
 from tensegrity_codegen.codegen.instructions import Instruction, read_instructions
 from tensegrity_codegen.codegen.order import order_instructions
 from tensegrity_codegen.codegen.printer import print_number, print_operation
+from tensegrity_codegen.codegen.vector_operations import ARITHMETIC
 from tensegrity_codegen.precision import PRECISIONS, Precision
 
 __all__ = ["PrintedLanes", "print_lanes"]
 
-# Operations on numbers a and b that every compiler has for vectors.
-NUMBERS: dict[int, str] = {
+# Operations on numbers a and b.
+NUMBERS: dict[int, str] = ARITHMETIC | {
     ca.OP_ASSIGN: "{a}",
-    ca.OP_ADD: "{a} + {b}",
-    ca.OP_SUB: "{a} - {b}",
-    ca.OP_MUL: "{a} * {b}",
-    ca.OP_DIV: "{a} / {b}",
-    ca.OP_NEG: "-{a}",
-    ca.OP_TWICE: "{a} + {a}",
-    ca.OP_SQ: "{a} * {a}",
-    ca.OP_INV: "{one} / {a}",
     ca.OP_FABS: "wide_size({a})",
     ca.OP_COPYSIGN: "wide_with_sign({a}, {b})",
     ca.OP_SIGN: "wide_sign({a})",
