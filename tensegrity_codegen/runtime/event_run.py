@@ -89,7 +89,7 @@ class EventRun:
 
     def log(self) -> EventLog:
         """Return the events so far."""
-        if not self.has_events:
+        count = int(self.counts.n_events) if self.has_events else 0
+        if not count:
             return EMPTY_LOG
-        count = int(self.counts.n_events)
         return EventLog.from_rows(self.rows[:count], count, self.manifest)

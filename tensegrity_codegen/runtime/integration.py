@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,6 @@ def _sized(name: str, value: Any, shape: tuple[int, ...]) -> FloatArray:
         raise InvalidValueError(
             "not an array of numbers", where=name, given=value, allowed=f"shape {shape}"
         ) from error
-    if array.size != np.prod(shape, dtype=np.int64):
+    if array.size != math.prod(shape):
         raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=f"shape {shape}")
     return array

@@ -1,0 +1,69 @@
+"""Time at equal error over stiffness ratios: the mixed form with error control, in one run.
+
+python benchmarks/stiffness_spread.py [prism] [icosahedron] [--rounds 9]
+
+Scenes, errors and references are those of stiff_bars.py; of the loosest settings that reach the error the
+cheapest counts. Times are medians of CPU time in rounds that take turns over the ratios; the spread is the
+longest over the shortest.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import stiff_bars
+from stiff_bars import RADAU, Ask, Case, Found, certify, find_setting, make_contenders, time_in_turns
+
+RATIOS = (1e3, 1e5, 1e7, 1e9)
+ERRORS = (1e-4, 1e-5)
+NAMES = ("prism", "icosahedron")
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="prism, icosahedron; both if none")
+    parser.add_argument("--rounds", type=int, default=9)
+    words = parser.parse_args()
+    stiff_bars.ROUNDS = words.rounds
+    print(
+        "| structure | error [m] | ratio | setting | error found [m] | CPU time [ms] |",
+        "|---|---|---|---|---|---|",
+        sep="\n",
+    )
+    spreads = []
+    for name in words.names or NAMES:
+        found = measure(name)
+        for error in ERRORS:
+            rows = {ratio: item for (ratio, wanted), item in found.items() if wanted == error}
+            for ratio, item in rows.items():
+                print(
+                    f"| {name} | {error:.0e} | {ratio:.0e} | {item.setting:.1e} | {item.error:.1e} "
+                    f"| {1e3 * item.seconds:.3f} |"
+                )
+            times = [item.seconds for item in rows.values()]
+            spread = max(times) / min(times)
+            spreads.append(f"| {name} | {error:.0e} | {spread:.2f} | {'yes' if spread <= 1.3 else 'no'} |")
+    print("\n| structure | error [m] | spread | at most 1.3 |", "|---|---|---|---|", *spreads, sep="\n")
+
+
+def measure(name: str) -> dict[tuple[float, float], Found]:
+    """Return the cheapest setting of each ratio and error, timed in turns."""
+    found = {}
+    for ratio in RATIOS:
+        case = Case(name, ratio, 1.0, 0.0, (Ask((RADAU,), (), 1.0),))
+        contenders = make_contenders(case)
+        reference = certify(case, contenders)
+        for error in ERRORS:
+            contender = replace(contenders[RADAU], name=f"{ratio:.0e}, {error:.0e}")
+            item = find_setting(contender, reference, error, 60.0)
+            if item is None:
+                raise SystemExit(f"{name}, ratio {ratio:.0e}: no setting reaches {error:.0e} m")
+            found[ratio, error] = item
+    time_in_turns(list(found.values()))
+    return found
+
+
+if __name__ == "__main__":
+    main()
