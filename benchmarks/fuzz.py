@@ -34,6 +34,7 @@ def main() -> None:
     words = parser.parse_args()
     limits = Limits(run=words.limit, reference=2 * words.limit, peers=False, compiles=False)
     counts: Counter[str] = Counter()
+    rules: Counter[str] = Counter()
     slowest, started = 0.0, time.process_time()
 
     @seed(words.seed)
@@ -56,15 +57,19 @@ def main() -> None:
             return
         slowest = max(slowest, outcome.seconds)
         counts[outcome.verdict] += 1
+        rules[outcome.rule or "not certified"] += 1
+        if outcome.verdict == "over time":
+            print(f"over time: {example!r}", flush=True)
         if outcome.verdict == "wrong" or outcome.seconds > words.limit + GRACE:
             counts["finding"] += 1
             print(f"{outcome.verdict}, {outcome.error} times the tolerance, {outcome.seconds:.1f} s")
             print(f"  {example!r}\n  {outcome.contender}: {outcome.status}, {outcome.message}", flush=True)
-        if (sum(counts.values()) - counts["finding"]) % 100 == 0:
-            print(dict(counts), f"{time.process_time() - started:.1f} s", flush=True)
+        if (sum(counts.values()) - counts["finding"]) % 50 == 0:
+            print(dict(counts), dict(rules), f"{time.process_time() - started:.1f} s", flush=True)
 
     draw()
     print(f"{sum(counts.values()) - counts['finding']} examples: {dict(counts)}; longest run {slowest:.1f} s")
+    print(f"certified by rules: {dict(rules)}")
     sys.exit(1 if counts["finding"] or counts["crash"] else 0)
 
 

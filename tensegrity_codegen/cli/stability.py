@@ -35,7 +35,7 @@ def stability(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.pipeline import load_nodes
-        from tensegrity_codegen.studies.stability.judge import VERDICTS
+        from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
         from tensegrity_codegen.studies.stability.report import write_stability
         from tensegrity_codegen.studies.stability.run import Limits
 
@@ -48,6 +48,10 @@ def stability(
         counts = {word: made.count(word, own=True) for word in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
         said = "ours: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        rules = {rule: made.count_rule(rule) for rule in RULES}
+        said += "; certified " + ", ".join(
+            f"{count} by rule {rule!r}" for rule, count in rules.items() if count
+        )
         files = {"html": str(made.html), "data": str(made.data)}
         output.result(
             {"status": status, "files": files, "counts": counts, **made.as_dict()}, said, list_files(files)

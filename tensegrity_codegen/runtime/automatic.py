@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.choice import Choice, choose_method
-from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
+from tensegrity_codegen.runtime.damped_out import PASSING_KINKS, find_left_out, note_left_out, tell_left_out
+from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
@@ -19,11 +20,10 @@ from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.vibration import Vibration
 
-__all__ = ["PASSING_KINKS", "integrate_auto"]
+__all__ = ["integrate_auto"]
 
 FloatArray = NDArray[np.float64]
 
-PASSING_KINKS = 0.7  # of the difference of two runs of radau counts: it does not end steps at kinks
 FAR = 1e5  # from the origin, over the size of the structure
 NEAR = ("node_position", "rigid_bar")  # formulations in which positions are coordinates
 
@@ -46,13 +46,13 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
         return _advise(replace(found, why=choice.why), motion.model)
     found = _run_radau(motion, options, choice)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
-        return _tell(found, choice.why, options)
+        return tell_left_out(replace(found, why=choice.why), options)
     if choice.otherwise:
         most = min(options.max_steps, choice.most_otherwise)
         other = _run_explicit(motion, replace(options, method=choice.otherwise, max_steps=most), choice)
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
-    return _advise(_tell(found, choice.why, options), motion.model)
+    return _advise(tell_left_out(replace(found, why=choice.why), options), motion.model)
 
 
 def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
@@ -75,7 +75,7 @@ def _run_explicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTra
 def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return a run of radau, its error within the tolerance."""
     run = _prepare_radau(motion, options, choice)
-    found = tighten_until_converged(run, options.rtol, options.atol, _left_out, trust=PASSING_KINKS)
+    found = tighten_until_converged(run, options.rtol, options.atol, find_left_out, trust=PASSING_KINKS)
     return _by_auto(found)
 
 
@@ -117,27 +117,6 @@ def _with_vibration(
     raw: RawTrajectory, motion: Motion, vibration: Vibration, frequency: float
 ) -> RawTrajectory:
     """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
-    position, speed = vibration.error(float(motion.sample_time[1]), motion.t_end)
+    off = vibration.error(float(motion.sample_time[1]), motion.t_end)
     jumps = bound_jumps(motion.model, raw, raw.tension_member, frequency, motion.arguments)
-    errors = {"vibration_error": position + jumps[0], "vibration_speed_error": speed + jumps[1]}
-    return replace(vibration.add_to(raw, motion.state), evidence={**raw.evidence, **errors})
-
-
-def _left_out(raw: RawTrajectory) -> FloatArray:
-    """Return how far the states may be off by vibrations of stiff members, (n_states,)."""
-    amounts = [raw.evidence.get(name, 0.0) for name in ("vibration_error", "vibration_speed_error")]
-    return np.repeat(amounts, raw.state.shape[1] // 2)
-
-
-def _tell(raw: RawTrajectory, why: str, options: RunOptions) -> RawTrajectory:
-    """Return the run with its reason, and a word on velocities where they do not meet the tolerance."""
-    n = raw.state.shape[1] // 2
-    speed = raw.evidence.get("vibration_speed_error", 0.0)
-    allowed = options.atol + options.rtol * float(np.abs(raw.state[:, n:]).max(initial=0.0))
-    message = raw.message
-    if speed > allowed:
-        message += f"; velocities of bars are known to {speed:.2g} m/s: rk853 by name resolves them"
-    if raw.status == "ok" and (raw.error_estimate or 0.0) > MOST_OF_TOLERANCE:
-        message += "; vibrations of bars exceed the tolerance: name rk853"
-        raw = replace(raw, status="not_converged")
-    return replace(raw, message=message, why=why)
+    return note_left_out(vibration.add_to(raw, motion.state), off + jumps)

@@ -140,7 +140,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         otherwise=explicit.name if steps <= MOST_EXPLICIT else "",
         most_steps=int(FEWEST + steps / RADAU_STEP) if steps <= MOST_EXPLICIT else LARGEST,
         most_otherwise=int(FEWEST + MOST_ROUND * steps),
-        quiet=vibration.other[0],
+        quiet=float(vibration.others[0]),
         vibration=vibration,
     )
 

@@ -32,6 +32,7 @@ def tighten_until_converged(
     *,
     least_atol: float = 0.0,
     trust: float = 0.0,
+    resolves_left_out: bool = False,
 ) -> RawTrajectory:
     """Return a run whose estimated error is within atol + rtol |x| at every sample, component by component.
 
@@ -45,7 +46,8 @@ def tighten_until_converged(
     left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
     those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
     which the steps' absolute tolerance does not go; where it stays the whole difference counts. trust: the
-    part of a difference that counts at least, for methods that pass over kinks.
+    part of a difference that counts at least, for methods that pass over kinks. resolves_left_out: whether
+    tighter steps leave less out, so that amounts of positions keep the rounds going after all.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
         return _beyond_rounding(run, rtol, atol)
@@ -82,14 +84,16 @@ def tighten_until_converged(
         part = min(1.0 / 3.0, 3.0 * trusted ** _power(wider, apart, last)) if atol * factor > least else 1.0
         error, last = apart * max(part, trust), trusted
         at_floor = factor * rtol <= TIGHTEST_RTOL or atol * factor <= least
-        if error <= (MOST_OF_TOLERANCE if at_floor else 1.0):
-            error += _share(finer, rtol, atol, off)
+        share, most = _share(finer, rtol, atol, off), MOST_OF_TOLERANCE if at_floor else 1.0
+        if error <= most and (not resolves_left_out or error + share <= most):
+            error += share
             message = f"{finer.message}; estimated error {error:.2g} of the tolerance"
             return replace(
                 finer, method=_name(finer), message=message, error_estimate=error, n_evaluations=n_evaluations
             )
         if factor * rtol <= TIGHTEST_RTOL:
             return _give_up(finer, error, "rounding keeps the runs apart")
+        error += share if resolves_left_out else 0.0
         previous = finer
     return _give_up(previous, error, f"{MOST_ROUNDS} rounds did not come together")
 

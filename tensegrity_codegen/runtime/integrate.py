@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
-from tensegrity_codegen.runtime.automatic import PASSING_KINKS, integrate_auto
+from tensegrity_codegen.runtime.automatic import integrate_auto
+from tensegrity_codegen.runtime.damped_out import integrate_radau_to_samples
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.motion import Motion
@@ -24,6 +25,7 @@ IN_C = {
     "rk853": integrate_adaptive,
     "radau": integrate_radau,
 }
+TO_SAMPLES = {"auto": integrate_auto, "radau": integrate_radau_to_samples}  # by means of their own
 
 
 def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
@@ -33,8 +35,8 @@ def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
     if options.control == "steps":
         is_auto = options.method == "auto"
         return _tell(integrate_auto(motion, options) if is_auto else integrate_once(motion, options))
-    if options.method == "auto":
-        return integrate_auto(motion, options)
+    if options.method in TO_SAMPLES:
+        return TO_SAMPLES[options.method](motion, options)
     if options.step is not None:
         return check_by_doubling(
             lambda step: integrate_once(motion, replace(options, step=step)),
@@ -45,7 +47,6 @@ def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
         lambda rtol, atol: integrate_once(motion, options.within(rtol, atol)),
         options.rtol,
         options.atol,
-        trust=PASSING_KINKS if options.method == "radau" else 0.0,
     )
 
 

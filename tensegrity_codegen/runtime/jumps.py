@@ -23,8 +23,8 @@ def bound_jumps(
     stiff: tuple[int, ...],
     frequency: float,
     arguments: Mapping[str, Any],
-) -> tuple[float, float]:
-    """Return bounds of amplitudes [m] and speeds [m/s]: sums of c |l'| of cables at a member over its mu.
+) -> FloatArray:
+    """Return bounds of amplitudes [m], speeds [m/s], tensions [N]: sums of c |l'| at a member, over its mu.
 
     |l'| is the largest at any sample; stiff: the members; frequency [rad/s]: the fastest of their vibrations.
     """
@@ -32,16 +32,16 @@ def bound_jumps(
     mu, c = law[:, 1], law[:, 2].copy()
     c[list(stiff)] = 0.0
     if not c.any():
-        return 0.0, 0.0
+        return np.zeros(3)
     ends = np.array(model.manifest.connectivity, dtype=np.int64)
     force = np.zeros(len(model.manifest.node_name))
     jump = c * _fastest(model, raw, ends, arguments)
     for end in (0, 1):
         np.add.at(force, ends[:, end], jump)
     chosen = np.array([e for e in stiff if mu[e] > 0], dtype=np.int64)
-    far = (force[ends[chosen, 0]] + force[ends[chosen, 1]]) / mu[chosen]
-    largest = float(far.max(initial=0.0))
-    return largest, largest * frequency
+    pull = force[ends[chosen, 0]] + force[ends[chosen, 1]]
+    largest = float((pull / mu[chosen]).max(initial=0.0))
+    return np.array([largest, largest * frequency, float(pull.max(initial=0.0))])
 
 
 def _fastest(

@@ -29,6 +29,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SOFTLY = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
+BARELY = 2.0  # times an amplitude that radau damps out: it sees it a little differently
 WEAK = 0.5  # damping over critical, below which a member counts as vibrating
 
 
@@ -39,8 +40,8 @@ class Vibration:
     column: place of each among the tensions; law (n, 3): mu, c, frequency omega; ends (n, 2, n_axes):
     coordinates of both ends, -1 where anchored; offset (n, n_axes) [m] of the member vector; share (n, 2):
     how far each end moves for a unit of stretch; stretch, rate (n,): s and s' at the start; drift [1/s]: the
-    error of phases in a second, at most; other: vibration [m] and [m/s] of members that do not vibrate
-    alone, and how fast it fades [1/s].
+    error of phases in a second, at most; joined (m, 3): vibration [m], [m/s] and [N] of each member that does
+    not vibrate alone; fading: how fast these fade [1/s]; meeting: how many stiff members meet in one node.
     """
 
     column: IntArray
@@ -51,7 +52,21 @@ class Vibration:
     stretch: FloatArray
     rate: FloatArray
     drift: FloatArray
-    other: tuple[float, float, float]
+    joined: FloatArray
+    fading: float
+    meeting: int
+
+    @property
+    def alone(self) -> FloatArray:
+        """Vibration [m], [m/s] and [N] of each member that vibrates alone, (n, 3)."""
+        mu, _, omega = self.law.T
+        far = np.sqrt(self.stretch**2 + (self.rate / omega) ** 2)
+        return np.stack([far, far * omega, far * mu], axis=1)
+
+    @property
+    def others(self) -> FloatArray:
+        """What members that do not vibrate alone come to at a node [m], [m/s], and in tensions [N]."""
+        return np.asarray(self.meeting * self.joined.max(axis=0, initial=0.0))
 
     def smooth(self, state: FloatArray) -> FloatArray:
         """Return the state (n_states,) at the start without these vibrations."""
@@ -74,17 +89,20 @@ class Vibration:
             tension[row, self.column] += self.law[:, 0] * s + self.law[:, 1] * rate
         return replace(raw, state=state, tension=tension)
 
-    def error(self, first: float, last: float) -> tuple[float, float]:
-        """Return by how much positions [m] and velocities [m/s] are off at most between two times [s]."""
-        omega = self.law[:, 2]
-        off = np.sqrt(self.stretch**2 + (self.rate / omega) ** 2)
-        off = off * np.minimum(2.0, self.drift * (last + 1.0 / omega))
-        far, speed, fading = self.other
-        fade = float(np.exp(-fading * first))
-        return (
-            float(off.max(initial=0.0)) + far * fade,
-            float((off * omega).max(initial=0.0)) + speed * fade,
-        )
+    def error(self, first: float, last: float) -> FloatArray:
+        """Return by how much positions [m], velocities [m/s] and tensions [N] are off at most.
+
+        first, last: times [s] between which they are asked for.
+        """
+        off = np.minimum(2.0, self.drift * (last + 1.0 / self.law[:, 2]))
+        most = (off[:, None] * self.alone).max(axis=0, initial=0.0)
+        return np.asarray(most + self.others * np.exp(-self.fading * first))
+
+    def damped_out(self, most: float) -> FloatArray:
+        """Return what vibrations of amplitudes up to `most` [m] come to [m], [m/s], and in tensions [N]."""
+        alone, joined = (part[part[:, 0] <= BARELY * most] for part in (self.alone, self.joined))
+        found = alone.max(axis=0, initial=0.0), self.meeting * joined.max(axis=0, initial=0.0)
+        return np.asarray(np.maximum(*found))
 
     def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return s and s' at a time [s]."""
@@ -139,7 +157,6 @@ def find_vibration(
     stretch = length - law[:, 0] - tension / safe
     alone &= elastic & (0.5 * c * omega < WEAK * safe)
     far = np.where(elastic & ~alone, np.sqrt(stretch**2 + (along / omega) ** 2), 0.0)
-    others = rates.meeting * np.array([far.max(initial=0.0), (far * omega).max(initial=0.0)])
     decay = 0.5 * c * mobility
     slowest = omega**2 / np.maximum(omega, decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0)))
     fading = np.where(decay < omega, decay, slowest)
@@ -154,7 +171,9 @@ def find_vibration(
         stretch=stretch[alone],
         rate=along[alone],
         drift=drift[alone],
-        other=(float(others[0]), float(others[1]), float(fading[elastic & ~alone].min(initial=np.inf))),
+        joined=np.stack([far, far * omega, far * mu], axis=1)[elastic & ~alone],
+        fading=float(fading[elastic & ~alone].min(initial=np.inf)),
+        meeting=rates.meeting,
     )
 
 

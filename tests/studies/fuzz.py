@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
-from tensegrity_codegen.studies.stability.changes import settle_bars, with_rigid_bars
+from tensegrity_codegen.studies.stability.changes import move_node, settle_bars, with_rigid_bars
 from tensegrity_codegen.studies.stability.models import CaseModels, list_methods
 from tensegrity_codegen.studies.stability.run import Limits, Outcome, run_case
 from tests.runtime.build import bar, cable, make_structure, prism, spring
@@ -49,6 +49,15 @@ def _joined_bars() -> Structure:
     return make_structure(position, members, anchored=held, gravity=(0, 0, -9.81))
 
 
+# What may be odd about one joined pair of nodes or one number, and whether only a named error is right then.
+ODDITIES = {
+    "one place": False,  # two joined nodes, whose cable may be slack
+    "nearly one place": False,
+    "nan": True,
+    "inf": True,
+    "denormal": False,
+}
+ODD_NUMBERS = {"nan": np.nan, "inf": np.inf, "denormal": 5e-324}
 BASES = {"prism": prism, "planar": _planar, "chain": _chain, "joined bars": _joined_bars}
 
 
@@ -70,6 +79,7 @@ class Example:
     prestress: float | None  # strain of the cables; some negative
     keeps_tension: bool  # whether bars start at the tension of the base, or stretched as cables are
     offset: float | None  # [m]
+    oddity: str | None  # one of ODDITIES
 
 
 @st.composite
@@ -101,6 +111,7 @@ def examples(draw: st.DrawFn) -> Example:
         prestress=maybe(-4.0, -0.3),
         keeps_tension=draw(st.booleans()),
         offset=maybe(0.0, 9.0) if draw(st.integers(0, 4)) == 0 else None,
+        oddity=draw(st.sampled_from(sorted(ODDITIES))) if draw(st.integers(0, 9)) == 0 else None,
     )
 
 
@@ -114,7 +125,8 @@ def run_example(example: Example, limits: Limits) -> Outcome:
     """Return how the method of an example ends, judged."""
     setting = 10.0**example.tolerance
     step, rtol = (setting, 1e-6) if example.method == "rk4" else (None, setting)
-    case = Case("fuzz", str(example.seed), build(example), example.t_end, rtol, step)
+    refused = example.oddity is not None and ODDITIES[example.oddity]
+    case = Case("fuzz", str(example.seed), build(example), example.t_end, rtol, step, refused)
     method = example.method
     if step is None and method not in list_methods(case.structure):
         method = "rk853"
@@ -136,7 +148,23 @@ def build(example: Example) -> Structure:
         node_mass=10.0 ** rng.uniform(-example.masses / 2, example.masses / 2, base.n_nodes),
     )
     changed = changed.with_changes(**_members(rng, changed, example))
-    return settle_bars(with_rigid_bars(changed)) if example.rigid else changed
+    changed = settle_bars(with_rigid_bars(changed)) if example.rigid else changed
+    return changed if example.oddity is None else _odd(rng, changed, example.oddity)
+
+
+def _odd(rng: np.random.Generator, structure: Structure, oddity: str) -> Structure:
+    """Return the structure with one free coordinate or velocity, or two joined nodes, at an extreme."""
+    if oddity in ODD_NUMBERS:
+        name = str(rng.choice(["node_position", "node_velocity"]))
+        node, axis = structure.coordinate_node_axis[rng.integers(structure.n_coordinates)]
+        values = getattr(structure, name).copy()
+        values[node, axis] = ODD_NUMBERS[oddity]
+        return settle_bars(structure.with_changes(**{name: values}))
+    i, j = structure.connectivity[rng.integers(structure.n_members)]
+    i, j = (j, i) if structure.node_anchored[j].any() else (i, j)
+    gap = 0.0 if oddity == "one place" else 10.0 ** rng.uniform(-15.0, -3.0)
+    position = structure.node_position
+    return move_node(structure, int(j), position[i] + gap * (position[j] - position[i]))
 
 
 def _noise(

@@ -26,6 +26,7 @@ from tensegrity_codegen.studies.stability.neighbours import find_snap
 from tensegrity_codegen.studies.stability.own import Ending, run_own
 from tensegrity_codegen.studies.stability.report import write_stability
 from tensegrity_codegen.studies.stability.run import Limits
+from tensegrity_codegen.studies.stability.second_opinion import certify_extended
 from tests.common_prism import common_prism
 from tests.report.browser import find_browser, open_page
 from tests.runtime.build import prism
@@ -107,20 +108,62 @@ def velocity(item: Case) -> Any:
 def test_a_result_called_good_is_held_to_ten_times_its_tolerance() -> None:
     truth = certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0 + 1e-9)])
     assert truth is not None
-    assert judge(case(), ending(1.0 + 5e-3), truth)[0] == "survived"
-    verdict, error = judge(case(), ending(1.0 + 2e-2), truth)
-    assert (verdict, error) == ("wrong", pytest.approx(20.0, rel=0.01))
-    assert judge(case(), ending(math.nan), truth)[0] == "wrong"
-    assert judge(case(), ending(2.0, "unstable"), truth)[0] == "stopped"
-    damped = Ending("ok", "", np.array([[1.0, 1.02], [1.0, 1.02]]), 0.1, vibration_speed=0.05)
-    assert judge(case(), damped, truth)[0] == "survived"  # the second half of a state are velocities
-    turned = replace(damped, state=damped.state[:, ::-1])
-    assert judge(case(), turned, truth)[0] == "wrong"
-    assert judge(case(), replace(turned, vibration=0.05), truth)[0] == "survived"
-    assert judge(case(step=0.1), ending(1.0 + 9e-3), truth)[0] == "survived"  # a hundredth, without tolerance
-    assert judge(case(step=0.1), ending(1.0 + 2e-2), truth)[0] == "wrong"
-    assert judge(case(expects_refusal=True), ending(1.0), None)[0] == "wrong"
-    assert judge(case(), ending(1.0), None)[0] == "unchecked"
+    assert judge(case(), ending(1.0 + 5e-3), truth).verdict == "survived"
+    off = judge(case(), ending(1.0 + 2e-2), truth)
+    assert (off.verdict, off.rule, off.error) == ("wrong", "plain", pytest.approx(20.0, rel=0.01))
+    assert judge(case(), ending(math.nan), truth).verdict == "wrong"
+    assert judge(case(), ending(2.0, "unstable"), truth).verdict == "stopped"
+    assert (
+        judge(case(step=0.1), ending(1.0 + 9e-3), truth).verdict == "survived"
+    )  # a hundredth, without tolerance
+    assert judge(case(step=0.1), ending(1.0 + 2e-2), truth).verdict == "wrong"
+    assert judge(case(expects_refusal=True), ending(1.0), None).verdict == "wrong"
+    assert judge(case(), ending(1.0), None).verdict == "unchecked"
+
+
+def test_velocities_are_held_to_what_the_run_says_and_positions_never() -> None:
+    truth = certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0)])
+    state = np.array([[1.0, 1.05], [1.0, 1.05]])  # the second half of a state are velocities
+    told = judge(case(), Ending("ok", "", state, 0.1, speed_told=0.05), truth)
+    assert (told.verdict, told.rule) == ("survived", "told")
+    assert judge(case(), Ending("ok", "", state, 0.1, speed_told=0.03), truth).verdict == "wrong"
+    assert judge(case(), Ending("ok", "", state, 0.1), truth).verdict == "wrong"
+    turned = Ending("ok", "", state[:, ::-1], 0.1, speed_told=0.05)
+    assert judge(case(), turned, truth).verdict == "wrong"
+    again = [lambda rtol: ending(1.0), lambda rtol: Ending("ok", "", state, 0.1, speed_told=0.05)]
+    assert certify_case(case(), again) is None  # a reference has no freedom of its own
+    alone = certify_case(case(), again, positions_only=True)
+    assert alone is not None
+    assert not alone.knows_speed
+    assert judge(case(), Ending("ok", "", state, 0.1), alone).rule == "positions"
+
+
+def test_tensions_are_held_to_what_errors_of_states_come_to() -> None:
+    item = Case("group", "name", prism(), 1.0, rtol=1e-6)
+    places = item.structure.coordinate_node_axis
+    still = np.zeros((2, 2 * len(places)))
+    still[:, : len(places)] = item.structure.node_position[places[:, 0], places[:, 1]]
+    pull = np.repeat(item.structure.static_tension()[None], 2, axis=0)
+    good = Ending("ok", "", still, 0.1, tension=pull)
+    truth = certify_case(item, [lambda rtol: good, lambda rtol: good])
+    assert judge(item, good, truth).tension_error == 0.0
+    for off, verdict in ((1e-3, "survived"), (0.1, "wrong")):  # a cable of 100 N/m
+        changed = pull.copy()
+        changed[1, -1] += off
+        assert judge(item, replace(good, tension=changed), truth).verdict == verdict, off
+
+
+def test_extended_precision_agrees_with_two_methods_where_these_do() -> None:
+    (item,) = (item for item in generate_cases(prism(), 0.02) if item.name == "1e+04")
+    compiled = models(prism())
+    truth = certify_case(item, [partial(run, compiled, item, method) for method in ("rk853", "rk54")])
+    extended = certify_extended(item, 20.0)
+    assert truth is not None
+    assert extended is not None
+    assert np.all(np.abs(truth.state - extended.state) <= truth.apart + extended.apart + 1e-12)
+    assert truth.tension is not None
+    assert extended.tension is not None
+    assert extended.tension == pytest.approx(truth.tension, rel=1e-6, abs=1e-6)
 
 
 def test_a_reference_needs_two_methods_that_agree() -> None:
@@ -188,7 +231,7 @@ def test_rigid_bars_take_part() -> None:
         if item.group == "damping":
             both = [partial(run, compiled, item, method) for method in ("rk853", "rk54")]
             truth = certify_case(item, both)
-            assert judge(item, run(compiled, item, "radau", item.rtol), truth)[0] == "survived"
+            assert judge(item, run(compiled, item, "radau", item.rtol), truth).verdict == "survived"
 
 
 def run(compiled: CaseModels, item: Case, method: str, rtol: float) -> Ending:

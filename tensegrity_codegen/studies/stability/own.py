@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Progress
 from tensegrity_codegen.runtime.options import RunOptions, check_options
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
-from tensegrity_codegen.structure import Structure
+from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.models import values_of
 
@@ -37,16 +37,18 @@ class OverTime(Exception):
 class Ending:
     """How a run ended: "ok", another status, "error" (a named one) or "over time"; its states (n_t, n).
 
-    vibration, vibration_speed: what the method says that stiff members vibrate about their smooth motion, and
-    that it has damped out, of positions [m] and of velocities [m/s]; of nodes, where some members meet.
+    speed_told [m/s]: by how much velocities are off at most since stiff members vibrate unseen, as the run
+    itself says; tension (n_t, n_members) [N], None where the run has none; tension_told [N]: as speed_told,
+    of two-sided members whose tensions are unknowns of the method; None where they follow from lengths.
     """
 
     status: str
     message: str
     state: FloatArray
     seconds: float
-    vibration: float = 0.0
-    vibration_speed: float = 0.0
+    speed_told: float = 0.0
+    tension: FloatArray | None = None
+    tension_told: float | None = None
 
 
 def run_own(model: CompiledModel, case: Case, method: str, rtol: float, limit: float) -> Ending:
@@ -57,13 +59,15 @@ def run_own(model: CompiledModel, case: Case, method: str, rtol: float, limit: f
     started = time.process_time()
     nothing = np.zeros((0, 2 * len(model.manifest.coordinate_name)))
     try:
-        raw, status, message = _simulate(model, case, method, rtol, partial(_watch, started + limit))
+        raw, found = _simulate(model, case, method, rtol, partial(_watch, started + limit))
     except OverTime:
         return Ending("over time", f"stopped after {limit:g} s", nothing, time.process_time() - started)
     except TensegrityError as error:
         return Ending("error", error.problem, nothing, time.process_time() - started)
-    told = [_class_of(case.structure) * _left_out(raw, name) for name in ("vibration", "vibration_speed")]
-    return Ending(status, message, raw.state, time.process_time() - started, *told)
+    told = float(raw.evidence.get("vibration_speed_error", 0.0))
+    pull = raw.evidence.get("vibration_tension_error")
+    seconds = time.process_time() - started
+    return Ending(found.status, found.message, raw.state, seconds, told, found.member_tension, pull)
 
 
 def tolerance_of(state: FloatArray, rtol: float) -> FloatArray:
@@ -72,21 +76,10 @@ def tolerance_of(state: FloatArray, rtol: float) -> FloatArray:
     return allowed
 
 
-def _left_out(raw: RawTrajectory, name: str) -> float:
-    """Return how much of the vibrations of stiff members a run leaves out, as it says itself."""
-    return float(raw.evidence.get(f"{name}_error", raw.evidence.get(name, 0.0)))
-
-
-def _class_of(structure: Structure) -> int:
-    """Return how many stiff members meet in a node at most."""
-    ends = structure.connectivity[~structure.tension_only]
-    return int(np.bincount(ends.ravel(), minlength=1).max())
-
-
 def _simulate(
     model: CompiledModel, case: Case, method: str, rtol: float, watch: Progress
-) -> tuple[RawTrajectory, str, str]:
-    """Return the samples, and the status and message that a simulation gives them."""
+) -> tuple[RawTrajectory, Trajectory]:
+    """Return the samples, and the result that a simulation makes of them."""
     values = dict(values_of(model, case.structure))
     step = None if case.step is None else case.step * case.t_end
     options = RunOptions(method, rtol, ATOL_OF_RTOL * rtol, step)
@@ -96,8 +89,7 @@ def _simulate(
     place, speed = make_consistent(model, values.pop("coordinate"), values.pop("velocity"), values)
     state, times = np.concatenate([place, speed]), np.linspace(0.0, case.t_end, SAMPLES)
     raw = integrate(Motion(model, state, times, values, watch), options)
-    found = evaluate_trajectory(model, raw, values)
-    return raw, found.status, found.message
+    return raw, evaluate_trajectory(model, raw, values)
 
 
 def _watch(deadline: float, fraction: float) -> None:

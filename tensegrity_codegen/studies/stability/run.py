@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,11 @@ import numpy as np
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, generate_cases
-from tensegrity_codegen.studies.stability.judge import certify_case, judge, judge_peer
+from tensegrity_codegen.studies.stability.judge import Judgement, Truth, certify_case, judge, judge_peer
 from tensegrity_codegen.studies.stability.models import FIXED, CaseModels, list_methods
 from tensegrity_codegen.studies.stability.own import Ending, run_own
 from tensegrity_codegen.studies.stability.peers import list_peers, run_peer
+from tensegrity_codegen.studies.stability.second_opinion import certify_extended
 from tensegrity_codegen.studies.work_precision.problem import set_problem
 
 __all__ = ["Limits", "Outcome", "run_case", "run_cases"]
@@ -44,7 +45,8 @@ class Outcome:
     """One case with one method.
 
     error: of ours, the largest certified error over the tolerance; of a peer, the largest error of a
-    coordinate [m]; None where nothing certifies.
+    coordinate [m]; None where nothing certifies. rule: one of RULES by which it was judged, "" where none;
+    tension_error: of ours, the largest error of a tension over the largest tension.
     """
 
     group: str
@@ -56,6 +58,8 @@ class Outcome:
     status: str
     message: str
     seconds: float
+    rule: str
+    tension_error: float | None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome in JSON's types."""
@@ -93,24 +97,26 @@ def run_case(
     others = {name: run_peer(case, name, limits.run) for name in peers}
     truth = None
     if any(ending.status == "ok" for ending in (*own.values(), *others.values())):
-        truth = certify_case(case, _references(models, case, own, limits))
-    found = [_outcome(case, name, True, ending, *judge(case, ending, truth)) for name, ending in own.items()]
+        truth = _certify(models, case, own, limits)
+    found = [_outcome(case, name, True, ending, judge(case, ending, truth)) for name, ending in own.items()]
     return found + [
-        _outcome(case, name, False, ending, *judge_peer(case, ending, truth))
+        _outcome(case, name, False, ending, judge_peer(case, ending, truth))
         for name, ending in others.items()
     ]
 
 
-def _references(
-    models: CaseModels, case: Case, own: dict[str, Ending], limits: Limits
-) -> Sequence[Callable[[float], Ending]]:
-    """Return the runs that may certify a case: our methods, unless they have failed, and corrected bars."""
+def _certify(models: CaseModels, case: Case, own: dict[str, Ending], limits: Limits) -> Truth | None:
+    """Return the reference of a case: by two methods, in extended precision, or of positions alone."""
     failed = [name for name, ending in own.items() if ending.status != "ok"]
     names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
     free = dataclasses.replace(case, step=None)
-    runs = [partial(_reference, models, free, name, limits) for name in names]
+    runs = [cache(partial(_reference, models, free, name, limits)) for name in names]
+    truth = certify_case(case, runs) or certify_extended(case, limits.reference)
+    if truth is not None:
+        return truth
     stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles
-    return (*runs, partial(_corrected, models, free, limits)) if stiff and len(names) < 2 else runs
+    more = [partial(_corrected, models, free, limits)] if stiff and len(names) < 2 else []
+    return certify_case(case, (*runs, *more), positions_only=True)
 
 
 def _reference(models: CaseModels, case: Case, method: str, limits: Limits, rtol: float) -> Ending:
@@ -136,10 +142,18 @@ def _refusal(error: TensegrityError) -> Ending:
     return Ending("error", error.problem, np.zeros((0, 0)), 0.0)
 
 
-def _outcome(
-    case: Case, contender: str, is_own: bool, ending: Ending, verdict: str, error: float | None
-) -> Outcome:
-    kept = None if error is None or not np.isfinite(error) else error
+def _outcome(case: Case, contender: str, is_own: bool, ending: Ending, found: Judgement) -> Outcome:
+    kept = None if found.error is None or not np.isfinite(found.error) else found.error
     return Outcome(
-        case.group, case.name, contender, is_own, verdict, kept, ending.status, ending.message, ending.seconds
+        case.group,
+        case.name,
+        contender,
+        is_own,
+        found.verdict,
+        kept,
+        ending.status,
+        ending.message,
+        ending.seconds,
+        found.rule,
+        found.tension_error,
     )

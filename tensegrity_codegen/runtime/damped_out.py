@@ -1,0 +1,85 @@
+"""Vibrations of stiff members that radau damps out: counted in the estimated error, and told in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
+from tensegrity_codegen.runtime.jumps import bound_jumps
+from tensegrity_codegen.runtime.motion import Motion
+from tensegrity_codegen.runtime.options import RunOptions
+from tensegrity_codegen.runtime.radau import integrate_radau
+from tensegrity_codegen.runtime.rates import find_rates
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
+from tensegrity_codegen.runtime.vibration import find_vibration
+
+__all__ = [
+    "PASSING_KINKS",
+    "find_left_out",
+    "integrate_radau_to_samples",
+    "note_left_out",
+    "tell_left_out",
+]
+
+FloatArray = NDArray[np.float64]
+
+LEFT_OUT = ("vibration_error", "vibration_speed_error", "vibration_tension_error")  # [m], [m/s], [N]
+PASSING_KINKS = 0.7  # of the difference of two runs of radau counts: it does not end steps at kinks
+
+
+def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate by radau, its steps tightened until the estimated error of every sample is within tolerance.
+
+    Vibrations that it damps out count in the error of positions: where they are too large for them, the steps
+    are tightened until they resolve them. For velocities they are told, as `auto` does. Raises as
+    integrate_radau.
+    """
+    model, state = motion.model, motion.state
+    size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
+    stiff = next(spec.tensions for spec in model.manifest.integrators if spec.name == "radau")
+    rates = find_rates(model, stiff, motion.arguments)
+    assert rates is not None  # a library with radau has what it takes
+    with np.errstate(all="ignore"):  # members without a length have no direction
+        vibration = find_vibration(model, state, stiff, rates, motion.arguments)
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        raw = integrate_radau(motion, options.within(rtol, atol))
+        jumps = bound_jumps(model, raw, stiff, rates.frequency, motion.arguments)
+        return note_left_out(raw, vibration.damped_out(atol + rtol * size) + jumps)
+
+    found = tighten_until_converged(
+        run, options.rtol, options.atol, find_left_out, trust=PASSING_KINKS, resolves_left_out=True
+    )
+    return tell_left_out(found, options)
+
+
+def note_left_out(raw: RawTrajectory, off: FloatArray) -> RawTrajectory:
+    """Return the run with the word how far positions, velocities and tensions are off at most, (3,)."""
+    return replace(raw, evidence={**raw.evidence, **dict(zip(LEFT_OUT, map(float, off), strict=True))})
+
+
+def find_left_out(raw: RawTrajectory) -> FloatArray:
+    """Return how far the states may be off by vibrations of stiff members, (n_states,)."""
+    amounts = [raw.evidence.get(name, 0.0) for name in LEFT_OUT[:2]]
+    return np.repeat(amounts, raw.state.shape[1] // 2)
+
+
+def tell_left_out(raw: RawTrajectory, options: RunOptions) -> RawTrajectory:
+    """Return the run with a word on velocities and tensions that miss the tolerance; positions must not."""
+    n = raw.state.shape[1] // 2
+    _, speed, pull = (raw.evidence.get(name, 0.0) for name in LEFT_OUT)
+    allowed = options.atol + options.rtol * float(np.abs(raw.state[:, n:]).max(initial=0.0))
+    pulled = 0.0 if raw.tension is None else options.rtol * float(np.abs(raw.tension).max(initial=0.0))
+    message = raw.message
+    if speed > allowed or pull > pulled:
+        message += (
+            f"; velocities of bars are known to {speed:.2g} m/s, their tensions to {pull:.2g} N: "
+            "rk853 by name resolves them"
+        )
+    if raw.status == "ok" and (raw.error_estimate or 0.0) > MOST_OF_TOLERANCE:
+        message += "; vibrations of bars exceed the tolerance: name rk853"
+        raw = replace(raw, status="not_converged")
+    return replace(raw, message=message)
