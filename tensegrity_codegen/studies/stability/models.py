@@ -17,12 +17,12 @@ from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.changes import as_springs, with_rigid_bars, with_springs
 
-__all__ = ["CaseModels", "list_methods", "values_of"]
+__all__ = ["EXPLICIT", "FIXED", "FOR_STIFF_BARS", "CaseModels", "list_methods", "values_of"]
 
 FloatArray = NDArray[np.float64]
 
 AUTO = "auto"
-EXPLICIT = ("rk54", "rk853")
+EXPLICIT = ("rk853", "rk54")
 FOR_STIFF_BARS = "radau"
 FIXED = "rk4"
 OF_MEMBERS = ("rest_length", "spring_constant", "damping")

@@ -14,7 +14,13 @@ from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case, generate_cases
 from tensegrity_codegen.studies.stability.judge import Judgement, Truth, certify_case, judge, judge_peer
-from tensegrity_codegen.studies.stability.models import FIXED, CaseModels, list_methods
+from tensegrity_codegen.studies.stability.models import (
+    EXPLICIT,
+    FIXED,
+    FOR_STIFF_BARS,
+    CaseModels,
+    list_methods,
+)
 from tensegrity_codegen.studies.stability.own import Ending, run_own
 from tensegrity_codegen.studies.stability.peers import list_peers, run_peer
 from tensegrity_codegen.studies.stability.second_opinion import certify_extended
@@ -24,7 +30,7 @@ __all__ = ["Limits", "Outcome", "run_case", "run_cases"]
 
 Progress = Callable[[float], None]
 
-REFERENCES = ("rk853", "radau", "rk54")  # the quickest first; auto is one of them
+REFERENCES = (*EXPLICIT, FOR_STIFF_BARS)  # the quickest first; auto is one of them
 
 
 @dataclass(frozen=True)
@@ -111,7 +117,8 @@ def _certify(models: CaseModels, case: Case, own: dict[str, Ending], limits: Lim
     names = [name for name in REFERENCES if name in list_methods(case.structure) and name not in failed]
     free = dataclasses.replace(case, step=None)
     runs = [cache(partial(_reference, models, free, name, limits)) for name in names]
-    truth = certify_case(case, runs) or certify_extended(case, limits.reference)
+    first = [run for name, run in zip(names, runs, strict=True) if name in EXPLICIT]
+    truth = certify_case(case, first) or certify_extended(case, limits.reference) or certify_case(case, runs)
     if truth is not None:
         return truth
     stiff = case.structure.is_bar.any() and not case.is_rigid and limits.compiles

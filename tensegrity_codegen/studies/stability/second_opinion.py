@@ -32,7 +32,7 @@ def certify_extended(case: Case, limit: float) -> Truth | None:
     try:
         motion = ExtendedMotion(structure)
         frequency, decay = motion.fastest()
-        step = min(RESOLVED / max(frequency, 1.0 / case.t_end), DECAYED / max(decay, 1e-300), case.t_end)
+        step = min(RESOLVED / max(frequency, 1e-300), DECAYED / max(decay, 1e-300), times[1])
         before = motion.run(times, step, deadline)
         while before is not None:
             step /= SHORTER
