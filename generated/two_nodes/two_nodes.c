@@ -901,14 +901,29 @@ static double event_step(double planned, const two_nodes_run *run, int *is_short
   return *is_cut ? run->cut : h;
 }
 
+/* Whether no margin comes to zero within ten times h, as the motion stands: an event was foretold in error. Events in
+ * short succession foretell each other well enough. */
+static int event_is_off(const event_memory *m, double h, const two_nodes_run *run)
+{
+  int k;
+  for (k = 0; k < 2; ++k) {
+    if (m->side[k] * m->first[k] <= -10.0 * h * m->side[k] * m->rise[k]) {
+      return 0;
+    }
+  }
+  return run->leash == 0.0;
+}
+
 /* Whether the event that the motion is at, `root` ahead on a glide of length h, is near enough to be passed. Else the
- * next step is cut at just before it; where the glide meets none, noise was taken for one. */
-static int event_is_near(double root, double near, double h, two_nodes_run *run)
+ * next step is cut at just before it; where the glide meets none, noise was taken for one, or `planned` steps are too
+ * long to tell where events are. */
+static int event_is_near(double root, double near, double h, double *planned, two_nodes_run *run, const event_memory *m)
 {
   run->ahead = 0.0;
   run->cut = 0.0;
   if (root > h) {
     run->loudness *= 8.0;
+    *planned *= event_is_off(m, h, run) ? 0.2 : 1.0;
     return 0;
   }
   if (root > near) {
@@ -1257,7 +1272,7 @@ static int rk4_advance(
       motion_glide(path.h, state, lost, rates, change, trial);
       root = event_on_path(&path, 1, 0, run, &m) * path.h;
       near = event_near(base, run->pace, &m);
-      if (!event_is_near(root, near, path.h, run)) {
+      if (!event_is_near(root, near, path.h, &h, run, &m)) {
         continue;
       }
       if (rk4_pass(root, near, left, *step, time, state, n_samples, sample_time, sample_state, n_sampled,

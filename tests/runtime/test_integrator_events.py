@@ -214,6 +214,20 @@ def test_a_small_mass_between_stiff_cables_is_no_succession() -> None:
     assert found.log.count == pytest.approx(4 * 0.1 / period, abs=3)
 
 
+@each
+def test_flight_between_short_pulls_takes_few_steps(method: str) -> None:
+    """A light body flies straight for 20 times as long as its cable pulls: steps grow until they tell of
+    no event rightly."""
+    structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 1.0, 1e4)], axes="x", mass=1.0)
+    mass, velocity = np.array([1e3, 1e-3]), np.zeros((2, 3))
+    velocity[1, 0] = -30.0
+    model = build(structure.with_changes(node_mass=mass, node_velocity=velocity))
+    found = run(method, model, [0.0, 1.0], 1e-6)
+    pull, flight = np.pi / np.sqrt(1e4 * (1 / mass).sum()), 2.0 / 30.0
+    assert found.log.count == 2 * int(1.0 / (flight + pull))
+    assert found.n_evaluations < 300 * found.log.count
+
+
 # --- log and calls ---------------------------------------------------------------------------------
 
 
