@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import time as clock
-
-from tensegrity_codegen.runtime.event_run import EventRun
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
+from tensegrity_codegen.runtime.c_run import CRun
 from tensegrity_codegen.runtime.keep import require_keep
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -14,7 +11,6 @@ from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
 
 __all__ = ["integrate_adaptive"]
 
-FIRST_CHUNK = 64  # steps of the first call into C
 FORESIGHT = 10_000  # steps after which a run that would need ten times that many is given up
 
 
@@ -28,51 +24,42 @@ def integrate_adaptive(motion: Motion, options: RunOptions) -> RawTrajectory:
     follow each other too closely; with the samples reached. Raises as integrate_rk4, what a condition raises,
     and FormulationError for events that the library lacks.
     """
-    bound = BoundIntegrator(options.method, motion)
-    require_keep(bound.spec, options.keep)
-    ffi, end, max_steps = bound.ffi, motion.t_end, options.max_steps
-    time, step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
-    run, chunk, word = EventRun(bound, motion), FIRST_CHUNK, "ok"
-    counts = run.counts
-    if options.keep:
-        counts.keeps_energy = 1
-    while (
-        time[0] < end
-        and word == "ok"
-        and not run.is_over
-        and is_within_reach(run.trials, time[0] / end, max_steps, FORESIGHT)
-    ):
-        started = clock.perf_counter()
-        status = bound.call(
-            end,
-            options.rtol,
-            options.atol,
-            chunk,
-            time,
-            step,
-            bound.pointer(bound.state),
-            *bound.arguments(),
-            len(bound.sample_time),
-            bound.pointer(bound.sample_time),
-            bound.pointer(bound.samples),
-            bound.n_sampled,
-            counts,
-            bound.pointer(bound.work),
+    return _Run(motion, options).finish()
+
+
+class _Run(CRun):
+    """One integration with error control."""
+
+    def __init__(self, motion: Motion, options: RunOptions) -> None:
+        super().__init__(options.method, motion)
+        require_keep(self.bound.spec, options.keep)
+        self.options, self.step = options, self.bound.ffi.new("double *", 0.0)
+        if options.keep:
+            self.events.counts.keeps_energy = 1
+
+    def may_go_on(self) -> bool:
+        """Whether the end is not reached, and may be with so many trials."""
+        most, is_open = self.options.max_steps, bool(self.time[0] < self.motion.t_end)
+        return is_open and is_within_reach(self.events.trials, self.fraction, most, FORESIGHT)
+
+    def advance(self, count: int) -> None:
+        """Try so many steps."""
+        tolerance = self.options.rtol, self.options.atol
+        head = (self.motion.t_end, *tolerance, count, self.time, self.step)
+        self.call(head, (self.bound.n_sampled, self.events.counts))
+
+    def result(self) -> RawTrajectory:
+        """Return the samples reached so far, and how the run ended."""
+        events, counts, reached = self.events, self.events.counts, float(self.time[0])
+        status, message = ("ok", "") if events.is_over else judge_end(self.word, reached, self.motion.t_end)
+        times, states = events.samples(self.motion.sample_time, reached)
+        return RawTrajectory(
+            time=times,
+            state=states,
+            status=status,
+            message=message or f"{counts.n_accepted} steps, {counts.n_rejected} rejected{events.told}",
+            method=self.options.method,
+            n_steps=int(counts.n_accepted),
+            n_evaluations=int(counts.n_evaluations),
+            log=events.log(),
         )
-        run.raise_own()
-        word = bound.check(status, ("non_finite_result", "step_too_small", "too_many_events"))
-        motion.report(float(time[0]) / end)
-        if clock.perf_counter() - started < CHUNK_SECONDS:
-            chunk *= 2
-    status_word, message = ("ok", "") if run.is_over else judge_end(word, float(time[0]), end)
-    times, states = run.samples(motion.sample_time, float(time[0]))
-    return RawTrajectory(
-        time=times,
-        state=states,
-        status=status_word,
-        message=message or f"{counts.n_accepted} steps, {counts.n_rejected} rejected{run.told}",
-        method=options.method,
-        n_steps=int(counts.n_accepted),
-        n_evaluations=int(counts.n_evaluations),
-        log=run.log(),
-    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time as clock
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -16,8 +15,9 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError, Libra
 from tensegrity_codegen.manifest import STATUS, IntegratorSpec
 from tensegrity_codegen.runtime.adaptive import FORESIGHT
 from tensegrity_codegen.runtime.arrays import to_batch
+from tensegrity_codegen.runtime.c_run import count_steps
 from tensegrity_codegen.runtime.double_only import require_double
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, find_integrator
+from tensegrity_codegen.runtime.integration import find_integrator
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -30,7 +30,6 @@ FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
 BATCH_METHODS = ("rk853", "rk54", "rk4")
-FIRST_CHUNK = 64  # steps of the first call into C
 OWN_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call
 
 
@@ -109,16 +108,15 @@ class _Batch:
     def advance_to_end(self, start: int, stop: threading.Event) -> None:
         """Integrate the group that begins with state `start`, in calls that Ctrl-C can come between."""
         rows = slice(start, min(start + self.width, len(self.state)))
-        work, chunk, done = np.empty(self.spec.batch_work_size), FIRST_CHUNK, 0
+        work, done = np.empty(self.spec.batch_work_size), 0
         advance = self._fixed if self.name == "rk4" else self._adaptive
-        while not stop.is_set() and self._goes_on(rows, done):
-            started = clock.perf_counter()
+        for chunk in count_steps():
+            if stop.is_set() or not self._goes_on(rows, done):
+                break
             status = advance(rows, done, chunk, work)
             done += chunk
             if status > 0 and STATUS[status] not in OWN_STATUS:
                 raise LibraryError(f"the library answered {STATUS[status]!r}", where=self.spec.symbol)
-            if clock.perf_counter() - started < CHUNK_SECONDS:
-                chunk *= 2
 
     def _goes_on(self, rows: slice, done: int) -> bool:
         """Return whether any state of a group is still on its way; gives up those that are out of reach."""

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import time as clock
 
-from tensegrity_codegen.runtime.event_run import EventRun
-from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
+from tensegrity_codegen.runtime.c_run import CRun
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.run_end import judge_end
 
 __all__ = ["integrate_rk4"]
-
-FIRST_CHUNK = 64  # steps of the first call into C
 
 
 def integrate_rk4(motion: Motion, options: RunOptions) -> RawTrajectory:
@@ -27,60 +23,47 @@ def integrate_rk4(motion: Motion, options: RunOptions) -> RawTrajectory:
     NonFiniteError for one that is not finite, and what a condition raises.
     """
     n_steps = max(1, math.ceil(motion.t_end / float(options.step or 0.0) * (1.0 - 1e-12)))
-    run = _Run(motion, motion.t_end / n_steps)
-    chunk, done, word = FIRST_CHUNK, 0, "ok"
-    while done < n_steps and word == "ok" and not run.events.is_over:
-        count, started = min(chunk, n_steps - done), clock.perf_counter()
-        word = run.advance(done, count)
-        done += int(run.n_done[0])
-        motion.report(done / n_steps)
-        if clock.perf_counter() - started < CHUNK_SECONDS:
-            chunk *= 2
-    return run.result(done, word)
+    return _Run(motion, n_steps).finish()
 
 
-class _Run:
+class _Run(CRun):
     """One integration with a fixed step."""
 
-    def __init__(self, motion: Motion, step: float) -> None:
-        self.bound = BoundIntegrator("rk4", motion)
-        self.step, self.asked_time = step, motion.sample_time
-        self.events = EventRun(self.bound, motion)
-        self.is_watching = bool(self.events.watch.kinds)
+    def __init__(self, motion: Motion, n_steps: int) -> None:
+        super().__init__("rk4", motion)
+        self.n_steps, self.step, self.done = n_steps, motion.t_end / n_steps, 0
         # The last sample is the end of the last step, whatever the rounding of n times the step.
         times = self.bound.sample_time
-        times[-1] = min(times[-1], round(motion.t_end / step) * step)
-        self.n_done, self.time = self.bound.ffi.new("long long *", 0), self.bound.ffi.new("double *", 0.0)
-        symbol = self.bound.spec.symbol
-        self.call = motion.model.library.symbol(f"{symbol}_run" if self.is_watching else symbol)
+        times[-1] = min(times[-1], round(motion.t_end / self.step) * self.step)
+        self.n_done = self.bound.ffi.new("long long *", 0)
+        self.is_watching = bool(self.events.watch.kinds)
+        if self.is_watching:
+            self.bound.call = motion.model.library.symbol(f"{self.bound.spec.symbol}_run")
 
-    def advance(self, first_step: int, count: int) -> str:
-        """Do `count` steps from `first_step`; return the status as a word."""
-        bound = self.bound
-        status = self.call(
-            0.0,
-            self.step,
-            first_step,
-            count,
-            *((self.time,) if self.is_watching else ()),
-            bound.pointer(bound.state),
-            *bound.arguments(),
-            len(bound.sample_time),
-            bound.pointer(bound.sample_time),
-            bound.pointer(bound.samples),
-            bound.n_sampled,
-            self.n_done,
-            *((self.events.counts,) if self.is_watching else ()),
-            bound.pointer(bound.work),
-        )
-        self.events.raise_own()
-        return bound.check(status, ("non_finite_result", "too_many_events"))
+    @property
+    def fraction(self) -> float:
+        """Part of the steps that is done."""
+        return self.done / self.n_steps
 
-    def result(self, n_steps: int, word: str) -> RawTrajectory:
-        """Return the samples reached so far; n_steps: steps done, word: the last status."""
-        reached = float(self.time[0]) if self.is_watching else n_steps * self.step
-        status, trouble = judge_end(word, reached, reached)
-        times, states = self.events.samples(self.asked_time, reached)
+    def may_go_on(self) -> bool:
+        """Whether there are steps left to do."""
+        return self.done < self.n_steps
+
+    def advance(self, count: int) -> None:
+        """Do `count` steps, or those that are left."""
+        head = (0.0, self.step, self.done, min(count, self.n_steps - self.done))
+        tail = (self.bound.n_sampled, self.n_done)
+        if self.is_watching:
+            self.call((*head, self.time), (*tail, self.events.counts))
+        else:
+            self.call(head, tail)
+        self.done += int(self.n_done[0])
+
+    def result(self) -> RawTrajectory:
+        """Return the samples reached so far, and how the run ended."""
+        reached = float(self.time[0]) if self.is_watching else self.done * self.step
+        status, trouble = judge_end(self.word, reached, reached)
+        times, states = self.events.samples(self.motion.sample_time, reached)
         counts = self.events.counts
         return RawTrajectory(
             time=times,
@@ -90,8 +73,8 @@ class _Run:
             if trouble
             else f"fixed step {self.step:.6g} s{self.events.told}",
             method="rk4",
-            n_steps=n_steps,
-            n_evaluations=int(counts.n_evaluations) if self.is_watching else 4 * n_steps + 1,
+            n_steps=self.done,
+            n_evaluations=int(counts.n_evaluations) if self.is_watching else 4 * self.done + 1,
             step=self.step,
             log=self.events.log(),
         )

@@ -53,7 +53,7 @@ def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manif
     """Return a batch of runs with this step [s], each held to another step as `check_by_doubling` does."""
     found = run(step)
     end, is_good = float(found.time[-1]), _is_ok(found)
-    step = min(step, end)
+    step = found.step or step  # a longer one was cut to the whole time
     error, n_evaluations = np.full(len(is_good), np.nan), found.n_evaluations.copy()
     for factor in FACTORS:
         is_open = is_good & ~(error <= 1.0)

@@ -10,7 +10,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import adaptive, error_control
+from tensegrity_codegen.runtime import c_run, error_control
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.integration import BoundIntegrator
@@ -166,8 +166,8 @@ def test_the_same_bits_come_out_in_one_call_and_in_many(method: str, monkeypatch
     model, time = oscillator(), np.linspace(0.0, 30.0, 11)
     calls: list[float] = []
     one = integrate(method, model, time, 1e-10, 1e-12)
-    monkeypatch.setattr(adaptive, "FIRST_CHUNK", 7)
-    monkeypatch.setattr(adaptive, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 7)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", 0.0)
     many = integrate(method, model, time, 1e-10, 1e-12, progress=calls.append)
     assert len(calls) > 50
     assert calls[-1] == 1.0

@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen import integrators
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import adaptive, event_log, event_run
+from tensegrity_codegen.runtime import c_run, event_log, event_run
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.integration import BoundIntegrator
@@ -235,8 +235,8 @@ def test_flight_between_short_pulls_takes_few_steps(method: str) -> None:
 def test_the_same_bits_come_out_again_and_in_many_calls(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model, time = build(net()), np.linspace(0.0, 5.0, 41)
     first, again = (run(method, model, time, 1e-9) for _ in range(2))
-    monkeypatch.setattr(adaptive, "FIRST_CHUNK", 3)
-    monkeypatch.setattr(adaptive, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 3)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", 0.0)
     many = run(method, model, time, 1e-9)
     for other in (again, many):
         np.testing.assert_array_equal(first.state, other.state)

@@ -10,7 +10,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import rk4
+from tensegrity_codegen.runtime import c_run
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.model import CompiledModel
@@ -75,8 +75,8 @@ def test_a_step_that_is_cut_costs_little_and_steps_stay_on_their_grid() -> None:
 def test_the_same_bits_come_out_in_many_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     model, time = build(net()), np.linspace(0.0, 3.0, 31)
     whole = run(model, time, 1e-2)
-    monkeypatch.setattr(rk4, "FIRST_CHUNK", 3)
-    monkeypatch.setattr(rk4, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 3)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", 0.0)
     pieces = run(model, time, 1e-2)
     np.testing.assert_array_equal(whole.state, pieces.state)
     np.testing.assert_array_equal(whole.log.time, pieces.log.time)

@@ -12,7 +12,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import rk4
+from tensegrity_codegen.runtime import c_run
 from tensegrity_codegen.runtime.methods import METHODS
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
@@ -169,7 +169,7 @@ def test_chunks_do_not_change_a_bit(
     tumbling: CompiledModel, monkeypatch: pytest.MonkeyPatch, seconds: float
 ) -> None:
     usual = simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77)
-    monkeypatch.setattr(rk4, "CHUNK_SECONDS", seconds)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", seconds)
     seen: list[float] = []
     chunked = simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77, progress=seen.append)
     np.testing.assert_array_equal(chunked.coordinate, usual.coordinate)

@@ -13,7 +13,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError, UnknownNameError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import batch_integration, sample_memory
+from tensegrity_codegen.runtime import batch_integration, c_run, sample_memory
 from tensegrity_codegen.runtime.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
@@ -102,8 +102,8 @@ def test_short_calls_into_c_change_nothing(
     time = np.linspace(0.0, T_END, SAMPLES)
     asked = RunOptions(method, **options)
     whole = integrate_batch(Motion(model, state, time), asked)
-    monkeypatch.setattr(batch_integration, "FIRST_CHUNK", 1)
-    monkeypatch.setattr(batch_integration, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 1)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", 0.0)
     told: list[float] = []
     parts = integrate_batch(Motion(model, state, time, progress=told.append), asked)
     np.testing.assert_array_equal(whole.state, parts.state)
@@ -164,7 +164,7 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
     coordinate = starts(model, 3)
     monkeypatch.setattr(batch_integration, "MOST_STEPS", 2)
     monkeypatch.setattr(batch_integration, "FORESIGHT", 1)
-    monkeypatch.setattr(batch_integration, "FIRST_CHUNK", 4)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 4)
     found = simulate_batch(model, T_END, coordinate=coordinate)
     assert found.status == ("not_converged",) * 3
     assert "too many steps" in found.message[0]
