@@ -40,7 +40,7 @@ def read_until(text: str | None) -> tuple[bool, str | None]:
 
 def watching(structure: Subject, request: ModelRequest, condition: str) -> ModelRequest:
     """Return the request with what a condition needs: its quantities, and integrators that watch it."""
-    from tensegrity_codegen.codegen.integrators import choose_events
+    from tensegrity_codegen.codegen.events import choose_events
     from tensegrity_codegen.runtime.condition import find_quantities
 
     events = request.events

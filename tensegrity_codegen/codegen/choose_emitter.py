@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.codegen.integrators import EVENT_QUANTITIES, choose_events, needed_quantities
+from tensegrity_codegen.codegen.events import EVENT_QUANTITIES, choose_events
+from tensegrity_codegen.codegen.integrators import needed_quantities
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.codegen.tableaus import TABLEAUS
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
@@ -121,14 +121,14 @@ def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
     called = [item for name in request.integrators for item in needed_quantities(name)]
     wanted = [*request.quantities, *called]
-    if any(name in TABLEAUS for name in request.integrators):
+    if request.integrators:
         wanted += _watched(structure, request)
     model = TABLE.build(structure, request)
     return tuple(name for name in dict.fromkeys(wanted) if not TABLE.is_offered(model, name))
 
 
 def _watched(structure: Subject, request: ModelRequest) -> list[str]:
-    """Return the quantities behind the events that integrators watch, see integrators.find_events."""
+    """Return the quantities behind the events that integrators watch, see events.find_events."""
     kinds = request.events
     if kinds is None:
         kinds = choose_events(request, int(structure.tension_only.sum()))

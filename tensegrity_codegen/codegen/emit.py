@@ -9,7 +9,8 @@ from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.energy_keeping import KEPT_QUANTITIES, check_keep
-from tensegrity_codegen.codegen.integrators import PROJECTION, find_events, needed_quantities
+from tensegrity_codegen.codegen.events import find_events
+from tensegrity_codegen.codegen.integrators import PROJECTION, needed_quantities
 from tensegrity_codegen.codegen.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, with_feature

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from tensegrity_codegen.codegen.batch_integrators import BatchMemory, plan_memory
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.energy_keeping import KEPT_QUANTITIES, keeper_context, keeper_memory
+from tensegrity_codegen.codegen.events import events_context, watched_events
 from tensegrity_codegen.codegen.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.tableaus import RK4, TABLEAUS, Row, Tableau
 from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.manifest import EVENT_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.request import ModelRequest
 
 __all__ = [
-    "EVENT_QUANTITIES",
     "INTEGRATORS",
-    "MOST_WATCHED",
     "PROJECTION",
-    "choose_events",
-    "find_events",
     "integrator_context",
     "integrator_spec",
     "needed_quantities",
@@ -32,12 +26,6 @@ __all__ = [
 INTEGRATORS = ("rk4", *TABLEAUS, RADAU)
 TRIED = {"rk4": RK4, **TABLEAUS}  # whose steps are tried, and cut at events
 
-# What each kind of event needs, besides the condition, which is the caller's.
-EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
-MOST_WATCHED = 400  # cables whose events are watched without being asked for
-MARGIN_ARRAYS = 11  # in the memory of the search for events
-MOST_IN_SUCCESSION = 200  # events, each within a thousandth of a step of the one before
-
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
 PROJECTION = ("consistent_coordinate", "consistent_velocity")
 
@@ -45,44 +33,6 @@ TITLES = {
     "rk54": ("Dormand and Prince's Runge-Kutta 5(4)", "quintic Hermite interpolation"),
     "rk853": ("Dormand and Prince's Runge-Kutta 8(5,3)", "a polynomial of order 7"),
 }
-
-
-def choose_events(request: ModelRequest, n_cables: int) -> tuple[str, ...]:
-    """Return the kinds of events that a request which names none gets: cables and a condition, or none.
-
-    n_cables: members that pull only. None where there are none, or more than MOST_WATCHED: each event ends
-    a step, and thousands of cables leave no time in between.
-    """
-    return ("cable", "condition") if 0 < n_cables <= MOST_WATCHED and request.precision == "double" else ()
-
-
-def find_events(
-    request: ModelRequest, is_offered: Callable[[str], bool], n_cables: int
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the kinds of events that integrators shall watch, and the quantities that these take.
-
-    Where the request names none: see choose_events. is_offered: whether the model has a quantity. Raises
-    FormulationError for an unknown kind.
-    """
-    if not any(name in TRIED for name in request.integrators):
-        return (), ()
-    kinds = request.events
-    if kinds and request.precision != "double":
-        raise FormulationError(
-            "events need double precision",
-            where="model.events",
-            given=f"{', '.join(kinds)} with precision {request.precision!r}",
-            allowed="no events in single precision",
-        )
-    if kinds is None:
-        kinds = choose_events(request, n_cables if is_offered(EVENT_QUANTITIES["cable"]) else 0)
-    for kind in kinds:
-        if kind not in EVENT_KINDS:
-            raise FormulationError(
-                "unknown kind of event", where="model.events", given=kind, hint=suggest(kind, EVENT_KINDS)
-            )
-    ordered = tuple(kind for kind in EVENT_KINDS if kind in kinds)
-    return ordered, tuple(EVENT_QUANTITIES[kind] for kind in ordered if kind in EVENT_QUANTITIES)
 
 
 def needed_quantities(name: str) -> tuple[str, ...]:
@@ -105,8 +55,9 @@ def integrator_spec(
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
         )
+    watched = watched_events(model, functions, events)
     if name == RADAU:
-        return radau_spec(name, model.name, model.subject, model.frame, functions)
+        return radau_spec(name, model.name, model.subject, model.frame, functions, watched)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
     if acceleration is None:
         raise FormulationError(
@@ -115,26 +66,20 @@ def integrator_spec(
             given=name,
             hint='add "acceleration" to the wanted quantities',
         )
-    quantities = [EVENT_QUANTITIES[kind] for kind in events if kind in EVENT_QUANTITIES]
     kept = KEPT_QUANTITIES[:2] if keep and name in TABLEAUS else ()
-    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *quantities, *kept)]
+    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *watched.quantities, *kept)]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
-    watched = events if name in TRIED else ()
-    cables = tuple(int(e) for e in np.flatnonzero(model.subject.tension_only)) if "cable" in watched else ()
-    n = len(model.frame.coordinate_name)
-    margins = 1 + sum(f.shape[0] for f in called if f.quantity in quantities)
-    work = _work(name, bool(watched)) * n + (MARGIN_ARRAYS * margins + 2 * n if watched else 0)
+    work = _work(name, bool(watched.kinds)) * len(model.frame.coordinate_name) + watched.memory
     work += keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
-    slack = int(model.subject.tension_only.sum())
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
         passed,
         work,
-        watched,
-        cables,
-        unwatched=slack - len(cables),
+        watched.kinds,
+        watched.cables,
+        unwatched=watched.unwatched,
         keeps=keep if kept else (),
     )
 
@@ -167,43 +112,7 @@ def integrator_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *watching)), ""),
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
-        "events": _events_context(manifest, watching[0], functions, arguments) if watching else None,
-    }
-
-
-def _events_context(
-    manifest: Manifest,
-    spec: IntegratorSpec,
-    functions: Mapping[str, FunctionSpec],
-    arguments: Mapping[str, dict[str, Any]],
-) -> dict[str, Any]:
-    first = 0
-    kinds: list[dict[str, Any]] = []
-    for word in spec.events:
-        if word in EVENT_QUANTITIES:
-            function = functions[EVENT_QUANTITIES[word]]
-            kinds.append(
-                {
-                    "word": word,
-                    "quantity": function.quantity,
-                    "arguments": function.arguments,
-                    "first": first,
-                    "count": function.shape[0],
-                }
-            )
-            first += function.shape[0]
-    position = np.array(manifest.node_position).reshape(-1, 3)
-    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
-    return {
-        "kinds": kinds,
-        "arguments": [
-            arguments[name] for name in spec.arguments if any(name in kind["arguments"] for kind in kinds)
-        ],
-        "cables": list(spec.cables),
-        "n_margins": first + 1,
-        "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
-        "is_smooth": all("velocity" not in kind["arguments"] for kind in kinds),
-        "most_in_succession": MOST_IN_SUCCESSION,
+        "events": events_context(manifest, watching[0], functions, arguments) if watching else None,
     }
 
 

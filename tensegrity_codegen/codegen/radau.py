@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.codegen.events import WatchedEvents, event_memory
 from tensegrity_codegen.codegen.radau_tables import radau_coefficients
 from tensegrity_codegen.codegen.saddle import SaddlePattern, build_saddle_pattern
 from tensegrity_codegen.errors import FormulationError
@@ -36,9 +37,14 @@ NOWHERE = 2**30
 
 
 def radau_spec(
-    name: str, model_name: str, subject: Any, frame: Frame, functions: Sequence[FunctionSpec]
+    name: str,
+    model_name: str,
+    subject: Any,
+    frame: Frame,
+    functions: Sequence[FunctionSpec],
+    events: WatchedEvents,
 ) -> IntegratorSpec:
-    """Return what a library says of the integrator.
+    """Return what a library says of the integrator; events: what it watches.
 
     Raises FormulationError for a model without its functions or without two-sided members.
     """
@@ -65,20 +71,29 @@ def radau_spec(
             allowed="a structure with a bar or a two-sided cable that joins a free node",
             hint="use rk54",
         )
-    used = {argument for item in RADAU_QUANTITIES for argument in by_name[item].arguments}
+    used = {
+        argument for item in (*RADAU_QUANTITIES, *events.quantities) for argument in by_name[item].arguments
+    }
     passed = tuple(item for item in ARGUMENTS if item in used - {"coordinate", "velocity"})
-    tables = radau_tables(members, frame, by_name)
+    tables = radau_tables(members, frame, by_name, events.memory)
     return IntegratorSpec(
-        name, f"{model_name}_integrate_{name}", passed, tables["work_size"], tensions=members
+        name,
+        f"{model_name}_integrate_{name}",
+        passed,
+        tables["work_size"],
+        events.kinds,
+        events.cables,
+        tensions=members,
+        unwatched=events.unwatched,
     )
 
 
 def radau_tables(
-    members: Sequence[int], frame: Frame | Manifest, functions: Mapping[str, FunctionSpec]
+    members: Sequence[int], frame: Frame | Manifest, functions: Mapping[str, FunctionSpec], margins: int
 ) -> dict[str, Any]:
     """Return the tables that the template of the integrator reads, and the size of its work memory.
 
-    members: those with a multiplier; frame: of the model, or its manifest.
+    members: those with a multiplier; frame: of the model, or its manifest; margins: memory of events.
     """
     place = {tuple(key): k for k, key in enumerate(frame.coordinate_node_axis)}
     axes, n = frame.axes, len(frame.coordinate_name)
@@ -92,7 +107,7 @@ def radau_tables(
         n, list(nodes.values()), masses, [[k for k in row if k >= 0] for row in coordinate]
     )
     law = int(np.prod(functions["member_law"].shape))
-    arrays, size = _arrays(n, len(ends), len(axes), law, len(masses), saddle)
+    arrays, size = _arrays(n, len(ends), len(axes), law, len(masses), saddle, margins)
     return {
         "axes": len(axes),
         "multipliers": len(ends),
@@ -119,8 +134,9 @@ def radau_context(
     spec: IntegratorSpec, manifest: Manifest, functions: Mapping[str, FunctionSpec]
 ) -> dict[str, Any]:
     """Return what the templates of the integrator read, besides what every integrator has."""
+    margins = event_memory(spec.events, functions.values(), len(manifest.coordinate_name))
     return {
-        **radau_tables(spec.tensions, manifest, functions),
+        **radau_tables(spec.tensions, manifest, functions, margins),
         **radau_coefficients(),
         "counts": COUNTS,
         "most_iterations": MOST_ITERATIONS,
@@ -140,12 +156,14 @@ def _mass_entries(pattern: Pattern | None, n: int) -> list[tuple[int, int]]:
 
 
 def _arrays(
-    n: int, b: int, axes: int, law: int, masses: int, saddle: SaddlePattern
+    n: int, b: int, axes: int, law: int, masses: int, saddle: SaddlePattern, margins: int
 ) -> tuple[list[dict[str, Any]], int]:
     """Return name and place of each array in the work memory, and the size of it."""
     size, entries, factors = saddle.size, len(saddle.entry_column), len(saddle.factor_column)
     sizes = {
-        "kept": 7,  # step, error, iterations of the last step; may it grow; quiet factors; correction, size
+        # Step, error, iterations of the last step; may it grow; quiet factors; correction; size; the step
+        # last taken whole; whether there are third derivatives.
+        "kept": 9,
         "law": law,
         "mass": masses,
         "mass_diagonal": size,
@@ -167,6 +185,7 @@ def _arrays(
     sizes |= dict.fromkeys(("real_factor", "smooth_factor", "quiet_factor"), factors)
     sizes |= dict.fromkeys(("real_inverse", "smooth_inverse", "quiet_inverse"), size)
     sizes |= {"complex_inverse": 2 * size}
+    sizes |= {"jerk": n, "ahead": n, "margins": margins} if margins else {}
     offset, arrays = 0, []
     for name, count in sizes.items():
         arrays.append({"name": name, "offset": offset})

@@ -210,7 +210,9 @@ def _integrator_declaration(spec: IntegratorSpec, real: str) -> str:
     run = f"double, double, double, long long, double *, double *, {real} *"
     if spec.name == "radau":
         sampled = "long long, const double *, double *, double *, long long *"
-        return f"int {spec.symbol}_run({run}, {passed}{sampled}, double, long long *, double *, double *);"
+        watched = "integrator_run *, " if spec.events else ""
+        counts = f"double, long long *, double *, {watched}double *"
+        return f"int {spec.symbol}_run({run}, {passed}{sampled}, {counts});"
     return f"int {spec.symbol}_run({run}, {passed}{sampled}, integrator_run *, {real} *);"
 
 

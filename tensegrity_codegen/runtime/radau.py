@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tensegrity_codegen.runtime.event_run import EventRun
 from tensegrity_codegen.runtime.integration import CHUNK_SECONDS, BoundIntegrator
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -28,11 +29,14 @@ def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) 
     vibrate less than that, or than `quiet` [m], about their smooth motion this is damped out, and `evidence`
     says how much they did at the start: vibration [m], vibration_speed [m/s], vibration_tension [N]. Status
     "unstable" where the state stops being finite, "not_converged" where no step meets the tolerance or more
-    than max_steps would be needed; with the samples reached. Raises as integrate_rk4.
+    than max_steps would be needed, "too_many_events" where events follow each other too closely; with the
+    samples reached. A run that an event ends has the state there as its last sample. Raises as integrate_rk4.
     """
     run = _Run(motion, options, quiet)
     chunk, word = FIRST_CHUNK, "ok"
-    while not run.is_done and word == "ok" and run.is_within_reach(options.max_steps):
+    while (
+        not run.is_done and not run.events.is_over and word == "ok" and run.is_within_reach(options.max_steps)
+    ):
         started = clock.perf_counter()
         word = run.advance(chunk)
         motion.report(run.fraction)
@@ -55,7 +59,7 @@ class _Run:
         self.bound = BoundIntegrator("radau", motion)
         ffi, self.end = self.bound.ffi, motion.t_end
         self.tolerance, self.quiet = (options.rtol, options.atol), quiet
-        self.asked_time = motion.sample_time
+        self.asked_time, self.events = motion.sample_time, EventRun(self.bound, motion)
         self.time, self.step = ffi.new("double *", 0.0), ffi.new("double *", 0.0)
         self.count, self.vibration = ffi.new("long long[]", len(RADAU_COUNTS)), ffi.new("double[]", 3)
 
@@ -92,9 +96,11 @@ class _Run:
             self.quiet,
             self.count,
             self.vibration,
+            *((self.events.counts,) if bound.spec.events else ()),
             bound.pointer(bound.work),
         )
-        return bound.check(status, ("non_finite_result", "step_too_small"))
+        self.events.raise_own()
+        return bound.check(status, ("non_finite_result", "step_too_small", "too_many_events"))
 
     def vibrations(self) -> dict[str, float]:
         """Return the largest amplitudes with which members vibrate."""
@@ -104,18 +110,22 @@ class _Run:
     def result(self, word: str) -> RawTrajectory:
         """Return the samples reached; word: the last status."""
         status, message = judge_end(word, float(self.time[0]), self.end)
-        bound, reached = self.bound, self.bound.n_reached
+        if self.events.is_over:
+            status, message = "ok", ""
+        bound = self.bound
+        times, states = self.events.samples(self.asked_time, float(self.time[0]))
         evidence = dict(zip(RADAU_COUNTS, (int(n) for n in self.count), strict=True))
         told = f"{evidence['accepted']} steps, {evidence['rejected'] + evidence['newton_failures']} rejected"
         return RawTrajectory(
-            time=self.asked_time[:reached],
-            state=bound.samples[:reached],
+            time=times,
+            state=states,
             status=status,
-            message=message or told,
+            message=message or told + self.events.told,
             method="radau",
             n_steps=evidence["accepted"],
             n_evaluations=evidence["evaluations"],
-            tension=bound.tensions[:reached],
+            tension=bound.tensions[: len(times)],
             tension_member=bound.tension_member,
             evidence=evidence | self.vibrations(),
+            log=self.events.log(),
         )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen import integrators
+from tensegrity_codegen.codegen import events
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
@@ -351,7 +351,7 @@ def test_loops_over_tables_find_the_same_events(damping: float) -> None:
 
 
 def test_many_cables_are_watched_only_where_that_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(integrators, "MOST_WATCHED", 1)
+    monkeypatch.setattr(events, "MOST_WATCHED", 1)
     time = np.linspace(0.0, 1.0, 3)
     other = net(damping=0.01)  # that no other test has built with the limit as it is
     silent, asked = (build(other, emitter="table", **more) for more in ({}, {"events": ("cable",)}))

@@ -1,0 +1,139 @@
+"""Events that integrators watch: which kinds, what they need of the model, and the memory that they take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.manifest import EVENT_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.request import ModelRequest
+
+__all__ = [
+    "EVENT_QUANTITIES",
+    "MOST_WATCHED",
+    "WatchedEvents",
+    "choose_events",
+    "event_memory",
+    "events_context",
+    "find_events",
+    "watched_events",
+]
+
+# What each kind of event needs, besides the condition, which is the caller's.
+EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
+MOST_WATCHED = 400  # cables whose events are watched without being asked for
+MARGIN_ARRAYS = 11  # in the memory of the search for events
+MOST_IN_SUCCESSION = 200  # events, each within a thousandth of a step of the one before
+
+
+@dataclass(frozen=True)
+class WatchedEvents:
+    """What an integrator of a model can watch.
+
+    kinds: of events; quantities: whose changes of sign these are; cables: indices of the members watched;
+    unwatched: how many that can go slack are not; memory: doubles that the search works with.
+    """
+
+    kinds: tuple[str, ...]
+    quantities: tuple[str, ...]
+    cables: tuple[int, ...]
+    unwatched: int
+    memory: int
+
+
+def watched_events(
+    model: EmittedModel, functions: Sequence[FunctionSpec], kinds: tuple[str, ...]
+) -> WatchedEvents:
+    """Return what integrators can watch with these functions."""
+    quantities = tuple(EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES)
+    slack = tuple(int(e) for e in np.flatnonzero(model.subject.tension_only))
+    cables = slack if "cable" in kinds else ()
+    memory = event_memory(kinds, functions, len(model.frame.coordinate_name))
+    return WatchedEvents(kinds, quantities, cables, len(slack) - len(cables), memory)
+
+
+def event_memory(kinds: Sequence[str], functions: Iterable[FunctionSpec], n_coordinates: int) -> int:
+    """Return how many doubles the search for events of these kinds works with."""
+    quantities = [EVENT_QUANTITIES[kind] for kind in kinds if kind in EVENT_QUANTITIES]
+    margins = 1 + sum(item.shape[0] for item in functions if item.quantity in quantities)
+    return MARGIN_ARRAYS * margins + 2 * n_coordinates if kinds else 0
+
+
+def choose_events(request: ModelRequest, n_cables: int) -> tuple[str, ...]:
+    """Return the kinds of events that a request which names none gets: cables and a condition, or none.
+
+    n_cables: members that pull only. None where there are none, or more than MOST_WATCHED: each event ends
+    a step, and thousands of cables leave no time in between.
+    """
+    return ("cable", "condition") if 0 < n_cables <= MOST_WATCHED and request.precision == "double" else ()
+
+
+def find_events(
+    request: ModelRequest, is_offered: Callable[[str], bool], n_cables: int
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the kinds of events that integrators shall watch, and the quantities that these take.
+
+    Where the request names none: see choose_events. is_offered: whether the model has a quantity. Raises
+    FormulationError for an unknown kind.
+    """
+    if not request.integrators:
+        return (), ()
+    kinds = request.events
+    if kinds and request.precision != "double":
+        raise FormulationError(
+            "events need double precision",
+            where="model.events",
+            given=f"{', '.join(kinds)} with precision {request.precision!r}",
+            allowed="no events in single precision",
+        )
+    if kinds is None:
+        kinds = choose_events(request, n_cables if is_offered(EVENT_QUANTITIES["cable"]) else 0)
+    for kind in kinds:
+        if kind not in EVENT_KINDS:
+            raise FormulationError(
+                "unknown kind of event", where="model.events", given=kind, hint=suggest(kind, EVENT_KINDS)
+            )
+    ordered = tuple(kind for kind in EVENT_KINDS if kind in kinds)
+    return ordered, tuple(EVENT_QUANTITIES[kind] for kind in ordered if kind in EVENT_QUANTITIES)
+
+
+def events_context(
+    manifest: Manifest,
+    spec: IntegratorSpec,
+    functions: Mapping[str, FunctionSpec],
+    arguments: Mapping[str, dict[str, Any]],
+) -> dict[str, Any]:
+    """Return what the templates of events read; spec: an integrator that watches them."""
+    first = 0
+    kinds: list[dict[str, Any]] = []
+    for word in spec.events:
+        if word in EVENT_QUANTITIES:
+            function = functions[EVENT_QUANTITIES[word]]
+            kinds.append(
+                {
+                    "word": word,
+                    "quantity": function.quantity,
+                    "arguments": function.arguments,
+                    "first": first,
+                    "count": function.shape[0],
+                }
+            )
+            first += function.shape[0]
+    position = np.array(manifest.node_position).reshape(-1, 3)
+    ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
+    return {
+        "kinds": kinds,
+        "arguments": [
+            arguments[name] for name in spec.arguments if any(name in kind["arguments"] for kind in kinds)
+        ],
+        "cables": list(spec.cables),
+        "n_margins": first + 1,
+        "size": repr(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max(initial=0.0))),
+        "is_smooth": all("velocity" not in kind["arguments"] for kind in kinds),
+        "most_in_succession": MOST_IN_SUCCESSION,
+    }
