@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.symbolic.geometry import member_length, member_rate
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_blocks
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_block
 from tensegrity_codegen.symbolic.member_law import MemberLaw
 
 __all__ = ["Member"]
@@ -74,10 +74,17 @@ class Member:
         slope = self.law.tension_by_rest_length()
         return [-(slope * component) / self.length for component in self.vector]
 
-    def static_blocks(self) -> tuple[MemberBlocks, MemberBlocks]:
-        """Return material and geometric stiffness without damping, (n_axes, n_axes) [N/m]."""
-        slope = self.law.static_tension_by_length()
-        return stiffness_blocks(self.vector, self.length, slope, self.static_density)
+    def material_block(self) -> MemberBlocks:
+        """Return the material stiffness without damping, (n_axes, n_axes) [N/m]."""
+        return stiffness_block(self.vector, self.law.static_tension_by_length(), ca.SX(0.0))
+
+    def geometric_block(self) -> MemberBlocks:
+        """Return the geometric stiffness without damping, (n_axes, n_axes) [N/m]."""
+        return stiffness_block(self.vector, ca.SX(0.0), self.static_density)
+
+    def tangent_block(self) -> MemberBlocks:
+        """Return the sum of both, (n_axes, n_axes) [N/m]."""
+        return stiffness_block(self.vector, self.law.static_tension_by_length(), self.static_density)
 
     def rate_block(self) -> MemberBlocks:
         """Return c d d^T / l^2 while it pulls, (n_axes, n_axes) [N s/m]."""
@@ -87,8 +94,7 @@ class Member:
     def position_block(self) -> MemberBlocks:
         """Return -d(force)/d(vector), damping included, (n_axes, n_axes) [N/m]."""
         law, d = self.law, self.vector
-        material, geometric = stiffness_blocks(d, self.length, law.tension_by_length(), self.density)
-        block = material.plus(geometric)
+        block = stiffness_block(d, law.tension_by_length(), self.density)
         if not self.is_damped:
             return block
         # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.

@@ -10,7 +10,9 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["MemberBlocks", "stiffness_blocks"]
+from tensegrity_codegen.symbolic.geometry import dot
+
+__all__ = ["MemberBlocks", "stiffness_block"]
 
 Scalar = Any
 Vector = list[Scalar]
@@ -41,17 +43,12 @@ class MemberBlocks:
         )
 
 
-def stiffness_blocks(
-    vector: Vector, length: Scalar, slope: Scalar, density: Scalar
-) -> tuple[MemberBlocks, MemberBlocks]:
-    """Return one member's material and geometric stiffness blocks [N/m].
+def stiffness_block(vector: Vector, slope: Scalar, density: Scalar) -> MemberBlocks:
+    """Return one member's stiffness block, slope d d^T / l^2 + density (I - d d^T / l^2) [N/m].
 
-    material = (dt/dl) d d^T / l^2, geometric = (t/l) (I - d d^T / l^2); slope = dt/dl [N/m],
-    density = t/l [N/m] (S&K 5, the same as mu [(1 - rho/l) I + (rho/l^3) d d^T]).
+    slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the same as
+    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. One quotient serves all entries.
     """
-    unit = [component / length for component in vector]
-    material = MemberBlocks.outer(unit, unit, slope)
-    along = MemberBlocks.outer(unit, unit, -density)
-    size = range(len(vector))
-    identity = MemberBlocks(tuple(tuple(density if r == c else ca.SX(0.0) for c in size) for r in size))
-    return material, identity.plus(along)
+    along = MemberBlocks.outer(vector, vector, (slope - density) / dot(vector, vector))
+    size, zero = range(len(vector)), ca.SX(0.0)
+    return MemberBlocks(tuple(tuple(density if r == c else zero for c in size) for r in size)).plus(along)

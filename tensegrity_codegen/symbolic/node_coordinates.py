@@ -95,8 +95,7 @@ class NodeCoordinates:
 
     def tangent_stiffness(self) -> ca.SX:
         """Return the Hessian of U, sparse (n_coordinates, n_coordinates) [N/m]."""
-        blocks = {e: member.static_blocks() for e, member in self.each_member()}
-        return self.assembled({e: material.plus(geometric) for e, (material, geometric) in blocks.items()})
+        return self.assembled({e: member.tangent_block() for e, member in self.each_member()})
 
     def assembled(self, blocks: Mapping[int, MemberBlocks]) -> ca.SX:
         """Return the matrix of these blocks of members, sparse (n_coordinates, n_coordinates)."""

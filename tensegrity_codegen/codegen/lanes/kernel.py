@@ -25,9 +25,9 @@ VALUES = ("spring_constant", "axial_stiffness", "rest_length", "damping")
 
 # Symmetric blocks by quantity: their upper triangles are results of a kernel, row by row.
 BLOCKS: dict[str, Callable[[Member], MemberBlocks]] = {
-    "material_stiffness": lambda m: m.static_blocks()[0],
-    "geometric_stiffness": lambda m: m.static_blocks()[1],
-    "tangent_stiffness": lambda m: m.static_blocks()[0].plus(m.static_blocks()[1]),
+    "material_stiffness": lambda m: m.material_block(),
+    "geometric_stiffness": lambda m: m.geometric_block(),
+    "tangent_stiffness": lambda m: m.tangent_block(),
 }
 
 

@@ -100,10 +100,10 @@ class _NodePosition(NodeCoordinates):
     # Stiffness and Jacobians, member block by member block
 
     def material_stiffness(self) -> ca.SX:
-        return self.assembled({e: member.static_blocks()[0] for e, member in self.each_member()})
+        return self.assembled({e: member.material_block() for e, member in self.each_member()})
 
     def geometric_stiffness(self) -> ca.SX:
-        return self.assembled({e: member.static_blocks()[1] for e, member in self.each_member()})
+        return self.assembled({e: member.geometric_block() for e, member in self.each_member()})
 
     def damping_matrix(self) -> ca.SX:
         return self.assembled(
