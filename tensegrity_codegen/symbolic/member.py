@@ -76,15 +76,17 @@ class Member:
 
     def material_block(self) -> MemberBlocks:
         """Return the material stiffness without damping, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(self.vector, self.law.static_tension_by_length(), ca.SX(0.0))
+        return stiffness_block(self.vector, self.length, self.law.static_tension_by_length(), ca.SX(0.0))
 
     def geometric_block(self) -> MemberBlocks:
         """Return the geometric stiffness without damping, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(self.vector, ca.SX(0.0), self.static_density)
+        return stiffness_block(self.vector, self.length, ca.SX(0.0), self.static_density)
 
     def tangent_block(self) -> MemberBlocks:
         """Return the sum of both, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(self.vector, self.law.static_tension_by_length(), self.static_density)
+        return stiffness_block(
+            self.vector, self.length, self.law.static_tension_by_length(), self.static_density
+        )
 
     def rate_block(self) -> MemberBlocks:
         """Return c d d^T / l^2 while it pulls, (n_axes, n_axes) [N s/m]."""
@@ -94,7 +96,7 @@ class Member:
     def position_block(self) -> MemberBlocks:
         """Return -d(force)/d(vector), damping included, (n_axes, n_axes) [N/m]."""
         law, d = self.law, self.vector
-        block = stiffness_block(d, law.tension_by_length(), self.density)
+        block = stiffness_block(d, self.length, law.tension_by_length(), self.density)
         if not self.is_damped:
             return block
         # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.

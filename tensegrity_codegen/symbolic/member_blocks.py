@@ -43,12 +43,17 @@ class MemberBlocks:
         )
 
 
-def stiffness_block(vector: Vector, slope: Scalar, density: Scalar) -> MemberBlocks:
+def stiffness_block(vector: Vector, length: Scalar, slope: Scalar, density: Scalar) -> MemberBlocks:
     """Return one member's stiffness block, slope d d^T / l^2 + density (I - d d^T / l^2) [N/m].
 
     slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the same as
-    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. One quotient serves all entries.
+    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. One quotient serves all entries; over one axis
+    d / l is exactly 1 or -1, and nothing is left of the geometric part.
     """
-    along = MemberBlocks.outer(vector, vector, (slope - density) / dot(vector, vector))
+    if len(vector) == 1:
+        unit = [vector[0] / length]
+        along = MemberBlocks.outer(unit, unit, slope - density)
+    else:
+        along = MemberBlocks.outer(vector, vector, (slope - density) / dot(vector, vector))
     size, zero = range(len(vector)), ca.SX(0.0)
     return MemberBlocks(tuple(tuple(density if r == c else zero for c in size) for r in size)).plus(along)
