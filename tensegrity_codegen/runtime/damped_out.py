@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
+from tensegrity_codegen.runtime.integration import find_integrator
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -39,7 +40,7 @@ def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajec
     """
     model, state = motion.model, motion.state
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    stiff = next(spec.tensions for spec in model.manifest.integrators if spec.name == "radau")
+    stiff = find_integrator(model.manifest, "radau").tensions
     rates = find_rates(model, stiff, motion.arguments)
     assert rates is not None  # a library with radau has what it takes
     with np.errstate(all="ignore"):  # members without a length have no direction
