@@ -14,6 +14,7 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFi
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
+from tensegrity_codegen.runtime.require import require_quantities
 from tensegrity_codegen.runtime.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.variations import SPANNING_QUANTITY, find_variations
 
@@ -80,7 +81,7 @@ def linearize(
     require_double(model.manifest, "linearization")
     _check_lengths(model.manifest)
     inputs = model.manifest.input_name
-    _check_functions(model, with_inputs=bool(inputs))
+    require_quantities(model, _needed(bool(inputs)), "a linear model needs")
     q = _value(model, "coordinate", coordinate)
     v = _value(model, "velocity", velocity)
     u = _value(model, "input", input) if inputs else np.zeros(0)
@@ -142,17 +143,4 @@ def _check_lengths(manifest: Manifest) -> None:
             given='options.correction = "first_order"',
             allowed='correction = "none", or formulation = "node_position"',
             hint="as springs in node positions the same bars are exact, and cost no more there",
-        )
-
-
-def _check_functions(model: Model, *, with_inputs: bool) -> None:
-    needed = _needed(with_inputs)
-    missing = [name for name in needed if not model.has(name)]
-    if missing:
-        raise FormulationError(
-            "the model lacks functions that a linear model needs",
-            where=model.manifest.name,
-            given=", ".join(missing),
-            allowed=", ".join(needed),
-            hint="build the model with these quantities",
         )

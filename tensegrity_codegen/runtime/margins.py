@@ -15,6 +15,7 @@ from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Schedule
 from tensegrity_codegen.runtime.placement import place_nodes, place_velocities
+from tensegrity_codegen.runtime.require import require_quantities
 
 __all__ = [
     "CONTACT_QUANTITIES",
@@ -55,7 +56,7 @@ def build_contact_margins(model: CompiledModel, arguments: Mapping[str, Any]) ->
     Raises FormulationError where the model lacks bar_distance or its Jacobian.
     """
     require_double(model.manifest, "the search for events")
-    _check(model, CONTACT_QUANTITIES)
+    require_quantities(model, CONTACT_QUANTITIES, "these events need")
     n, names = len(model.manifest.coordinate_name), model.manifest.bar_pair_name
 
     function = model.function("bar_distance_jacobian")
@@ -85,7 +86,7 @@ def build_slack_margins(
     Raises FormulationError where the model lacks member_extension or has no such member.
     """
     require_double(model.manifest, "the search for events")
-    _check(model, SLACK_QUANTITIES)
+    require_quantities(model, SLACK_QUANTITIES, "these events need")
     manifest, n = model.manifest, len(model.manifest.coordinate_name)
     if unknown := [name for name in members if name not in manifest.member_name]:
         raise FormulationError("the model has no such member", where=manifest.name, given=", ".join(unknown))
@@ -118,15 +119,3 @@ def _places(spec: FunctionSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         raise FormulationError("the function is not sparse", where=spec.quantity)
     counts = np.diff(spec.pattern.column_start)
     return np.array(spec.pattern.row, dtype=np.int64), np.repeat(np.arange(len(counts)), counts)
-
-
-def _check(model: CompiledModel, quantities: tuple[str, ...]) -> None:
-    missing = [name for name in quantities if not model.has(name)]
-    if missing:
-        raise FormulationError(
-            "the model lacks functions that these events need",
-            where=model.manifest.name,
-            given=", ".join(missing),
-            allowed=", ".join(quantities),
-            hint="build the model with these quantities",
-        )

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.require import require_quantities
 from tensegrity_codegen.runtime.rigid_motion import build_rigid_motions, find_neutral_motions
 
 __all__ = ["LOAD_PATH_QUANTITIES", "ModelPath", "watch_contact", "watch_slack"]
@@ -25,6 +26,7 @@ FloatArray = NDArray[np.float64]
 # What a load path needs of a model in node coordinates; events need member_extension and bar_distance too.
 LOAD_PATH_QUANTITIES = ("node_residual", "tangent_stiffness")
 
+PURPOSE = "a load path needs"
 FORCES = ("node_residual", "coordinate_force")  # what formulations call g
 
 
@@ -52,7 +54,7 @@ class ModelPath:
             )
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
-            raise _lacks(model, *LOAD_PATH_QUANTITIES)
+            require_quantities(model, LOAD_PATH_QUANTITIES, PURPOSE)
         if all(item.name != "node_load" for item in model.manifest.arguments):
             raise FormulationError(
                 "a load path needs loads that may change at run time",
@@ -66,8 +68,8 @@ class ModelPath:
         self.size = len(model.manifest.coordinate_name)
         self.arguments = {**given, "velocity": np.zeros(self.size)}
         self._load = self._constant_load() if model.manifest.coordinate_node_axis else None
-        if self._load is None and not model.has("node_jacobian"):
-            raise _lacks(model, "node_jacobian")
+        if self._load is None:
+            require_quantities(model, ("node_jacobian",), PURPOSE)
 
     def offers(self, quantity: str) -> bool:
         """Return whether `compute` gives the quantity."""
@@ -141,8 +143,7 @@ def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
     Raises FormulationError where the model lacks member_extension, UnknownNameError for unknown members.
     """
     rows = _find_rows(members, path.model.manifest.member_name, "members")
-    if not path.model.has("member_extension"):
-        raise _lacks(path.model, "member_extension")
+    require_quantities(path.model, ("member_extension",), PURPOSE)
 
     def extension(coordinate: FloatArray, load_factor: float) -> FloatArray:
         return np.asarray(path.compute("member_extension", coordinate, load_factor))[rows]
@@ -156,8 +157,7 @@ def watch_contact(path: ModelPath, pairs: Sequence[str] | None = None, *, stops:
     stops: the path ends at the first contact, since beyond it bars pass through each other.
     Raises FormulationError where the model lacks bar_distance, UnknownNameError for unknown pairs.
     """
-    if not path.model.has("bar_distance"):
-        raise _lacks(path.model, "bar_distance")
+    require_quantities(path.model, ("bar_distance",), PURPOSE)
     known = path.model.manifest.bar_pair_name
     names = known if pairs is None else tuple(pairs)
     rows = _find_rows(names, known, "pairs of bars")
@@ -189,13 +189,3 @@ def _check_pattern(pattern: FloatArray, shape: tuple[int, ...]) -> None:
             given=pattern.shape if pattern.shape != shape else pattern,
             allowed=f"finite numbers of shape {shape}, not all zero",
         )
-
-
-def _lacks(model: Model, *quantities: str) -> FormulationError:
-    return FormulationError(
-        "the model lacks functions that a load path needs",
-        where=model.manifest.name,
-        given=", ".join(name for name in quantities if not model.has(name)),
-        allowed=", ".join(quantities),
-        hint="build the model with these quantities",
-    )

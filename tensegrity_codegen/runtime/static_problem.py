@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.interface import Model
 from tensegrity_codegen.runtime.placement import place_nodes
+from tensegrity_codegen.runtime.require import require_quantities
 from tensegrity_codegen.runtime.rigid_motion import build_rigid_motions
 
 __all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
@@ -72,7 +73,7 @@ class StaticProblem:
         self.model = model
         self.arguments = dict(arguments or {})
         _check_arguments(self.arguments)
-        _check_functions(model, self.needed(model))
+        require_quantities(model, self.needed(model), "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]
         self.size = len(pairs)
@@ -213,15 +214,3 @@ def _check_arguments(arguments: Mapping[str, Any]) -> None:
                 allowed="inputs and parameters",
                 hint="an equilibrium is at rest; pass the starting point as coordinate=",
             )
-
-
-def _check_functions(model: Model, quantities: tuple[str, ...]) -> None:
-    missing = [name for name in quantities if not model.has(name)]
-    if missing:
-        raise FormulationError(
-            "the model lacks functions that an equilibrium needs",
-            where=model.manifest.name,
-            given=", ".join(missing),
-            allowed=", ".join(quantities),
-            hint="build the model with these quantities",
-        )
