@@ -84,13 +84,20 @@ FLAG_SETS = {
     ),
 }
 
-# gcc's vectoriser of straight-line code makes fused multiply-adds where additions and subtractions alternate,
-# whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops stay vectors. Its search for
-# partial redundancies takes time that grows with the square of straight-line code (decision 20).
+# gcc's vectoriser of straight-line code makes fused multiply-adds where additions and subtractions
+# alternate, whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops become vectors,
+# also those whose length is no multiple of a vector's, which -O2 alone leaves as they are (decision 24).
+# Its search for partial redundancies takes time that grows with the square of straight-line code (decision
+# 20).
 # zig compiles for the CPU it runs on, with debug information and (without -O) with traps for undefined
 # behaviour, unless told otherwise. These come first, so that a flag set has the last word.
 OWN_OPTIONS = {
-    "gcc": ("-fno-tree-slp-vectorize", "-fno-tree-pre", "-fno-code-hoisting"),
+    "gcc": (
+        "-fno-tree-slp-vectorize",
+        "-fvect-cost-model=dynamic",
+        "-fno-tree-pre",
+        "-fno-code-hoisting",
+    ),
     "zig": ("-mcpu=baseline", "-g0", "-fno-sanitize=undefined"),
 }
 

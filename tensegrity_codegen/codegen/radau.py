@@ -123,6 +123,9 @@ def radau_tables(
         "is_mass_diagonal": all(a == b for a, b in masses),
         "entries": len(saddle.entry_column),
         "factors": len(saddle.factor_column),
+        "rows": [
+            row for row in range(saddle.size) if saddle.factor_start[row + 1] > saddle.factor_start[row]
+        ],
         **{item.name: getattr(saddle, item.name) for item in fields(saddle)},
         "law_size": law,
         "arrays": arrays,
