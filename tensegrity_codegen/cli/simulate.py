@@ -76,7 +76,7 @@ def simulate(
 
         options = ask(method, rtol, atol, step, max_steps, keep, control)
         asked = _Asked(options, *read_until(until), settle)
-        check_options(options, t_end, samples, until_contact=asked.until_contact)
+        check_options(options, t_end, samples)
         if out is not None:
             check_target(out)
         if batch is not None:
@@ -150,7 +150,10 @@ def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelR
     integrators = integrators_for(options.method, nodes, request.formulation, options.rtol)
     if asked.until_contact:
         quantities += CONTACT_QUANTITIES
-        integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
+        if "radau" not in integrators:  # which watches contacts by itself
+            integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
     wanted = request.wanting(*quantities, integrators=integrators)
-    wanted = wanted if asked.condition is None else watching(structure, wanted, asked.condition)
+    if asked.until_contact and "radau" in integrators:
+        wanted = watching(structure, wanted, "contact")
+    wanted = wanted if asked.condition is None else watching(structure, wanted, "condition", asked.condition)
     return replace(wanted, keep=(options.keep,)) if options.keep else wanted

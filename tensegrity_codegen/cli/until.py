@@ -38,14 +38,14 @@ def read_until(text: str | None) -> tuple[bool, str | None]:
     return False, text
 
 
-def watching(structure: Subject, request: ModelRequest, condition: str) -> ModelRequest:
-    """Return the request with what a condition needs: its quantities, and integrators that watch it."""
+def watching(structure: Subject, request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
+    """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
     from tensegrity_codegen.codegen.events import choose_events
     from tensegrity_codegen.runtime.condition import find_quantities
 
     events = request.events
     if events is None:
         events = choose_events(request, int(structure.tension_only.sum()))
-    kinds = tuple(dict.fromkeys((*events, "condition")))
-    quantities = (*request.quantities, *find_quantities(condition))
-    return replace(request, quantities=quantities, events=kinds)
+    quantities = find_quantities(condition) if condition else ()
+    kinds = tuple(dict.fromkeys((*events, kind)))
+    return replace(request, quantities=(*request.quantities, *quantities), events=kinds)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.choice import Choice, choose_method
-from tensegrity_codegen.runtime.damped_out import PASSING_KINKS, find_left_out, note_left_out, tell_left_out
+from tensegrity_codegen.runtime.damped_out import find_left_out, note_left_out, tell_left_out, trust_in_radau
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.model import CompiledModel
@@ -75,7 +75,9 @@ def _run_explicit(motion: Motion, options: RunOptions, choice: Choice) -> RawTra
 def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return a run of radau, its error within the tolerance."""
     run = _prepare_radau(motion, options, choice)
-    found = tighten_until_converged(run, options.rtol, options.atol, find_left_out, trust=PASSING_KINKS)
+    found = tighten_until_converged(
+        run, options.rtol, options.atol, find_left_out, trust=trust_in_radau(motion)
+    )
     return _by_auto(found)
 
 

@@ -92,13 +92,15 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
 def choose_method(motion: Motion, options: RunOptions) -> Choice:
     """Return the best of the methods that the library holds.
 
-    Events that are asked for, and the energy, are for explicit methods only. Raises FormulationError where
-    the library has no method with error control.
+    Events that radau of this library does not watch, and the energy, are for explicit methods only. Raises
+    FormulationError where the library has no method with error control.
     """
     model = motion.model
     specs = {spec.name: spec for spec in model.manifest.integrators}
     explicit = _choose_explicit(model, tuple(specs), options.rtol)
-    if "radau" not in specs or not explicit.name or motion.watch is not None or options.keep:
+    watched = set(motion.watch.kinds) if motion.watch else set()
+    offered = "radau" in specs and watched <= set(specs["radau"].events)
+    if not offered or not explicit.name or options.keep:
         return _need(model, explicit if explicit.name else Choice("radau" if "radau" in specs else "", ""))
     rates = find_rates(model, specs["radau"].tensions, motion.arguments)
     if rates is None:

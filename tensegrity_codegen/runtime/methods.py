@@ -12,7 +12,8 @@ METHODS = {
     "estimated error at the samples meets rtol and atol",
     "rk54": "Dormand and Prince's Runge-Kutta 5(4) in C, steps cut at events",
     "rk853": "Dormand and Prince's Runge-Kutta 8(5,3) in C, steps cut at events",
-    "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are",
+    "radau": "Radau IIA-5 in C, tensions of bars as unknowns: steps do not depend on how stiff bars are, and "
+    "are cut at events",
     "rk4": "Runge-Kutta 4 in C with the fixed step `step`, cut at events, checked by a run with twice that",
     "scipy_dop853": "SciPy's explicit DOP853 over the same functions, a check",
     "scipy_rk45": "SciPy's explicit RK45 over the same functions, a check",
@@ -20,7 +21,7 @@ METHODS = {
     "scipy_radau": "SciPy's implicit Radau over the same functions, a check",
 }
 ADAPTIVE = ("rk54", "rk853")  # explicit, with error control
-WATCHING = ("auto", *ADAPTIVE, "rk4")  # methods that cut their steps at events
+WATCHING = ("auto", *ADAPTIVE, "rk4", "radau")  # methods that cut their steps at events
 SCIPY_NAME: dict[str, Any] = {
     "scipy_dop853": "DOP853",
     "scipy_rk45": "RK45",

@@ -65,12 +65,12 @@ def ask(
     )
 
 
-def check_options(options: RunOptions, t_end: float, samples: int, *, until_contact: bool = False) -> None:
+def check_options(options: RunOptions, t_end: float, samples: int) -> None:
     """Raise InvalidValueError or UnknownNameError for options that `simulate` cannot work with.
 
-    t_end [s], samples: how long, and how often looked at; until_contact: whether contacts end the run.
+    t_end [s], samples: how long, and how often looked at.
     """
-    _check_method(options.method, until_contact)
+    _check_method(options.method)
     check_keep(options.keep, options.method)
     _check_control(options)
     _check_span(t_end, samples)
@@ -78,18 +78,10 @@ def check_options(options: RunOptions, t_end: float, samples: int, *, until_cont
     _check_steps(options, t_end)
 
 
-def _check_method(method: str, until_contact: bool) -> None:
+def _check_method(method: str) -> None:
     if method not in METHODS:
         raise UnknownNameError(
             "unknown method", where="--method", given=method, hint=suggest(method, METHODS)
-        )
-    if until_contact and method == "radau":
-        raise InvalidValueError(
-            "method 'radau' does not look for contacts",
-            where="--method",
-            given=method,
-            allowed="with --until contact: auto, rk54, rk853, rk4 or SciPy's methods",
-            hint="--method auto",
         )
 
 

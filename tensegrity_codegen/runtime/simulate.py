@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.options import ask, check_options
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.runtime.until_condition import stop_at_condition, watch_condition
+from tensegrity_codegen.runtime.until_contact import stop_at_watched_contact, watches_contact
 
 __all__ = ["simulate"]
 
@@ -53,10 +54,10 @@ def simulate(
     methods; step [s]: for the method "rk4" only; progress: called with the fraction done; max_steps: that one
     run with error control may try, "not_converged" where they do not reach the end; a million, or with `keep`
     a hundred million. until_contact: end with the first contact of bars, as the last sample and in `events`,
-    at t = 0 where they touch from the start; needs bar_distance and bar_distance_jacobian, else
-    FormulationError.
+    at t = 0 where they touch from the start; needs bar_distance and bar_distance_jacobian, with
+    radau the event "contact" too, else FormulationError.
 
-    Methods in C with error control cut their steps where cables go slack or taut, if the library has that
+    Methods in C cut their steps where cables go slack or taut, if the library has that
     event, and where the sign of a condition changes: an expression over quantities, see condition.py, or
     (time, coordinate, velocity) -> number, for libraries with the event "condition"; `log` has all of them.
     until_condition: end with the first such change, as with a contact; where the condition is a comparison,
@@ -77,7 +78,7 @@ def simulate(
     not finite.
     """
     options = ask(method, rtol, atol, step, max_steps, keep, control)
-    check_options(options, t_end, samples, until_contact=until_contact)
+    check_options(options, t_end, samples)
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
     given = dict(arguments or {})
@@ -88,7 +89,9 @@ def simulate(
     motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, schedule)
 
     events: tuple[MotionEvent, ...] = ()
-    if until_contact:
+    if until_contact and watches_contact(model, method):
+        raw, events = stop_at_watched_contact(motion, options)
+    elif until_contact:
         # What a longer fixed step makes of bars that go through each other says nothing.
         once = options if step is None else replace(options, control="steps")
         raw, events = stop_at_contact(motion, lambda motion: integrate(motion, once))

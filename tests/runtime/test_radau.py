@@ -12,7 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen import radau as generated
 from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import radau
@@ -265,11 +265,6 @@ def test_without_two_sided_members_there_is_nothing_to_do_for_it() -> None:
     structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.5)])
     with pytest.raises(FormulationError, match="no two-sided member"):
         compiled(structure)
-
-
-def test_it_does_not_look_for_contacts() -> None:
-    with pytest.raises(InvalidValueError, match="contacts"):
-        simulate(model_of(prism_of_ratio), 0.1, method="radau", until_contact=True)
 
 
 @pytest.mark.parametrize("make", [prism_of_ratio, class_two])

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import radau
@@ -17,6 +18,7 @@ from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.radau import integrate_radau
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
+from tensegrity_codegen.runtime.simulate import simulate
 from tensegrity_codegen.structure import Structure
 from tests.runtime.build import bar, cable, make_structure, spring
 
@@ -40,8 +42,10 @@ def net(mu: float, damping: float = 0.0) -> Structure:
     return structure.with_changes(node_velocity=velocity)
 
 
-def build(structure: Structure, *methods: str, **options: Any) -> CompiledModel:
-    request = ModelRequest(SIMULATION_QUANTITIES, integrators=methods or ("radau", "rk853"), **options)
+def build(structure: Structure, *methods: str, wanted: Any = (), **options: Any) -> CompiledModel:
+    request = ModelRequest(
+        (*SIMULATION_QUANTITIES, *wanted), integrators=methods or ("radau", "rk853"), **options
+    )
     return build_library(structure, request).load()
 
 
@@ -158,10 +162,40 @@ def test_contact_of_bars_is_logged_and_may_end_the_run() -> None:
     structure = make_structure(position, [bar(0, 1, 1.0), bar(2, 3, 1.0)])
     velocity = np.array([[0.0] * 3] * 2 + [[0.0, 0.0, -2.0]] * 2)
     structure = structure.with_changes(radius=np.full(2, 0.05), node_velocity=velocity)
-    model = build(structure, "radau", events=("contact",))
+    request = ("bar_distance", "bar_distance_jacobian")
+    model = build(structure, "radau", wanted=request, events=("contact",))
     logged = run(model, [0.0, 1.0], 1e-9, Watch(("contact",)))
     assert logged.log.kind == ("contact", "contact")
     assert logged.log.direction.tolist() == [-1, 1]
     np.testing.assert_allclose(logged.log.time, [0.45, 0.55], rtol=1e-10)
     ended = run(model, [0.0, 0.2, 1.0], 1e-9, Watch(("contact",), ("contact",)))
     assert ended.time.tolist() == [0.0, 0.2, pytest.approx(0.45, rel=1e-10)]
+    for method in ("radau", "auto"):
+        found = simulate(model, 1.0, samples=6, method=method, until_contact=True)
+        assert found.status == "ok"
+        assert found.events[0].names == ("e0_e1",)
+        assert found.events[0].time == found.time[-1] == pytest.approx(0.45, rel=1e-10)
+        assert found.events[0].margin == pytest.approx(0.0, abs=1e-10)
+    inside = simulate(model, 1.0, method="radau", coordinate=touching(structure), until_contact=True)
+    assert inside.events[0].time == 0.0
+    missing = build(structure, "radau", wanted=request, events=())
+    with pytest.raises(FormulationError, match="not built to watch"):
+        simulate(missing, 1.0, method="radau", until_contact=True)
+
+
+def touching(structure: Structure) -> np.ndarray:
+    place = structure.node_position.copy()
+    place[2:, 2] = 0.05
+    return place.ravel()
+
+
+def test_auto_takes_radau_for_conditions_too() -> None:
+    model = build(net(8e9))
+    found = simulate(
+        model, 3.0, samples=11, rtol=1e-5, condition=lambda t, q, v: q[0] - 1.55, until_condition=True
+    )
+    assert found.status == "ok"
+    assert found.method.startswith("auto (radau")
+    assert found.events[0].kind == "condition"
+    assert found.coordinate[-1, 0] == pytest.approx(1.55, abs=2e-5)
+    assert found.time[-1] < 3.0
