@@ -7,7 +7,7 @@ from tensegrity_codegen.runtime.keep import require_keep
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
-from tensegrity_codegen.runtime.run_end import is_within_reach, judge_end
+from tensegrity_codegen.runtime.run_end import is_within_reach
 
 __all__ = ["integrate_adaptive"]
 
@@ -50,9 +50,9 @@ class _Run(CRun):
 
     def result(self) -> RawTrajectory:
         """Return the samples reached so far, and how the run ended."""
-        events, counts, reached = self.events, self.events.counts, float(self.time[0])
-        status, message = ("ok", "") if events.is_over else judge_end(self.word, reached, self.motion.t_end)
-        times, states = events.samples(self.motion.sample_time, reached)
+        events, counts = self.events, self.events.counts
+        status, message = self.ending()
+        times, states = events.samples(self.motion.sample_time, float(self.time[0]))
         return RawTrajectory(
             time=times,
             state=states,

@@ -11,6 +11,7 @@ from tensegrity_codegen.runtime.event_run import EventRun
 from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
+from tensegrity_codegen.runtime.run_end import judge_end
 
 __all__ = ["CRun", "count_steps"]
 
@@ -54,6 +55,12 @@ class CRun(ABC):
     @abstractmethod
     def result(self) -> RawTrajectory:
         """Return the samples reached so far, and how the run ended."""
+
+    def ending(self) -> tuple[str, str]:
+        """Return the status of a run that stopped here and, if it is not good, what stopped it."""
+        if self.events.is_over:
+            return "ok", ""
+        return judge_end(self.word, float(self.time[0]), self.motion.t_end)
 
     def finish(self) -> RawTrajectory:
         """Go on to the end; return the result. Raises what a condition raises."""

@@ -14,11 +14,9 @@ from tensegrity_codegen.runtime.double_only import require_double
 from tensegrity_codegen.runtime.model import raise_for_status
 from tensegrity_codegen.runtime.motion import Motion
 
-__all__ = ["CHUNK_SECONDS", "BoundIntegrator", "find_integrator"]
+__all__ = ["BoundIntegrator", "find_integrator"]
 
 FloatArray = NDArray[np.float64]
-
-CHUNK_SECONDS = 0.1  # a call into C lasts about this long, so that Ctrl-C and progress get their turn
 
 
 class BoundIntegrator:

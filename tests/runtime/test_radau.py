@@ -15,7 +15,8 @@ from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
 from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import radau
+from tensegrity_codegen.runtime import c_run
+from tensegrity_codegen.runtime.integration import BoundIntegrator
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -97,7 +98,7 @@ class BoundSteps:
 
     def __init__(self, model: CompiledModel, count: int, span: float) -> None:
         state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
-        bound = radau.BoundIntegrator("radau", Motion(model, state, np.array([0.0, span])))
+        bound = BoundIntegrator("radau", Motion(model, state, np.array([0.0, span])))
         ffi = bound.ffi
         time, step = ffi.new("double *", 0.0), ffi.new("double *", span / count)
         counts, vibration = ffi.new("long long[]", 6), ffi.new("double[]", 3)
@@ -235,7 +236,7 @@ def test_parameters_and_inputs_change_at_run_time() -> None:
 
 def test_runs_are_bit_identical_however_they_are_cut_into_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = run_at(prism_of_ratio, 1e7, 1e-7)
-    monkeypatch.setattr(radau, "FIRST_CHUNK", 1)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 1)
     pieces = run_at(prism_of_ratio, 1e7, 1e-7)
     np.testing.assert_array_equal(whole.state, pieces.state)
     np.testing.assert_array_equal(whole.tension, pieces.tension)

@@ -10,7 +10,7 @@ import pytest
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime import radau
+from tensegrity_codegen.runtime import c_run
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.model import CompiledModel
@@ -102,8 +102,8 @@ def test_samples_and_tensions_around_events_are_as_good_as_others() -> None:
 def test_the_same_bits_come_out_in_many_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     model, time = build(net(8e7)), np.linspace(0.0, 2.0, 21)
     whole = run(model, time, 1e-6)
-    monkeypatch.setattr(radau, "FIRST_CHUNK", 1)
-    monkeypatch.setattr(radau, "CHUNK_SECONDS", 0.0)
+    monkeypatch.setattr(c_run, "FIRST_CHUNK", 1)
+    monkeypatch.setattr(c_run, "CHUNK_SECONDS", 0.0)
     pieces = run(model, time, 1e-6)
     np.testing.assert_array_equal(whole.state, pieces.state)
     np.testing.assert_array_equal(whole.tension, pieces.tension)
