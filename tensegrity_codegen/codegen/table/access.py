@@ -73,8 +73,12 @@ class MemberAccess:
         if self.group.is_interior:
             return [f"{array}[{'ij'[end]}{f' + {k}' if k else ''}]" for k in axes]
         places = writer.integers(f"{self.name}_place", self.place)
-        read, size = position_reader(writer, is_rate), 2 * self.model.n_axes
-        return [f"{read}{places}[{size} * e + {end * self.model.n_axes + k}])" for k in axes]
+        texts, size = [], 2 * self.model.n_axes
+        for k in axes:
+            at = f"{places}[{size} * e + {end * self.model.n_axes + k}]"
+            is_free = (self.place[:, end, k] >= 0).all()
+            texts.append(f"{array}[{at}]" if is_free else f"{position_reader(writer, is_rate)}{at})")
+        return texts
 
     def value(self, writer: Writer, name: str, counter: str = "e") -> str:
         """Return the C expression of a scalar of the member that `counter` counts."""

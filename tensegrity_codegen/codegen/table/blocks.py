@@ -10,6 +10,7 @@ import numpy as np
 from tensegrity_codegen.codegen.table.access import MemberAccess
 from tensegrity_codegen.codegen.table.block_pattern import BlockPattern
 from tensegrity_codegen.codegen.table.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.stage import only_where
 from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.symbolic.member_kernel import MemberKernel
 
@@ -44,9 +45,8 @@ class AddBlocks:
         """Return the additions: the columns of node i, then those of node j."""
         size = range(self.pattern.model.n_axes)
         value = _full(results, len(size))
-        places = self._strided(writer, access) if access.group.is_interior else self._listed(writer, access)
-        declarations, at = places
-        lines = list(declarations)
+        make = self._strided if access.group.is_interior else self._listed
+        lines, at, entries = make(writer, access)
         if self.size:
             lines.append(f"{self.size} += {' + '.join(writer.size_of(result) for result in results)};")
         signs = ("+=", "= -" if self.writes_first(access) else "-=")
@@ -55,7 +55,7 @@ class AddBlocks:
                 for r in size:
                     place = at(block, r, c)
                     line = f"{self.target}[{place}] {signs[block % 2]} {value[r][c]};"
-                    lines.append(line if access.group.is_interior else f"if ({place} >= 0) {{ {line} }}")
+                    lines += [line] if entries is None else only_where(entries[:, block, c, r], place, line)
         return lines
 
     def _index(self, row: IntArray, column: IntArray) -> IntArray:
@@ -93,23 +93,28 @@ class AddBlocks:
         ]
         return first, lengths
 
-    def _strided(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place]:
+    def _strided(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place, None]:
         """Return declarations of the first entry of each block and of the length of columns."""
         first, lengths = self.starts(writer, access, "e")
         lines = [f"const int b{block} = {text};" for block, text in enumerate(first)]
         lines += [f"const int c{end} = {text};" for end, text in enumerate(lengths)]
-        return lines, lambda block, r, c: f"b{block}{_times(c, f'c{block // 2}')}{f' + {r}' if r else ''}"
+        return (
+            lines,
+            lambda block, r, c: f"b{block}{_times(c, f'c{block // 2}')}{f' + {r}' if r else ''}",
+            None,
+        )
 
-    def _listed(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place]:
-        """Return no declaration, and a table with every entry of every block."""
+    def _listed(self, writer: Writer, access: MemberAccess) -> tuple[list[str], Place, IntArray]:
+        """Return no declaration, a table of all entries, and the entries (n, 4, columns, rows)."""
         coordinate, size = self.pattern.model.coordinate, self.pattern.model.n_axes
         blocks = [
             self._index(coordinate[row][:, None, :], coordinate[column][:, :, None])
             for row, column in self.pattern.block_nodes(access.member)
         ]
-        table = writer.integers(f"{access.name}_{self.target}_entry", np.stack(blocks, axis=1))
+        entries = np.stack(blocks, axis=1)
+        table = writer.integers(f"{access.name}_{self.target}_entry", entries)
         total = 4 * size * size
-        return [], lambda block, r, c: f"{table}[{total} * e + {(block * size + c) * size + r}]"
+        return [], lambda block, r, c: f"{table}[{total} * e + {(block * size + c) * size + r}]", entries
 
 
 def _times(count: int, name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.module_forces import ModuleForces
 from tensegrity_codegen.codegen.table.stage import loop
 from tensegrity_codegen.codegen.table.writer import Writer
 
@@ -68,6 +69,13 @@ class ExternalForce:
         load = model.structure.node_load[:, model.axes]
         value: FloatArray = load + model.weight_mass[:, None] * model.gravity
         return value
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """The same for every entry of what is filled."""
+        values = np.empty(int(self.wanted.sum()))
+        values[self.index[self.wanted]] = self.constant[self.wanted]
+        return values
 
     @cached_property
     def acting(self) -> NDArray[np.bool_]:
@@ -154,10 +162,14 @@ def mass_text(writer: Writer, node: str, share: FloatArray, name: str, is_argume
 
 @dataclass(frozen=True)
 class FillForces:
-    """Sets every entry of the array `target` to the external force on its component."""
+    """Sets the entries of the array `target` to the external force on their components.
+
+    modules: the stage that begins the sums of some nodes with it, if there is one.
+    """
 
     external: ExternalForce
     target: str
+    modules: ModuleForces | None = None
 
     @property
     def arguments(self) -> frozenset[str]:
@@ -178,10 +190,12 @@ class FillForces:
         """Return the loop over entries, or over nodes where forces are not all constant."""
         external = self.external
         if not self.arguments:
-            values = np.empty(int(external.wanted.sum()))
-            values[external.index[external.wanted]] = external.constant[external.wanted]
-            text = writer.real_at("external_constant", values, "k")
-            return loop("k", len(values), [f"{self.target}[k] = {text};"])
+            left = self._left()
+            if not len(left):
+                return []
+            text = writer.real_at("external_constant", external.values[left], "k")
+            at = writer.index_at(f"external_{self.target}", left, "k")
+            return loop("k", len(left), [f"{self.target}[{at}] = {text};"])
         node = np.flatnonzero(external.wanted.any(axis=1))
         n_axes, entry = external.model.n_axes, external.index[node]
         lines = [f"{writer.real} external[{n_axes}];"]
@@ -196,3 +210,10 @@ class FillForces:
             else:
                 lines.append(f"if ({table}[{at}] >= 0) {{ {self.target}[{table}[{at}]] = external[{k}]; }}")
         return loop("n", len(node), lines)
+
+    def _left(self) -> IntArray:
+        """Return the entries that no other stage sets."""
+        is_left = np.ones(len(self.external.values), dtype=bool)
+        if self.modules is not None:
+            is_left[self.external.index[self.modules.begun]] = False
+        return np.flatnonzero(is_left)

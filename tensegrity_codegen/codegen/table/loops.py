@@ -12,12 +12,13 @@ import numpy as np
 from tensegrity_codegen.assembly import MemberGroup
 from tensegrity_codegen.codegen.table.access import MemberAccess
 from tensegrity_codegen.codegen.table.blocks import AddBlocks
+from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
 from tensegrity_codegen.codegen.table.fours import write_fours
 from tensegrity_codegen.codegen.table.fours_of_blocks import write_block_fours
 from tensegrity_codegen.codegen.table.model import IntArray, TableModel
 from tensegrity_codegen.codegen.table.module_blocks import ModuleBlocks
 from tensegrity_codegen.codegen.table.module_forces import ModuleForces
-from tensegrity_codegen.codegen.table.stage import Stage, loop
+from tensegrity_codegen.codegen.table.stage import Stage, loop, only_where
 from tensegrity_codegen.codegen.table.writer import Writer, index_text
 from tensegrity_codegen.symbolic.member_kernel import MemberKernel, build_member_kernel
 
@@ -119,10 +120,12 @@ def member_loops(
 
 
 def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage]:
-    """Return the stages that add a kernel's pulls to nodes: those in modules, then the others in loops."""
+    """Return the stages that sum up external forces and a kernel's pulls: in modules, then in loops."""
     inside = member_loops(model, kernel, sink, lambda group: group.in_module)
-    modules: list[Stage] = [ModuleForces(tuple(inside), kernel, sink)] if inside else []
-    return [*modules, *member_loops(model, kernel, sink, lambda group: not group.in_module)]
+    external = ExternalForce(model, sink.index)
+    modules = ModuleForces(tuple(inside), kernel, sink, external) if inside else None
+    others = member_loops(model, kernel, sink, lambda group: not group.in_module)
+    return [FillForces(external, sink.target, modules), *([modules] if modules else []), *others]
 
 
 def block_stages(
@@ -174,7 +177,7 @@ class AddToNodes:
         lines = []
         for k in axes:
             at = f"{table}[{entry[0].size} * e + {end * len(axes) + k}]"
-            lines.append(f"if ({at} >= 0) {{ {self.target}[{at}] {sign}= {results[k]}; }}")
+            lines += only_where(entry[:, end, k], at, f"{self.target}[{at}] {sign}= {results[k]};")
         return lines
 
     def _offset(self, writer: Writer, access: MemberAccess, entry: IntArray, end: int) -> str:

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
 from tensegrity_codegen.codegen.table.function import Recipe
 from tensegrity_codegen.codegen.table.loops import AddToNodes, force_stages
 from tensegrity_codegen.codegen.table.model import FloatArray, IntArray, TableModel
@@ -31,9 +30,8 @@ class AddCablesToNodes(AddToNodes):
 
 def cable_force(model: TableModel) -> Recipe:
     """Return how the force without two-sided members is made."""
-    fill = FillForces(ExternalForce(model, model.coordinate), "cable_force")
-    loops = force_stages(model, "pull", AddCablesToNodes("cable_force", model.coordinate))
-    return Recipe((model.n_coordinates, 1), (fill, *loops))
+    stages = force_stages(model, "pull", AddCablesToNodes("cable_force", model.coordinate))
+    return Recipe((model.n_coordinates, 1), tuple(stages))
 
 
 def member_law(model: TableModel) -> Recipe:

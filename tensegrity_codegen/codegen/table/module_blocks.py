@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -12,9 +11,8 @@ from tensegrity_codegen.codegen.table.fours import kind_of
 from tensegrity_codegen.codegen.table.model import IntArray
 from tensegrity_codegen.codegen.table.module_columns import BlockLoops
 from tensegrity_codegen.codegen.table.module_loops import ModuleStage
-from tensegrity_codegen.codegen.table.module_text import shapes_of
+from tensegrity_codegen.codegen.table.module_runs import TOGETHER
 from tensegrity_codegen.codegen.table.writer import Writer
-from tensegrity_codegen.modules import Module
 
 __all__ = ["ModuleBlocks"]
 
@@ -24,37 +22,6 @@ class ModuleBlocks(ModuleStage):
     """Writes the blocks of all members in modules that the sink wants to its matrix."""
 
     sink: AddBlocks
-
-    @cached_property
-    def shapes(self) -> list[list[Module]]:
-        """Modules by shape, those with a member that the sink wants."""
-        return [
-            item for item in shapes_of(self.sink.pattern.model) if np.isin(item[0].kind, self.kinds).any()
-        ]
-
-    @cached_property
-    def kinds(self) -> list[int]:
-        """Classes of members that the sink wants."""
-        classes = {item.access.group.member_class for item in self.loops}
-        return [kind for kind, cls in enumerate(self.sink.pattern.model.plan.classes) if cls in classes]
-
-    @cached_property
-    def is_fresh(self) -> list[list[bool]]:
-        """For each shape and column: whether no column before holds any of its nodes."""
-        touched = np.zeros(self.sink.pattern.model.structure.n_nodes, dtype=bool)
-        found = []
-        for modules in self.shapes:
-            fresh = [True] * len(modules[0].column)
-            for module in modules:
-                for column, nodes in enumerate(module.column):
-                    if self._ends_in(module, column):
-                        fresh[column] &= not touched[nodes].any()
-                        touched[nodes] = True
-            found.append(fresh)
-        return found
-
-    def _ends_in(self, module: Module, column: int) -> bool:
-        return any(module.kind[strand] in self.kinds for strand, _, _ in module.entries(column))
 
     def entries_set(self) -> IntArray:
         """Return the entries of the pattern that are set here, whatever they were before."""
@@ -66,7 +33,7 @@ class ModuleBlocks(ModuleStage):
                 own = [
                     nodes
                     for column, nodes in enumerate(module.column)
-                    if fresh[column] and self._ends_in(module, column)
+                    if fresh[column] and self.ends_in(module, column)
                 ]
                 blocks += [(nodes, nodes) for nodes in own]
         coordinate = pattern.model.coordinate
@@ -84,11 +51,11 @@ class ModuleBlocks(ModuleStage):
         }
         if not kernels:
             return []
-        size, n_axes = next(iter(kernels.values())).stores, writer.model.n_axes
+        size = next(iter(kernels.values())).stores
         lines: list[str] = []
         for number, (modules, fresh) in enumerate(zip(self.shapes, self.is_fresh, strict=True)):
-            written = n_axes**2 * (2 * len(modules[0].member) + len(modules[0].column))
-            loops = BlockLoops(writer, modules, number, kernels, size, size, written)
+            n_sums = size * min(len(modules[0].column), TOGETHER)
+            loops = BlockLoops(writer, modules, number, kernels, size, n_sums)
             loops.sink, loops.fresh = self.sink, fresh
             lines += loops.write()
         if not self.sink.size:

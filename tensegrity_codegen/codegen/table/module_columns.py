@@ -14,7 +14,7 @@ from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.table.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.model import IntArray
 from tensegrity_codegen.codegen.table.module_loops import ShapeLoops, plus
-from tensegrity_codegen.codegen.table.module_runs import BlockLines, ColumnRuns, find_runs
+from tensegrity_codegen.codegen.table.module_runs import BlockLines, ColumnRuns, find_runs, join_runs
 from tensegrity_codegen.codegen.table.module_text import common_step
 from tensegrity_codegen.modules import NEAR, Module
 
@@ -33,30 +33,28 @@ class BlockLoops(ShapeLoops):
     fresh: list[bool]
 
     def row(self, kernel: DensityKernel) -> list[str]:
-        """Return the statements that store a block with its sign turned, and add up sizes."""
-        lines = [
+        """Return the statements that store a block with its sign turned."""
+        return [
             f"row_store(to + c{plus(entry * self.text.room)}, -result[{entry}]);"
             for entry in range(self.size)
         ]
-        if self.sink.size:
-            sizes = " + ".join(f"row_abs(result[{entry}])" for entry in range(self.size))
-            lines.append(f"total = total + row_upto({sizes}, m - c);")
-        return lines
 
     def before(self) -> list[str]:
         """Return the pointers to the blocks of nodes without runs, for each column that has others."""
         return [
-            f"const int *rest{column} = {self._rest_table(column, runs)};"
-            for column, runs in enumerate(self.runs)
-            if runs
+            f"const int *rest{number} = {self._rest_table(number, runs)};"
+            for number, runs in enumerate(self.joined)
         ]
 
     def chunk(self) -> list[str]:
         """Return the statements that write the blocks of a chunk."""
         lines = [line for item in self.strands for end in (0, 1) for line in self._off_diagonal(*item, end)]
-        for column, runs in enumerate(self.runs):
+        last = {runs.columns[-1]: number for number, runs in enumerate(self.joined)}
+        for column in range(self.text.n_columns):
             if self.entries(column):
-                written = self._whole(column) if runs is None else self._in_runs(column, runs)
+                written = self._whole(column) if self.runs[column] is None else []
+                if column in last:
+                    written = self._in_runs(last[column], self.joined[last[column]])
                 lines += self.over_nodes(column, [*self._sums(column), *written])
         return lines
 
@@ -79,6 +77,11 @@ class BlockLoops(ShapeLoops):
             find_runs(self.lines, column, entries, self.sink.places) if entries else None
             for column, entries in enumerate(found)
         ]
+
+    @cached_property
+    def joined(self) -> list[ColumnRuns]:
+        """The same with columns together where they can be."""
+        return join_runs([runs for runs in self.runs if runs], self.text.first.extent, self.fresh)
 
     def _line(self, r: int, c: int) -> int:
         n, low, high = len(self.axes), min(r, c), max(r, c)
@@ -116,9 +119,13 @@ class BlockLoops(ShapeLoops):
         return _Places(self, f"own{column}", nodes, "g" if len(nodes) > 1 else "0")
 
     def _sums(self, column: int) -> list[str]:
-        """Return what adds up the blocks on the diagonal, over what is there where a column before was."""
+        """Return what adds up the blocks on the diagonal, over what is there where a column before was.
+
+        The sizes of all blocks are those of these sums: what is not finite in a block is not in them either.
+        """
         entries, room, fresh = self.entries(column), self.text.room, self.fresh[column]
-        lines, adding = [] if fresh else self._take(self._diagonal(column)), []
+        own = f"{self.writer.real} *const sum = part + {self.lines.of_sums(column)};"
+        lines, adding = [own, *([] if fresh else self._take(self._diagonal(column)))], []
         for line in range(self.size):
             here, zero = plus(line * room), self.writer.number(0.0)
             start = f"row_all({zero})" if fresh else f"row_load(sum + c{here})"
@@ -127,6 +134,11 @@ class BlockLoops(ShapeLoops):
                 at = self.lines.of_strand(strand, offset) + line * room
                 adding.append(f"sum{line} = sum{line} - row_load(part + c + {at});")
             adding.append(f"row_store(sum + c{here}, sum{line});")
+        if self.sink.size:
+            squares = "sum0 * sum0"
+            for line in range(1, self.size):
+                squares = f"row_add_square({squares}, sum{line})"
+            adding.append(f"total = total + row_upto({squares}, q - c);")
         return [*lines, "for (c = 0; c < q; c += ROW) {", *(f"  {line}" for line in adding), "}"]
 
     def _take(self, places: _Places) -> list[str]:
@@ -147,11 +159,11 @@ class BlockLoops(ShapeLoops):
         """Return the calls that write the blocks on the diagonal."""
         return self._spread("sum", self._diagonal(column), "q")
 
-    def _in_runs(self, column: int, runs: ColumnRuns) -> list[str]:
+    def _in_runs(self, number: int, runs: ColumnRuns) -> list[str]:
         """Return what writes all blocks in the columns of nodes: in runs, or one by one."""
         self.writer.uses_columns = True
-        name, target = f"{self._name}_run{column}", self.sink.target
-        left = f"n{_signed(self.text.first.extent[column] - runs.behind)} - k"
+        name, target = f"{self._name}_run{number}", self.sink.target
+        left = f"n{_signed(self.text.first.extent[runs.columns[0]] - runs.behind)} - k"
         lines = [
             f"const int top = k < {runs.first} ? {runs.first} - k : 0;",
             f"const int end = {left} < q ? {left} : q;",
@@ -162,7 +174,7 @@ class BlockLoops(ShapeLoops):
             lines.append(
                 f"lines_to_columns(part + top, {table}, {len(line)}, {at}, end - top, {target}{plus(entry)});"
             )
-        return [*lines, *self._one_by_one(column)]
+        return [*lines, *self._one_by_one(number)]
 
     def _starts(self, name: str, runs: ColumnRuns) -> str:
         """Return what the C function takes as places of nodes, from the one at `top` on."""
@@ -175,17 +187,17 @@ class BlockLoops(ShapeLoops):
         table = self.writer.integers(f"{name}_place", np.concatenate(runs.start))
         return f"{table} + {self.writer.index_at(f'{name}_start', begin, 'g')} + {node}, 0, 0"
 
-    def _rest_table(self, column: int, runs: ColumnRuns) -> str:
+    def _rest_table(self, number: int, runs: ColumnRuns) -> str:
         """Return the C expression of where the blocks of a module's nodes without runs begin."""
-        name = f"{self._name}_rest{column}"
+        name = f"{self._name}_rest{number}"
         ends = [np.vstack([item, [[LAST, 0, 0, 0]]]) for item in runs.rest]
         begin = 4 * np.cumsum([0, *map(len, ends[:-1])])
         table = self.writer.integers(name, np.concatenate(ends))
         return f"{table} + {self.writer.index_at(f'{name}_start', begin, 'g')}"
 
-    def _one_by_one(self, column: int) -> list[str]:
+    def _one_by_one(self, number: int) -> list[str]:
         """Return the loop over the blocks of nodes without runs that a chunk completes."""
-        rest, real, room = f"rest{column}", self.writer.real, self.text.room
+        rest, real, room = f"rest{number}", self.writer.real, self.text.room
         lines = [
             f"const {real} *const own = part + {rest}[1] + {rest}[0] - k;",
             f"{real} *const to = {self.sink.target} + {rest}[2];",

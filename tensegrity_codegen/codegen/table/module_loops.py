@@ -10,11 +10,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel
+from tensegrity_codegen.codegen.table.model import TableModel
 from tensegrity_codegen.codegen.table.module_text import ModuleText, shapes_of
 from tensegrity_codegen.codegen.table.module_values import RowValues
 from tensegrity_codegen.codegen.table.writer import Writer
@@ -37,6 +39,42 @@ class ModuleStage:
     kernel_name: str
 
     @property
+    def model(self) -> TableModel:
+        """The model of all of them."""
+        return self.loops[0].model
+
+    @cached_property
+    def shapes(self) -> list[list[Module]]:
+        """Modules by shape, those with a member that the stage writes."""
+        shapes = shapes_of(self.model) if self.loops else []
+        return [item for item in shapes if np.isin(item[0].kind, self.kinds).any()]
+
+    @cached_property
+    def kinds(self) -> list[int]:
+        """Classes of members that the stage writes."""
+        classes = {item.access.group.member_class for item in self.loops}
+        return [kind for kind, cls in enumerate(self.model.plan.classes) if cls in classes] if classes else []
+
+    @cached_property
+    def is_fresh(self) -> list[list[bool]]:
+        """For each shape and column: whether no column before holds any of its nodes."""
+        found: list[list[bool]] = []
+        touched = np.zeros(self.model.structure.n_nodes if self.loops else 0, dtype=bool)
+        for modules in self.shapes:
+            fresh = [True] * len(modules[0].column)
+            for module in modules:
+                for column, nodes in enumerate(module.column):
+                    if self.ends_in(module, column):
+                        fresh[column] &= not touched[nodes].any()
+                        touched[nodes] = True
+            found.append(fresh)
+        return found
+
+    def ends_in(self, module: Module, column: int) -> bool:
+        """Return whether a member that the stage writes ends in a column."""
+        return any(module.kind[strand] in self.kinds for strand, _, _ in module.entries(column))
+
+    @property
     def arguments(self) -> frozenset[str]:
         """Names of the arguments that it reads."""
         return frozenset[str]().union(*(item.arguments for item in self.loops))
@@ -49,7 +87,7 @@ class ModuleStage:
     @property
     def repeats(self) -> int:
         """Repetitions of the modules of a shape, on average."""
-        shapes = shapes_of(self.loops[0].model) if self.loops else []
+        shapes = self.shapes
         return sum(module.n_repetitions for shape in shapes for module in shape) // max(len(shapes), 1)
 
 
@@ -57,7 +95,7 @@ class ShapeLoops(ABC):
     """The loops over modules of one shape.
 
     strands: class, first strand, behind the last; kernels: of each of these classes; size: results that are
-    kept of a member; n_sums: lines in which nodes add up; written: numbers a repetition writes elsewhere.
+    kept of a member; n_sums: lines in which nodes add up.
     """
 
     def __init__(
@@ -68,14 +106,13 @@ class ShapeLoops(ABC):
         kernels: dict[int, DensityKernel],
         size: int,
         n_sums: int,
-        written: int = 0,
     ) -> None:
         self.writer, self.model = writer, writer.model
         self.axes = range(self.model.n_axes)
         self.size, self.n_sums = size, n_sums
         first = modules[0]
         n_lines = size * len(first.member) + self.model.n_axes * len(first.column) + n_sums
-        self.text = ModuleText(self.model, number, tuple(modules), n_lines, written)
+        self.text = ModuleText(self.model, number, tuple(modules), n_lines, writer.widest)
         self.kernels = kernels
         self.strands = [item for item in self.text.strands() if item[0] in kernels]
         self.reads_rates = any(RATES[0] in kernel.parameters for kernel in kernels.values())
@@ -84,9 +121,9 @@ class ShapeLoops(ABC):
     def row(self, kernel: DensityKernel) -> list[str]:
         """Return the statements that store what a kernel returned, from `to` on."""
 
+    @abstractmethod
     def before(self) -> list[str]:
         """Return the declarations before all chunks."""
-        return []
 
     @abstractmethod
     def chunk(self) -> list[str]:
@@ -103,7 +140,6 @@ class ShapeLoops(ABC):
         length = {**self.arrays, "part": self.arrays["part"] + self.n_sums}
         body = [
             *(f"TENSEGRITY_ALIGNED {real} {name}[{n * room}];" for name, n in length.items()),
-            f"{real} *const sum = part + {self.arrays['part'] * room};",
             f"const int n = {text.repetitions(self.writer)};",
             "int k, c, s;",
             *self.before(),

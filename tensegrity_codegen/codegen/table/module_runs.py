@@ -7,7 +7,7 @@ Where repetition after repetition has them in the same order, nodes side by side
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,12 @@ from tensegrity_codegen.codegen.table.model import IntArray
 from tensegrity_codegen.codegen.table.module_text import ModuleText
 from tensegrity_codegen.modules import NEAR, Module
 
-__all__ = ["BlockLines", "ColumnRuns", "find_runs"]
+__all__ = ["TOGETHER", "BlockLines", "ColumnRuns", "find_runs", "join_runs"]
 
 SHORTEST = 8  # entries of a run: as many as are turned at once
+TOGETHER = (
+    4  # columns of modules that are written together, at most: the sums of each take lines of their own
+)
 Places = Callable[[IntArray, IntArray], tuple[IntArray, IntArray]]
 
 
@@ -33,10 +36,9 @@ class BlockLines:
         """Return where the block of a strand stands for the node at which a chunk begins."""
         return strand * self.size * self.text.room + NEAR - offset
 
-    @property
-    def of_sums(self) -> int:
-        """Where the sums of a column's nodes stand."""
-        return len(self.text.first.member) * self.size * self.text.room
+    def of_sums(self, column: int) -> int:
+        """Return where the sums of a column's nodes stand."""
+        return (len(self.text.first.member) + column % TOGETHER) * self.size * self.text.room
 
     def entries(self, block: int, c: int) -> IntArray:
         """Return where the entries of column c of a block stand."""
@@ -45,18 +47,28 @@ class BlockLines:
 
 @dataclass(frozen=True)
 class ColumnRuns:
-    """The runs of the nodes of one column of modules, but for the first and the last of them.
+    """The runs of the nodes of columns of modules, but for the first and the last of them.
 
-    first: node at which runs begin; behind: how many nodes at the end have none; runs: lines of the entries
-    of each, and how far its first entry is from the node's; start: for each module, the first entry of each
-    node with runs; rest: for each module, blocks of nodes without: node, line, first entry, column length.
+    columns: those whose nodes have one distance in the matrix; first: node at which runs begin; behind: how
+    many nodes at the end have none; line, entry: of each entry of a node, rising; start: for each module, the
+    first entry of each node with runs; rest: for each module, blocks of nodes without: node, line, first
+    entry, column length.
     """
 
+    columns: tuple[int, ...]
     first: int
     behind: int
-    runs: tuple[tuple[IntArray, int], ...]
+    line: IntArray
+    entry: IntArray
     start: tuple[IntArray, ...]
     rest: tuple[IntArray, ...]
+
+    @property
+    def runs(self) -> list[tuple[IntArray, int]]:
+        """Lines and first entry of each run."""
+        cuts = np.flatnonzero(np.diff(self.entry) != 1) + 1
+        pieces = zip(np.split(self.line, cuts), np.split(self.entry, cuts), strict=True)
+        return [(line, int(entry[0])) for line, entry in pieces]
 
 
 def find_runs(
@@ -75,13 +87,47 @@ def find_runs(
     begin, behind = (max(span[k] for span in spans) for k in (0, 1))
     if (first[:, middle] < 0).any() or any(2 * (begin + behind) > len(length) for _, length in found):
         return None
-    block = np.array([*(lines.of_strand(strand, offset) for strand, _, offset in entries), lines.of_sums])
-    runs = _split(lines, block, pattern, int(height))
-    if min(len(line) for line, _ in runs) < SHORTEST:
-        return None
+    sums = lines.of_sums(column)
+    block = np.array([*(lines.of_strand(strand, offset) for strand, _, offset in entries), sums])
     start = tuple(first[:, begin : first.shape[1] - behind].min(axis=0) for first, _ in found)
     rest = tuple(_rest(first, length, block, begin, behind) for first, length in found)
-    return ColumnRuns(begin, behind, runs, start, rest)
+    line, entry = _entries(lines, block, pattern, int(height))
+    runs = ColumnRuns((column,), begin, behind, line, entry, start, rest)
+    return runs if min(len(line) for line, _ in runs.runs) >= SHORTEST else None
+
+
+def join_runs(found: Sequence[ColumnRuns], extent: Sequence[int], fresh: Sequence[bool]) -> list[ColumnRuns]:
+    """Return the runs with those of columns after one another in one, where their nodes go side by side.
+
+    extent: how many nodes beyond the repetitions each column has; fresh: whether it reads nothing of the
+    matrix, which the columns before may have to write first.
+    """
+    joined: list[ColumnRuns] = []
+    for runs in found:
+        can_join = joined and fresh[runs.columns[0]]
+        both = _join(joined[-1], runs, extent) if can_join else None
+        joined[len(joined) - bool(both) :] = [both or runs]
+    return joined
+
+
+def _join(one: ColumnRuns, other: ColumnRuns, extent: Sequence[int]) -> ColumnRuns | None:
+    before, column = one.columns[-1], other.columns[0]
+    is_next = column == before + 1 and column % TOGETHER > 0 and extent[column] == extent[before]
+    if not is_next or (one.first, one.behind) != (other.first, other.behind):
+        return None
+    away = int(other.start[0][0] - one.start[0][0])
+    if any((b - a != away).any() for a, b in zip(one.start, other.start, strict=True)):
+        return None
+    line, entry = np.append(one.line, other.line), np.append(one.entry, other.entry + away)
+    order = np.argsort(entry)
+    rest = [np.concatenate(pair) for pair in zip(one.rest, other.rest, strict=True)]
+    return replace(
+        one,
+        columns=(*one.columns, column),
+        line=line[order],
+        entry=entry[order],
+        rest=tuple(item[np.argsort(item[:, 0], kind="stable")] for item in rest),
+    )
 
 
 def _places(
@@ -110,18 +156,13 @@ def _span(first: IntArray, length: IntArray, pattern: IntArray, height: int) -> 
     return begin, len(length) - end
 
 
-def _split(
-    lines: BlockLines, block: IntArray, pattern: IntArray, height: int
-) -> tuple[tuple[IntArray, int], ...]:
-    """Return lines and first entry of each run, given the blocks' lines and first entries."""
+def _entries(lines: BlockLines, block: IntArray, pattern: IntArray, height: int) -> tuple[IntArray, IntArray]:
+    """Return line and entry of all values of a node's blocks, given the blocks' lines and first entries."""
     axes = range(len(lines.order))
     line = np.concatenate([lines.entries(item, c) for c in axes for item in block.tolist()])
     entry = np.concatenate([first + c * height + np.array(axes) for c in axes for first in pattern.tolist()])
     order = np.argsort(entry)
-    line, entry = line[order], entry[order]
-    cuts = np.flatnonzero(np.diff(entry) != 1) + 1
-    pieces = zip(np.split(line, cuts), np.split(entry, cuts), strict=True)
-    return tuple((piece, int(where[0])) for piece, where in pieces)
+    return line[order], entry[order]
 
 
 def _rest(first: IntArray, length: IntArray, block: IntArray, begin: int, behind: int) -> IntArray:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.model import IntArray, TableModel
-from tensegrity_codegen.codegen.table.writer import BEYOND, Writer
+from tensegrity_codegen.codegen.table.writer import Writer
 from tensegrity_codegen.modules import NEAR, Module
 
 __all__ = ["ModuleText", "common_step", "shapes_of"]
@@ -31,15 +31,14 @@ def shapes_of(model: TableModel) -> list[list[Module]]:
 class ModuleText:
     """Modules of one shape, number `number`; in C, `g` counts them, `n` is the number of repetitions.
 
-    lines: lines of a chunk, one for each value that a repetition keeps; written: numbers that a repetition
-    writes elsewhere, which share the fastest memory with them.
+    lines: lines of a chunk, one for each value that a repetition keeps; widest: values of the widest row.
     """
 
     model: TableModel
     number: int
     modules: tuple[Module, ...]
     lines: int
-    written: int = 0
+    widest: int
 
     @property
     def name(self) -> str:
@@ -59,7 +58,7 @@ class ModuleText:
     @cached_property
     def chunk(self) -> int:
         """Repetitions of one chunk: as many as fit, in chunks of about equal length."""
-        most = (FAST_BYTES // 8 - self.lines * (NEAR + BEYOND)) // (self.lines + self.written)
+        most = (FAST_BYTES // 8 - self.lines * (NEAR + self.widest)) // self.lines
         most = max(2 * STEP, min(LONGEST_CHUNK, most // STEP * STEP))
         total = max(module.n_repetitions for module in self.modules) + self.extent
         return -(-total // -(-total // most) // STEP) * STEP
@@ -68,7 +67,7 @@ class ModuleText:
     def room(self) -> int:
         """Length of a line."""
         # An odd number of cache lines: lines an even number apart would share few places in the cache.
-        length = self.chunk + NEAR + BEYOND
+        length = self.chunk + NEAR + self.widest
         return length + (8 if length % 16 == 0 else 0)
 
     def strands(self) -> list[tuple[int, int, int]]:

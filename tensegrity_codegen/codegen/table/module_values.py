@@ -9,7 +9,7 @@ from tensegrity_codegen.codegen.lanes.kernel import VALUES, DensityKernel
 from tensegrity_codegen.codegen.table.access import MemberAccess
 from tensegrity_codegen.codegen.table.model import IntArray
 from tensegrity_codegen.codegen.table.module_text import ModuleText
-from tensegrity_codegen.codegen.table.writer import BEYOND, Writer
+from tensegrity_codegen.codegen.table.writer import Writer
 
 __all__ = ["RowValues"]
 
@@ -35,7 +35,7 @@ class RowValues:
             self.of_strand.insert(0, f"const int at = {self._start()};")
 
     def _padded(self) -> IntArray:
-        return np.array([module.n_repetitions + BEYOND for module in self.text.modules])
+        return np.array([module.n_repetitions + self.writer.widest for module in self.text.modules])
 
     def _members(self) -> IntArray:
         """Return the members of all modules, strand by strand, the last one repeated to fill a row."""
@@ -64,8 +64,8 @@ class RowValues:
         if is_worked_out:
             self.reads_table = True
             self.of_strand += [
-                f"{self.writer.real} {name}_of_row[{self.text.chunk + BEYOND}];",
-                f"for (c = 0; c < {self.text.chunk + BEYOND}; ++c) {{",
+                f"{self.writer.real} {name}_of_row[{self.text.chunk + self.writer.widest}];",
+                f"for (c = 0; c < {self.text.chunk + self.writer.widest}; ++c) {{",
                 "  const int e = at + (c < m ? c : m - 1);",
                 f"  {name}_of_row[c] = {access.value(self.writer, value)};",
                 "}",

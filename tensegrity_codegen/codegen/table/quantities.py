@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from tensegrity_codegen.codegen.table.coupled_mass import SolveCoupled
-from tensegrity_codegen.codegen.table.external import ExternalForce, FillForces
 from tensegrity_codegen.codegen.table.function import Recipe
 from tensegrity_codegen.codegen.table.loops import (
     AddToNodes,
@@ -48,10 +47,7 @@ def _cable_margin(model: TableModel) -> Recipe:
 
 def _forces(model: TableModel, index: IntArray, target: str, pull: str) -> list[Stage]:
     """Return the stages that fill `target` with the net force on the components `index` >= 0."""
-    return [
-        FillForces(ExternalForce(model, index), target),
-        *force_stages(model, pull, AddToNodes(target, index)),
-    ]
+    return force_stages(model, pull, AddToNodes(target, index))
 
 
 def _node_force(model: TableModel) -> Recipe:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+from tensegrity_codegen.codegen.table.model import IntArray
 from tensegrity_codegen.codegen.table.writer import Writer
 
-__all__ = ["Stage", "loop", "summed_operations"]
+__all__ = ["Stage", "loop", "only_where", "summed_operations"]
 
 
 class Stage(Protocol):
@@ -45,6 +46,14 @@ def loop(
         "  }",
         "}",
     ]
+
+
+def only_where(entries: IntArray, text: str, statement: str) -> list[str]:
+    """Return a statement for those passes of a loop whose entry, `text` in C, is not negative."""
+    is_there = entries >= 0
+    if is_there.all():
+        return [statement]
+    return [f"if ({text} >= 0) {{ {statement} }}"] if is_there.any() else []
 
 
 def summed_operations(stages: Sequence[Stage]) -> int:

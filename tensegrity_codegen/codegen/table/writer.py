@@ -16,11 +16,9 @@ from tensegrity_codegen.modules import NEAR
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.member_kernel import VECTORS, MemberKernel, build_member_kernel
 
-__all__ = ["BEYOND", "Writer", "index_text"]
+__all__ = ["Writer", "index_text"]
 
 Array = NDArray[Any]
-
-BEYOND = 16  # values that rows may reach beyond a line of repetitions: as many as the widest row has
 
 
 class Writer:
@@ -33,6 +31,9 @@ class Writer:
         self.model = model
         self.precision = precision
         self.real = precision.c_type
+        self.widest = (
+            64 // precision.dtype.itemsize
+        )  # values of the widest row: it may reach so far beyond lines
         self._arrays: dict[tuple[str, bytes], str] = {}
         self._values: dict[str, tuple[str, Array]] = {}
         self._texts: dict[str, str] = {}
@@ -116,7 +117,7 @@ class Writer:
             "zero": self.number(0.0),
             "n_axes": self.model.n_axes,
             "near": NEAR,
-            "beyond": BEYOND,
+            "beyond": self.widest,
             "has_columns": self.uses_columns,
             "kernels": list(self._rows.values()),
         }
