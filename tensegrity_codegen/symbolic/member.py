@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.symbolic.geometry import member_length, member_rate
-from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_block
+from tensegrity_codegen.symbolic.member_blocks import MemberBlocks, stiffness_block, tangent_block
 from tensegrity_codegen.symbolic.member_law import MemberLaw
 
 __all__ = ["Member"]
@@ -84,9 +84,8 @@ class Member:
 
     def tangent_block(self) -> MemberBlocks:
         """Return the sum of both, (n_axes, n_axes) [N/m]."""
-        return stiffness_block(
-            self.vector, self.length, self.law.static_tension_by_length(), self.static_density
-        )
+        slope, tension = self.law.static_tension_by_length(), self.law.static_tension()
+        return tangent_block(self.vector, self.length, slope, tension)
 
     def rate_block(self) -> MemberBlocks:
         """Return c d d^T / l^2 while it pulls, (n_axes, n_axes) [N s/m]."""
@@ -96,7 +95,7 @@ class Member:
     def position_block(self) -> MemberBlocks:
         """Return -d(force)/d(vector), damping included, (n_axes, n_axes) [N/m]."""
         law, d = self.law, self.vector
-        block = stiffness_block(d, self.length, law.tension_by_length(), self.density)
+        block = tangent_block(d, self.length, law.tension_by_length(), law.tension())
         if not self.is_damped:
             return block
         # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.

@@ -12,7 +12,7 @@ import casadi as ca
 
 from tensegrity_codegen.symbolic.geometry import dot
 
-__all__ = ["MemberBlocks", "stiffness_block"]
+__all__ = ["MemberBlocks", "stiffness_block", "tangent_block"]
 
 Scalar = Any
 Vector = list[Scalar]
@@ -47,13 +47,25 @@ def stiffness_block(vector: Vector, length: Scalar, slope: Scalar, density: Scal
     """Return one member's stiffness block, slope d d^T / l^2 + density (I - d d^T / l^2) [N/m].
 
     slope = dt/dl and density = t/l [N/m]: the material and the geometric part (S&K 5, the same as
-    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. One quotient serves all entries; over one axis
-    d / l is exactly 1 or -1, and nothing is left of the geometric part.
+    mu [(1 - rho/l) I + (rho/l^3) d d^T]); either may be zero. Over one axis d / l is exactly 1 or -1, and
+    nothing is left of the geometric part.
     """
     if len(vector) == 1:
-        unit = [vector[0] / length]
-        along = MemberBlocks.outer(unit, unit, slope - density)
-    else:
-        along = MemberBlocks.outer(vector, vector, (slope - density) / dot(vector, vector))
+        return _sum([vector[0] / length], slope - density, density)
+    return _sum(vector, (slope - density) / dot(vector, vector), density)
+
+
+def tangent_block(vector: Vector, length: Scalar, slope: Scalar, tension: Scalar) -> MemberBlocks:
+    """Return the stiffness block with both parts [N/m], from the tension [N]: one quotient serves all entries."""
+    if len(vector) == 1:
+        return stiffness_block(vector, length, slope, tension / length)
+    inverse = length / dot(vector, vector)  # CasADi would make quotients again of products with 1 / length
+    density = tension * inverse
+    return _sum(vector, (slope - density) * (inverse * inverse), density)
+
+
+def _sum(vector: Vector, along: Scalar, density: Scalar) -> MemberBlocks:
+    """Return along d d^T + density I."""
     size, zero = range(len(vector)), ca.SX(0.0)
-    return MemberBlocks(tuple(tuple(density if r == c else zero for c in size) for r in size)).plus(along)
+    identity = MemberBlocks(tuple(tuple(density if r == c else zero for c in size) for r in size))
+    return identity.plus(MemberBlocks.outer(vector, vector, along))
