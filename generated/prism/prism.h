@@ -180,7 +180,7 @@ extern PRISM_API const int prism_tangent_stiffness_column_start[16];
  *
  *   coordinate (15,) [m]: Free node coordinates, node by node.
  *   returns tangent_stiffness (15, 15) [N/m], the non-zeros column by column
- *   432 operations. Source: S&K 5.
+ *   456 operations. Source: S&K 5.
  */
 PRISM_API int prism_compute_tangent_stiffness(
     const double coordinate[15],

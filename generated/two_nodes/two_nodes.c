@@ -321,20 +321,21 @@ typedef double finite_row __attribute__((vector_size(FINITE_BYTES)));
 typedef double finite_load __attribute__((vector_size(FINITE_BYTES), aligned(sizeof(double)), may_alias));
 #endif
 
-/* Non-zero if every value is finite: x - x is 0 then, else NAN. Four sums, so that none waits for the last. */
+/* Non-zero if every value is finite: their sum is finite then, unless huge ones overflow, else x - x is NAN somewhere.
+ * Four sums, so that none waits for the last. */
 static int all_finite(const double *values, int count)
 {
   double sum = 0.0;
+  int j;
   int k = 0;
 #if defined(__GNUC__)
   finite_row a = {0.0}, b = a, c = a, d = a;
-  int j;
   for (; k + 4 * FINITE_ROW <= count; k += 4 * FINITE_ROW) {
     const finite_load *v = (const finite_load *)(const void *)(values + k);
-    a += v[0] - v[0];
-    b += v[1] - v[1];
-    c += v[2] - v[2];
-    d += v[3] - v[3];
+    a += v[0];
+    b += v[1];
+    c += v[2];
+    d += v[3];
   }
   a += b + (c + d);
   for (j = 0; j < FINITE_ROW; ++j) {
@@ -342,7 +343,13 @@ static int all_finite(const double *values, int count)
   }
 #endif
   for (; k < count; ++k) {
-    sum += values[k] - values[k];
+    sum += values[k];
+  }
+  if (sum - sum == 0.0) {
+    return 1;
+  }
+  for (sum = 0.0, j = 0; j < count; ++j) {
+    sum += values[j] - values[j];
   }
   return sum == 0.0;
 }

@@ -56,7 +56,7 @@ def stiffness_block(vector: Vector, length: Scalar, slope: Scalar, density: Scal
 
 
 def tangent_block(vector: Vector, length: Scalar, slope: Scalar, tension: Scalar) -> MemberBlocks:
-    """Return the stiffness block with both parts [N/m], from the tension [N]: one quotient serves all entries."""
+    """Return the block of both parts [N/m], from the tension [N]: one quotient serves all entries."""
     if len(vector) == 1:
         return stiffness_block(vector, length, slope, tension / length)
     inverse = length / dot(vector, vector)  # CasADi would make quotients again of products with 1 / length
