@@ -33,6 +33,7 @@ MOST_ITERATIONS = 10
 NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
 LEAST_RATIO = 0.02  # that corrections are taken to shrink by
 RESOLVED = 25.0  # (h omega)^2 of a member's vibration from which on a step does not resolve it
+REDUNDANT = 1e-10  # of the diagonal of a multiplier, that a row which repeats others leaves at most
 NOWHERE = 2**30
 
 
@@ -46,7 +47,7 @@ def radau_spec(
 ) -> IntegratorSpec:
     """Return what a library says of the integrator; events: what it watches.
 
-    Raises FormulationError for a model without its functions or without two-sided members.
+    Raises FormulationError for a model without its functions.
     """
     by_name = {item.quantity: item for item in functions}
     if not all(item in by_name for item in RADAU_QUANTITIES) or not isinstance(subject, Structure):
@@ -63,14 +64,6 @@ def radau_spec(
         for member in np.flatnonzero(~subject.tension_only).tolist()
         if any((node, axis) in place for node in frame.connectivity[member] for axis in frame.axes)
     )
-    if not members:
-        raise FormulationError(
-            "the integrator 'radau' is for stiff bars, and no two-sided member moves here",
-            where=f"{model_name}: model.integrators",
-            given=name,
-            allowed="a structure with a bar or a two-sided cable that joins a free node",
-            hint="use rk54",
-        )
     used = {
         argument for item in (*RADAU_QUANTITIES, *events.quantities) for argument in by_name[item].arguments
     }
@@ -146,6 +139,7 @@ def radau_context(
         "newton_share": NEWTON_SHARE,
         "least_ratio": LEAST_RATIO,
         "resolved": RESOLVED,
+        "redundant": REDUNDANT,
         "kernels": {name: functions[name].arguments for name in RADAU_QUANTITIES},
     }
 

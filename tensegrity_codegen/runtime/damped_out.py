@@ -41,7 +41,14 @@ def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajec
     """
     model, state = motion.model, motion.state
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    stiff = find_integrator(model.manifest, "radau").tensions
+    stiff, trust = find_integrator(model.manifest, "radau").tensions, trust_in_radau(motion)
+    if not stiff:  # nothing that vibrates by itself
+        return tighten_until_converged(
+            lambda rtol, atol: integrate_radau(motion, options.within(rtol, atol)),
+            options.rtol,
+            options.atol,
+            trust=trust,
+        )
     rates = find_rates(model, stiff, motion.arguments)
     assert rates is not None  # a library with radau has what it takes
     with np.errstate(all="ignore"):  # members without a length have no direction
@@ -53,7 +60,7 @@ def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajec
         return note_left_out(raw, vibration.damped_out(atol + rtol * size) + jumps)
 
     found = tighten_until_converged(
-        run, options.rtol, options.atol, find_left_out, trust=trust_in_radau(motion), resolves_left_out=True
+        run, options.rtol, options.atol, find_left_out, trust=trust, resolves_left_out=True
     )
     return tell_left_out(found, options)
 

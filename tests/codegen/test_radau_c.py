@@ -10,8 +10,10 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.toolchain import find_compiler
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.structure import Structure
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.runtime.build import cable, make_structure
 from tests.runtime.stiff_bars import class_two
 
 MAIN = """
@@ -38,8 +40,8 @@ int main(void)
 """
 
 
-def write(folder: Path) -> Path:
-    structure = class_two(1e6, 0.3).with_changes(name="chain")
+def write(folder: Path, structure: Structure | None = None) -> Path:
+    structure = (class_two(1e6, 0.3) if structure is None else structure).with_changes(name="chain")
     changeable = {"rest_length": tuple(range(structure.n_members)), "gravity": ()}
     source = emit(structure, ModelRequest(("member_tension",), changeable, integrators=("radau",)))
     passed = "".join(f"chain_nominal_{name}, " for name in source.manifest.integrators[0].arguments)
@@ -47,6 +49,14 @@ def write(folder: Path) -> Path:
 
 
 REFERENCE: dict[str, str] = {}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_it_compiles_without_a_warning_where_there_is_no_multiplier(family: str, tmp_path: Path) -> None:
+    compiler = require_compiler(family)
+    cables = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.9)], anchored={0: "xyz"}, axes="x")
+    folder = write(tmp_path, cables)
+    run([*compiler.command, "-std=c99", "-O1", *STRICT, "-c", "chain.c"], folder, compiler)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

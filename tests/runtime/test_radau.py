@@ -12,7 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen import radau as generated
 from tensegrity_codegen.codegen.cache import CACHE_VARIABLE
-from tensegrity_codegen.errors import FormulationError, NonFiniteError
+from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime import c_run
@@ -27,6 +27,7 @@ from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.structure import Structure
 from tests.runtime.build import bar, cable, make_structure
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio
+from tests.runtime.test_integrator_events import net
 
 TIME = np.linspace(0.0, 0.5, 11)
 
@@ -262,10 +263,61 @@ def test_a_tolerance_below_rounding_is_not_called_met() -> None:
     assert raw.status == "not_converged"
 
 
-def test_without_two_sided_members_there_is_nothing_to_do_for_it() -> None:
-    structure = make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.5)])
-    with pytest.raises(FormulationError, match="no two-sided member"):
-        compiled(structure)
+def test_without_two_sided_members_it_is_a_method_like_others() -> None:
+    model = compiled(net())
+    assert model.manifest.integrators[0].tensions == ()
+    exact, found = (
+        simulate(model, 1.0, samples=11, method=method, rtol=1e-8, atol=1e-8) for method in ("rk853", "radau")
+    )
+    assert found.status == "ok"
+    assert found.log.count == exact.log.count > 0
+    np.testing.assert_allclose(found.coordinate, exact.coordinate, atol=1e-7)
+    np.testing.assert_allclose(found.member_tension, exact.member_tension, atol=1e-4)
+
+
+def braced(mu: float) -> Structure:
+    """A square with both diagonals, one more than hold it, between four cables."""
+    position = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0.5, 0], [2.1, 0.5, 0]]
+    sides = [bar(k, (k + 1) % 4, 1.0, mu) for k in range(4)]
+    diagonals = [bar(k, k + 2, np.sqrt(2.0), mu) for k in range(2)]
+    cables = [cable(a, b, rest, 50.0) for a, b, rest in ((4, 0, 0.9), (4, 3, 1.0), (5, 1, 1.0), (5, 2, 0.9))]
+    structure = make_structure(
+        position,
+        [*sides, *diagonals, *cables],
+        anchored={4: "xyz", 5: "xyz"},
+        axes="xy",
+        gravity=(0.0, -2.0, 0.0),
+    )
+    return structure.with_changes(name="braced")
+
+
+def test_bars_that_repeat_each_other_move_as_their_stiffness_says() -> None:
+    """Six bars where five hold the square: rows of the smooth equations repeat each other."""
+    exact = simulate(compiled(braced(1e4)), 0.5, samples=6, method="rk853", rtol=1e-10, atol=1e-11)
+    raw = run(compiled(braced(1e4)), 1e-8, np.linspace(0.0, 0.5, 6))
+    assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 1e-6
+    stiff, stiffer = (run(compiled(braced(mu)), 1e-7, np.linspace(0.0, 0.5, 6)) for mu in (1e10, 1e12))
+    assert stiff.status == stiffer.status == "ok"
+    assert stiff.evidence["accepted"] < 200
+    np.testing.assert_allclose(stiff.state[1:], stiffer.state[1:], atol=1e-6)
+    assert stiff.tension is not None
+    np.testing.assert_allclose(stiff.tension[1:], stiffer.tension[1:], atol=1e-2)
+
+
+def test_more_bars_than_coordinates_are_no_trouble() -> None:
+    position = [[0, 0, 0], [1, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0]]
+    rest = [float(np.linalg.norm(place)) for place in position[1:]]
+    structure = make_structure(
+        position,
+        [bar(0, k + 1, length, 100.0) for k, length in enumerate(rest)],
+        anchored=dict.fromkeys((1, 2, 3), "xyz"),
+        axes="xy",
+        gravity=(0.0, -2.0, 0.0),
+    )
+    model, time = compiled(structure), np.linspace(0.0, 1.0, 6)
+    exact = simulate(model, 1.0, samples=6, method="rk853", rtol=1e-10, atol=1e-12)
+    raw = run(model, 1e-8, time)
+    assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 1e-7
 
 
 @pytest.mark.parametrize("make", [prism_of_ratio, class_two])
