@@ -17,25 +17,30 @@ __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 FloatArray = NDArray[np.float64]
 
 FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
+PHASE = 0.1  # rad, by which the fastest vibration may be off at the end and still count as followed
+KEPT = 0.3  # e-folds, by which it may have faded in a run that shows that it is there
+SHORTEST = 1.0 / 16.0  # steps to compare with, over the step
 MOST_ERROR = 5e-3  # over the mean member length and the largest speed: beyond, a result is lost
 
 
 def check_by_doubling(
-    run: Callable[[float], RawTrajectory], step: float, manifest: Manifest
+    run: Callable[[float], RawTrajectory], step: float, manifest: Manifest, frequency: float = 0.0
 ) -> RawTrajectory:
     """Return the run with this step [s], its status "inaccurate" where its estimated error is beyond use.
 
     run: step -> trajectory, with the step that it took. error_estimate: what the difference to a run with
     twice the step says of one of order 2, as where cables go slack, over half a hundredth of the mean member
     length in coordinates and of the largest speed in velocities; where that is beyond use, or that run fails,
-    or the step is the whole time, the whole difference to a run with half the step.
+    or the step is the whole time, the whole difference to a run with half the step. frequency [rad/s]: of the
+    fastest vibration; where these steps lose it, longer ones do so too, and the run is held to one that does
+    not.
     """
     found = run(step)
     if found.status != "ok":
         return found
     step = found.step or step  # a longer one was cut to the whole time
     error, n_evaluations = None, found.n_evaluations
-    for factor in FACTORS:
+    for factor in _factors(frequency, step, float(found.time[-1])):
         other = run(factor * step)
         n_evaluations += other.n_evaluations
         ratio = _ratio(other, found)
@@ -47,6 +52,18 @@ def check_by_doubling(
     if error is not None and error <= 1.0:
         return checked
     return replace(checked, status="inaccurate", message=_say(error))
+
+
+def _factors(frequency: float, step: float, end: float) -> tuple[float, ...]:
+    """Return steps to compare with, over the step.
+
+    Runge-Kutta 4 with h takes a vibration w by (w h)^4 / 120 of its phase and (w h)^5 / 144 of its size.
+    """
+    turned, reach = frequency * end, frequency * step
+    if turned * reach**4 <= 120.0 * PHASE:
+        return FACTORS
+    kept = (144.0 * KEPT / turned) ** 0.2 / reach
+    return (min(FACTORS[1], max(SHORTEST, kept)),)
 
 
 def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manifest: Manifest) -> RawBatch:
