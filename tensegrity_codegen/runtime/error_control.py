@@ -20,6 +20,7 @@ MOST_ROUNDS = 7
 TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
 MOST_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
+FLOORS_APART = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
 BLOCK = 2**20  # numbers compared at a time
 MOST_OF_TOLERANCE = 10.0  # that is still good where nothing better can be had
 
@@ -45,7 +46,8 @@ def tighten_until_converged(
 
     left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
     those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
-    which the steps' absolute tolerance does not go; where it stays the whole difference counts. trust: the
+    which the steps' absolute tolerance does not go; there the whole difference to a run with ten times that
+    counts. trust: the
     part of a difference that counts at least, for methods that pass over kinks. resolves_left_out: whether
     tighter steps leave less out, so that amounts of positions keep the rounds going after all.
     """
@@ -78,6 +80,10 @@ def tighten_until_converged(
             n_evaluations += finer.n_evaluations
         if finer.status != "ok":
             return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
+        if atol * factor <= least and before < FLOORS_APART * least:
+            before = 10.0 * least
+            previous = run(10.0 * rtol * factor, before)
+            n_evaluations += previous.n_evaluations
         off = left_out(finer) if left_out else np.zeros(finer.state.shape[1])
         trusted = max(shrink, max(atol * factor, least) / before)
         wider, apart = apart, _difference(previous, finer, rtol, atol, off)

@@ -83,7 +83,7 @@ def certify_case(case: Case, runs: Runs, *, positions_only: bool = False) -> Tru
             for other in found:
                 apart = np.abs(ending.state - other.state)
                 if is_agreed(case, other.state, apart, positions_only=positions_only):
-                    return _truth(other, ending, apart, not positions_only)
+                    return _truth(case, other, ending, apart, not positions_only)
             found.append(ending)
         if len(found) < 2:
             return None
@@ -96,10 +96,12 @@ def is_agreed(case: Case, state: FloatArray, apart: FloatArray, *, positions_onl
     return bool(np.all(good[:, : good.shape[1] // 2] if positions_only else good))
 
 
-def _truth(one: Ending, other: Ending, apart: FloatArray, knows_speed: bool) -> Truth:
+def _truth(case: Case, one: Ending, other: Ending, apart: FloatArray, knows_speed: bool) -> Truth:
+    """Return what two endings agree on; their tensions are as uncertain as their states make them, too."""
     if one.tension is None or other.tension is None or not knows_speed:
         return Truth(one.state, apart, knows_speed=knows_speed)
-    return Truth(one.state, apart, one.tension, np.abs(one.tension - other.tension))
+    uncertain = tension_tolerance(case.structure, one.state, apart, case.structure.is_rigid)
+    return Truth(one.state, apart, one.tension, np.abs(one.tension - other.tension) + uncertain)
 
 
 def judge(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
