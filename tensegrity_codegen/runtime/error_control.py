@@ -47,9 +47,9 @@ def tighten_until_converged(
     left_out: run -> amounts (n_states,) that all runs are off by alike. They do not keep the rounds going;
     those of positions count in the estimate, those of velocities are the caller's to tell. least_atol: below
     which the steps' absolute tolerance does not go; there the whole difference to a run with ten times that
-    counts. trust: the
-    part of a difference that counts at least, for methods that pass over kinks. resolves_left_out: whether
-    tighter steps leave less out, so that amounts of positions keep the rounds going after all.
+    counts. trust: the part of a difference that counts at least, for methods that pass over kinks.
+    resolves_left_out: whether tighter steps leave less out, so that amounts of positions keep the rounds
+    going after all.
     """
     if rtol < 10.0 * TIGHTEST_RTOL:
         return _beyond_rounding(run, rtol, atol)
