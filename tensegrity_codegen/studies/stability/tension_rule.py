@@ -22,7 +22,7 @@ def tension_tolerance(
     own: which members have tensions that do not follow from lengths, rigid ones at least.
 
         mu dl + c (dl' + 2 |d'| dl / l)      of a spring; of a damped cable near its kink c |l'| besides
-        m (2 |d'| dl' / l + |d'|^2 dl / l^2) + what the other members come to      of these
+        m (2 |d'| dl' / l + |d'|^2 dl / l^2) + what the others come to + sqrt(mu m) dl'      of these
     """
     position, velocity = np.split(state, 2, axis=1)
     place, speed = _of_nodes(structure, position, structure.node_position), _of_nodes(structure, velocity)
@@ -42,8 +42,16 @@ def tension_tolerance(
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
     rigid = (mass[i] + mass[j]) * (2.0 * pace * dv / length + (pace / length) ** 2 * dl)
     rigid += springs[:, ~own].sum(axis=1)[:, None]
+    rigid += np.sqrt(mu * _reduced(structure, mass)) * dv.max(axis=0)
     found: FloatArray = np.where(own, rigid, springs)
     return found
+
+
+def _reduced(structure: Structure, mass: FloatArray) -> FloatArray:
+    """Return the masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)."""
+    held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
+    inverse = np.where(held, 0.0, 1.0 / np.maximum(mass, 1e-300))[structure.connectivity].sum(axis=1)
+    return np.asarray(np.where(inverse > 0.0, 1.0 / np.maximum(inverse, 1e-300), 0.0))
 
 
 def _of_nodes(structure: Structure, values: FloatArray, others: FloatArray | float = 0.0) -> FloatArray:
