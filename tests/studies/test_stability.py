@@ -198,7 +198,7 @@ def test_a_peer_that_hangs_crashes_or_raises_is_an_ending(monkeypatch: pytest.Mo
 
     for function, status in ((hang, "over time"), (crash, "crashed"), (fail, "error")):
         monkeypatch.setattr(peers, "_run", function)
-        assert peers.run_peer(case(), "any", 1.0).status == status
+        assert peers.run_peer(case(), "any", 0.5).status == status
 
 
 def test_scipy_survives_the_scene_as_it_is() -> None:

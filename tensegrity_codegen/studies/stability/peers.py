@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
+import signal
 import time
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +22,7 @@ __all__ = ["PEER_STEP", "can_fork", "list_peers", "run_peer"]
 
 PEER_STEP = 1e-3  # of the time span, for those who take a step and no tolerance
 STEPPING = "MuJoCo"
+WAITING = 5.0  # times its limit by the clock, for a peer that waits or shares its processor
 
 
 def list_peers(case: Case) -> tuple[str, ...]:
@@ -39,17 +42,24 @@ def can_fork() -> bool:
 
 
 def run_peer(case: Case, name: str, limit: float) -> Ending:
-    """Return how the peer of that name ends on a case; states are node coordinates (n_t, n_coordinates)."""
+    """Return how the peer of that name ends on a case; states are node coordinates (n_t, n_coordinates).
+
+    limit: seconds of CPU time, as for our methods; WAITING times that by the clock.
+    """
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_answer, args=(case, name, sender))
+    child = context.Process(target=_answer, args=(case, name, limit, sender))
     started = time.monotonic()
     child.start()
     sender.close()
     try:
-        status, message, state = receiver.recv() if receiver.poll(limit) else _over_time(limit)
+        status, message, state = receiver.recv() if receiver.poll(WAITING * limit) else _over_time(limit)
     except EOFError:
-        status, message, state = "crashed", "its process ended without a word", np.zeros((0, 0))
+        child.join()
+        if child.exitcode == -signal.SIGXCPU:
+            status, message, state = _over_time(limit)
+        else:
+            status, message, state = "crashed", "its process ended without a word", np.zeros((0, 0))
     seconds = time.monotonic() - started
     child.kill()
     child.join()
@@ -60,7 +70,11 @@ def _over_time(limit: float) -> tuple[str, str, NDArray[np.float64]]:
     return "over time", f"stopped after {limit:g} s", np.zeros((0, 0))
 
 
-def _answer(case: Case, name: str, sender: Any) -> None:
+def _answer(case: Case, name: str, limit: float, sender: Any) -> None:
+    import resource  # not on all systems
+
+    seconds = math.ceil(limit)
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
     try:
         run = _run(case, name)
         places = case.structure.coordinate_node_axis

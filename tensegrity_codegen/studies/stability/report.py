@@ -111,13 +111,30 @@ def _page(outcomes: dict[str, tuple[Outcome, ...]], t_end: float) -> Page:
 def _chapter(name: str, rows: tuple[Outcome, ...], anchor: str, t_end: float) -> Chapter:
     own = tuple(row for row in rows if row.is_own)
     peers = tuple(row for row in rows if not row.is_own)
-    sections = [_grid(own, f"{anchor}-own", "ours", "Our methods", "error over tolerance")]
+    sections = [
+        _survival(rows, f"{anchor}-who"),
+        _grid(own, f"{anchor}-own", "ours", "Our methods", "error over tolerance"),
+    ]
     if peers:
         sections.append(_grid(peers, f"{anchor}-peers", "peers", "Peers", "error [m]"))
     sections.append(_reasons(own, f"{anchor}-reasons"))
     return Chapter(
         anchor, name, f"{t_end:g} s", f"{len({(r.group, r.case) for r in rows})} cases.", tuple(sections)
     )
+
+
+def _survival(rows: tuple[Outcome, ...], anchor: str) -> Section:
+    """Return the table of how often each method and each peer came to which verdict."""
+    contenders = list(dict.fromkeys(row.contender for row in rows))
+    columns = (Column("who", numeric=False), *(Column(word) for word in VERDICTS))
+    counts = {(name, word): 0 for name in contenders for word in VERDICTS}
+    for row in rows:
+        counts[row.contender, row.verdict] += 1
+    cells = tuple(
+        (text_cell(name), *(text_cell(str(counts[name, word])) for word in VERDICTS)) for name in contenders
+    )
+    block = Table("Cases by verdict", columns, cells)
+    return Section(anchor, "all", "Who survives", "plain", f"{len(contenders)} contenders", (block,))
 
 
 def _grid(rows: tuple[Outcome, ...], anchor: str, source: str, title: str, what: str) -> Section:
