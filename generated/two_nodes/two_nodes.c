@@ -923,14 +923,14 @@ static int event_is_off(const event_memory *m, double h, const two_nodes_run *ru
 
 /* Whether the event that the motion is at, `root` ahead on a glide of length h, is near enough to be passed. Else the
  * next step is cut at just before it; where the glide meets none, noise was taken for one, or `planned` steps are too
- * long to tell where events are, which shorter ones are at the second try. */
+ * long to tell where events are; of overdamped cables shorter ones tell no better. */
 static int event_is_near(double root, double near, double h, double *planned, two_nodes_run *run, const event_memory *m)
 {
   run->ahead = 0.0;
   run->cut = 0.0;
   if (root > h) {
     run->loudness *= 8.0;
-    *planned *= run->loudness <= 8.0 && event_is_off(m, h, run) ? 0.2 : 1.0;
+    *planned *= event_is_off(m, h, run) ? 0.2 : 1.0;
     return 0;
   }
   if (root > near) {
