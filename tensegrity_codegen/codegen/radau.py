@@ -30,7 +30,8 @@ RADAU_QUANTITIES = ("cable_force", "member_law", "mass_matrix")
 
 COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
 MOST_ITERATIONS = 10
-NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
+NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave, less below the relative tolerance
+SHARE_FROM = 1e-6
 LEAST_RATIO = 0.02  # that corrections are taken to shrink by
 RESOLVED = 25.0  # (h omega)^2 of a member's vibration from which on a step does not resolve it
 REDUNDANT = 1e-10  # of the diagonal of a multiplier, that a row which repeats others leaves at most
@@ -137,6 +138,7 @@ def radau_context(
         "counts": COUNTS,
         "most_iterations": MOST_ITERATIONS,
         "newton_share": NEWTON_SHARE,
+        "share_from": SHARE_FROM,
         "least_ratio": LEAST_RATIO,
         "resolved": RESOLVED,
         "redundant": REDUNDANT,
