@@ -894,7 +894,7 @@ static int event_goes_on(double time, double step, two_nodes_run *run)
     run->mark = time;
     run->n_stalled = 0;
   }
-  return ++run->n_stalled <= 2000;
+  return ++run->n_stalled <= 1500;
 }
 
 /* Length of the next step, of `planned`: up to a cut, and short after events in short succession, where the next one
@@ -1289,7 +1289,7 @@ static int rk4_advance(
             !motion_stand(*time, run->pace, state, lost, rates, change, trial, old, run, &m)) {
           return TWO_NODES_NON_FINITE_RESULT;
         }
-        if (run->succession > 200) {
+        if (run->succession > 150) {
           return TWO_NODES_TOO_MANY_EVENTS;
         }
         if (run->is_stopped) {
@@ -1358,7 +1358,7 @@ static int rk4_advance(
     event_taken(*step, is_cut, is_landing, run);
     if (is_landing && event_turn(t1, &m, m.first, run)) {
       event_follows(t1, *step, run);
-      if (run->succession > 200) {
+      if (run->succession > 150) {
         return TWO_NODES_TOO_MANY_EVENTS;
       }
       if (run->is_stopped) {

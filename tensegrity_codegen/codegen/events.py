@@ -28,7 +28,7 @@ __all__ = [
 EVENT_QUANTITIES = {"cable": "cable_margin", "contact": "bar_distance"}
 MOST_WATCHED = 400  # cables whose events are watched without being asked for
 MARGIN_ARRAYS = 11  # in the memory of the search for events
-MOST_IN_SUCCESSION = 200  # events, each within a thousandth of a step of the one before
+MOST_IN_SUCCESSION = 150  # events, each within a thousandth of a step of the one before
 
 
 @dataclass(frozen=True)
