@@ -43,7 +43,7 @@ RADAU, CORRECTED = (
 MUJOCO, IDAS = ("MuJoCo RK4", "MuJoCo Euler", "MuJoCo implicitfast"), ("IDAS (CasADi)",)
 REFERENCES = {"node_position, rk853": 1e-12, RADAU: 1e-8, "rigid_bar, corrected, rk853": 1e-11}
 LARGE = {"node_position, rk853": 1e-5, RADAU: 1e-7}  # rounding keeps steps of large structures from less
-ROUNDS = 5
+ROUNDS = 9
 A_DECADE = 8  # settings tried
 CANDIDATES = 4  # settings that reach the error, of which the fastest counts; one where runs are long
 TRIALS = 5  # runs of which the fastest counts, to choose among settings
@@ -197,7 +197,7 @@ def time_in_turns(found: Sequence[Found]) -> None:
         item.contender.prepare(item.setting)
     for _ in range(ROUNDS):
         for item in short:
-            count, started = max(1, min(100, int(2e-3 / item.seconds))), time.process_time()
+            count, started = max(1, min(100, int(2e-2 / item.seconds))), time.process_time()
             for _ in range(count):
                 item.contender.run(item.setting)
             taken[item.contender.name].append((time.process_time() - started) / count)
