@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -279,14 +280,16 @@ class ScaleRows:
             changed = f"{entry} = {sign}({entry} / {changeable_mass(writer, node, 'row')});"
         at = writer.index_at("changeable_mass_at", index, "row")
         both = f"if ({at} >= 0) {{ {changed} }} else {{ {fixed} }}"
+        statement = both if fixed and changed else fixed or changed
+        row = f"const int row = {model.name}_{self.target}_row[k] - {count};"
         start = f"{model.name}_{self.target}_column_start"
         return [
             "{",
             "  int c, k;",
             f"  for (c = {self.column[0]}; c < {self.column[1]}; ++c) {{",
             f"    for (k = {start}[c]{f' + {self.skip}' if self.skip else ''}; k < {start}[c + 1]; ++k) {{",
-            f"      const int row = {model.name}_{self.target}_row[k] - {count};",
-            f"      {both if fixed and changed else fixed or changed}",
+            *([f"      {row}"] if re.search(r"\brow\b", statement) else []),
+            f"      {statement}",
             "    }",
             "  }",
             "}",
