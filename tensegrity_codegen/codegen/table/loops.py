@@ -167,6 +167,8 @@ class AddToNodes:
         self, writer: Writer, access: MemberAccess, entry: IntArray, end: int, sign: str, results: list[str]
     ) -> list[str]:
         axes = np.arange(entry.shape[2])
+        if (entry[:, end] < 0).all():
+            return []
         if (entry[:, end] >= 0).all() and (entry[:, end] == entry[:, end, :1] + axes).all():
             start = self._offset(writer, access, entry, end)
             return [f"{self.target}[{start}{f' + {k}' if k else ''}] {sign}= {results[k]};" for k in axes]
