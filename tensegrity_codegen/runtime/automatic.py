@@ -10,8 +10,15 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.choice import Choice, choose_method
-from tensegrity_codegen.runtime.damped_out import find_left_out, note_left_out, tell_left_out, trust_in_radau
+from tensegrity_codegen.runtime.damped_out import (
+    find_left_out,
+    is_crowded,
+    note_left_out,
+    tell_left_out,
+    trust_in_radau,
+)
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
+from tensegrity_codegen.runtime.event_log import Watch
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
@@ -45,6 +52,8 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
         found = _run_explicit(motion, replace(options, method=choice.name), choice)
         return _advise(replace(found, why=choice.why), motion.model)
     found = _run_radau(motion, options, choice)
+    if is_crowded(motion, found):
+        found = _run_radau(replace(motion, watch=Watch()), options, choice)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
         return tell_left_out(replace(found, why=choice.why), options)
     if choice.otherwise:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.error_control import MOST_OF_TOLERANCE, tighten_until_converged
-from tensegrity_codegen.runtime.event_log import choose_watch
+from tensegrity_codegen.runtime.error_control import CROWDED, MOST_OF_TOLERANCE, tighten_until_converged
+from tensegrity_codegen.runtime.event_log import Watch, choose_watch
 from tensegrity_codegen.runtime.integration import find_integrator
 from tensegrity_codegen.runtime.jumps import bound_jumps
 from tensegrity_codegen.runtime.motion import Motion
@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.vibration import find_vibration
 __all__ = [
     "find_left_out",
     "integrate_radau_to_samples",
+    "is_crowded",
     "note_left_out",
     "tell_left_out",
     "trust_in_radau",
@@ -36,9 +37,21 @@ def integrate_radau_to_samples(motion: Motion, options: RunOptions) -> RawTrajec
     """Integrate by radau, its steps tightened until the estimated error of every sample is within tolerance.
 
     Vibrations that it damps out count in the error of positions: where they are too large for them, the steps
-    are tightened until they resolve them. For velocities they are told, as `auto` does. Raises as
-    integrate_radau.
+    are tightened until they resolve them. For velocities they are told, as `auto` does. Where cables go slack
+    and taut without end, as overdamped ones do, and nobody asked to watch them, steps pass over that. Raises
+    as integrate_radau.
     """
+    found = _tighten(motion, options)
+    return _tighten(replace(motion, watch=Watch()), options) if is_crowded(motion, found) else found
+
+
+def is_crowded(motion: Motion, found: RawTrajectory) -> bool:
+    """Whether events that nobody asked for have held a run up."""
+    return found.status == CROWDED and motion.watch is None
+
+
+def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Return runs of radau, tightened until their error at the samples is within the tolerance."""
     model, state = motion.model, motion.state
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
     stiff, trust = find_integrator(model.manifest, "radau").tensions, trust_in_radau(motion)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 
-__all__ = ["MOST_OF_TOLERANCE", "tighten_until_converged"]
+__all__ = ["CROWDED", "MOST_OF_TOLERANCE", "tighten_until_converged"]
 
 FloatArray = NDArray[np.float64]
 LeftOut = Callable[[RawTrajectory], FloatArray]
@@ -22,6 +22,7 @@ MOST_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
 FLOORS_APART = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
 BLOCK = 2**20  # numbers compared at a time
+CROWDED = "too_many_events"  # the status of a run that events hold up
 MOST_OF_TOLERANCE = 10.0  # that is still good where nothing better can be had
 
 
@@ -60,7 +61,7 @@ def tighten_until_converged(
         if previous.status == "unstable":
             return replace(previous, method=_name(previous))
         if previous.status != "ok":
-            return _give_up(previous, error, previous.message)
+            return _give_up(previous, error, previous.message, previous.status)
         shrink = float(np.clip(0.3 / error, 1e-3, 0.1)) if np.isfinite(error) else 0.1
         shrink = min(0.1, max(shrink, TIGHTEST_RTOL / (rtol * factor)))
         shrink = 0.1 if atol * factor <= least else shrink  # rounding is near
@@ -79,7 +80,8 @@ def tighten_until_converged(
             finer = run(rtol * factor, max(atol * factor, least))
             n_evaluations += finer.n_evaluations
         if finer.status != "ok":
-            return _give_up(previous if previous.status == "ok" else finer, error, finer.message)
+            reached = previous if previous.status == "ok" else finer
+            return _give_up(reached, error, finer.message, finer.status)
         if atol * factor <= least and before < FLOORS_APART * least:
             before = 10.0 * least
             previous = run(10.0 * rtol * factor, before)
@@ -146,12 +148,13 @@ def _share(run: RawTrajectory, rtol: float, atol: float, off: FloatArray) -> flo
     return float(np.max(off[:n] / (atol + rtol * np.abs(run.state[1:, :n])), initial=0.0))
 
 
-def _give_up(last: RawTrajectory, error: float, why: str) -> RawTrajectory:
+def _give_up(last: RawTrajectory, error: float, why: str, stopped: str = "not_converged") -> RawTrajectory:
+    """Return the last run with what ended the rounds; stopped: the status of the run that did."""
     estimate = error if np.isfinite(error) else None
     told = "unknown" if estimate is None else f"{estimate:.3g} times the tolerance"
     return replace(
         last,
-        status="not_converged",
+        status=stopped if stopped == CROWDED else "not_converged",
         message=f"{why}; estimated error {told}: loosen --rtol and --atol, simulate a shorter time, "
         "or ask for control of each step's error only",
         method=_name(last),
