@@ -15,6 +15,7 @@ from tensegrity_codegen.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.request import ModelRequest
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything
 from tests.runtime.build import bar, make_structure, prism
 
@@ -183,8 +184,7 @@ def test_the_sanitizers_find_nothing(flags: str, tmp_path: Path) -> None:
     wanted = request.wanting("member_tension", "acceleration", "tangent_stiffness")
     source = emit(structure, lane_request(wanted, 8))
     folder = write_files(tmp_path / "source", source.files)
-    sanitize = ("-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS[flags].options, *sanitize))
+    run_driver(folder, source.manifest, "gcc", (*FLAG_SETS[flags].options, *SANITIZE))
 
 
 def test_a_function_too_long_for_lanes_runs_one_by_one(

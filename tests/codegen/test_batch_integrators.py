@@ -19,6 +19,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything, in_single_precision
 from tests.runtime.build import prism
 
@@ -284,8 +285,7 @@ def test_the_sanitizers_find_nothing(
     if not has_sanitizers(require_compiler("gcc"), tmp_path):
         pytest.skip("no sanitizers here")
     manifest = write(subject, tmp_path)
-    sanitize = ("-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-    build_and_run(tmp_path, manifest, "gcc", "-std=c99", "-ffp-contract=off", *sanitize)
+    build_and_run(tmp_path, manifest, "gcc", "-std=c99", "-ffp-contract=off", *SANITIZE)
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from tensegrity_codegen.structure import Structure
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
 from tests.codegen.drive_c import format_driver
+from tests.codegen.quickly import SANITIZE
 from tests.codegen.subjects import bare, everything, in_single_precision
 from tests.codegen.table.subjects import served
 from tests.compare import dense
@@ -252,9 +253,8 @@ def test_no_sanitizer_has_anything_to_say(sources: Any, subject: str, tmp_path: 
         pytest.skip("no compiler here builds programs with the address sanitizer")
     source = sources[subject]
     folder = write_files(tmp_path / "source", source.files | {"driver.c": format_driver(source.manifest)})
-    options = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     units = ["driver.c", f"{source.manifest.name}.c"]
-    run([*compiler.command, *options, *units, "-o", "driver", "-lm"], folder, compiler)
+    run([*compiler.command, "-std=c99", *SANITIZE, *units, "-o", "driver", "-lm"], folder, compiler)
     done = run([str(folder / "driver")], folder, UBSAN_OPTIONS="print_stacktrace=1")
     assert done.stdout == "done\n"
     assert done.stderr == ""

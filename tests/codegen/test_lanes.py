@@ -17,6 +17,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.structure import Structure
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import all_parameters, everything, offered
 from tests.codegen.test_generated_c import arguments_near, assert_same_bits, raw_call
 from tests.compare import dense, run_in_casadi
@@ -52,7 +53,8 @@ def test_random_structures_equal_the_virtual_machine(
     structure: Structure, changeable: bool, seed: int
 ) -> None:
     request, functions = in_lanes(structure, changeable)
-    model = build(structure, request)
+    with without_optimisation():
+        model = build(structure, request)
     arguments = arguments_near(model, seed)
     for name, function in functions.items():
         assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)

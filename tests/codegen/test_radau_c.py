@@ -13,6 +13,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure import Structure
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import SANITIZE
 from tests.runtime.build import cable, make_structure
 from tests.runtime.stiff_bars import class_two
 
@@ -74,7 +75,7 @@ def test_it_is_clean_under_sanitizers(tmp_path: Path) -> None:
     compiler, folder = find_compiler(), write(tmp_path)
     if not has_sanitizers(compiler, tmp_path):
         pytest.skip("the compiler here has no sanitizers")
-    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"]
+    flags = ["-std=c99", *SANITIZE]
     run([*compiler.command, *flags, "chain.c", "main.c", "-lm", "-o", "main"], folder, compiler)
     assert run([str(folder / "main")], folder).stdout.endswith(" 0")
 

@@ -23,6 +23,7 @@ from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.symbolic.build import build_model
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import SANITIZE
 from tests.runtime.build import prism
 
 HELD = {0: "xyz", 1: "xyz", 2: "xyz"}
@@ -224,9 +225,8 @@ def test_no_sanitizer_has_anything_to_say(
     source = sources[subject]
     driver = {"driver.c": format_solver_driver(source.manifest)}
     folder = write_files(tmp_path / "source", source.files | driver)
-    options = ["-std=c99", "-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     units = ["driver.c", f"{source.manifest.name}.c"]
-    run([*compiler.command, *options, *units, "-o", "driver", "-lm"], folder, compiler)
+    run([*compiler.command, "-std=c99", *SANITIZE, *units, "-o", "driver", "-lm"], folder, compiler)
     done = run([str(folder / "driver")], folder, UBSAN_OPTIONS="print_stacktrace=1")
     assert (done.stdout, done.stderr) == ("done\n", "")
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.structure import Structure
 from tests.codegen.compilers import FAMILIES, require_compiler
+from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import all_parameters, everything
 from tests.codegen.table.subjects import assert_equal_to_casadi, build_table, some_of
 from tests.codegen.test_generated_c import arguments_near
@@ -28,7 +29,8 @@ def test_random_structures_equal_the_virtual_machine(
     parameters = {} if changeable == "none" else all_parameters(structure)
     if changeable == "some":
         parameters = some_of(structure, parameters, seed)
-    model, functions = build_table(structure, parameters)
+    with without_optimisation():
+        model, functions = build_table(structure, parameters)
     assert_equal_to_casadi(model, functions, arguments_near(model, seed))
 
 
