@@ -619,19 +619,6 @@ static void event_margins_at(
   event_margins(path->time + s * path->h, point, point + 3, run, margin);
 }
 
-/* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values. */
-static void event_noise(double loudness, const double *coordinate, const double *margin, double *noise)
-{
-  double size = 1.0;
-  int k;
-  for (k = 0; k < 3; ++k) {
-    size = fmax(size, fabs(coordinate[k]));
-  }
-  for (k = 0; k < 2; ++k) {
-    noise[k] = 4e-15 * loudness * (k < 1 ? size : fabs(margin[k]));
-  }
-}
-
 /* What the search for an event works with, margin by margin: on which side each was, its noise, values and slopes at
  * both ends and in the middle of the path; spare memory. Slopes are those over the whole path, `rise` a second. */
 typedef struct {
@@ -658,6 +645,22 @@ static event_memory event_take(double *memory)
   m.start = memory + 20;
   m.point = memory + 22;
   return m;
+}
+
+/* How far beyond zero each margin must be to count: lengths to their rounding, the condition to that of its values,
+ * which near zero may be differences of larger ones: where noise shows, to that of what it changes by within `pace`. */
+static void event_noise(const double *coordinate, double loudness, double pace, event_memory *m)
+{
+  const int last = 1;
+  double size = 1.0;
+  int k;
+  for (k = 0; k < 3; ++k) {
+    size = fmax(size, fabs(coordinate[k]));
+  }
+  for (k = 0; k < last; ++k) {
+    m->noise[k] = 4e-15 * loudness * size;
+  }
+  m->noise[last] = 4e-15 * loudness * fmax(fabs(m->first[last]), loudness > 1.0 ? pace * fabs(m->rise[last]) : 0.0);
 }
 
 /* Positive while margin k is on its old side. */
@@ -1270,7 +1273,7 @@ static int rk4_advance(
       return TWO_NODES_TOO_MANY_EVENTS;
     }
     if (run->watch) {
-      event_noise(run->loudness, state, m.first, m.noise);
+      event_noise(state, run->loudness, run->pace, &m);
     }
     if (run->ahead > 0.0) {
       double root, near;
@@ -1329,6 +1332,8 @@ static int rk4_advance(
       } else if (found >= 0.0 && error <= 1.0 && event_lands(&m)) {
         is_landing = 1;
       } else if (found <= 1.0) {
+        /* A step that was cut at the condition and meets it again meets noise, but where events are many. */
+        run->loudness *= is_cut && m.which == 1 && run->leash == 0.0 ? 8.0 : 1.0;
         event_cut(found, h, event_near(base, run->pace, &m), run);
         continue;
       }

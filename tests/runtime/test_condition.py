@@ -11,7 +11,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.condition import build_condition, find_quantities
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.simulate import simulate
-from tests.runtime.build import make_structure, spring
+from tests.runtime.build import bar, make_structure, spring
 
 WANTED = (*SIMULATION_QUANTITIES, "member_length", "member_vector", "tangent_stiffness")
 
@@ -108,7 +108,7 @@ def test_the_quantities_of_an_expression_are_told_before_the_model_is_built() ->
 
 def test_methods_without_events_refuse_a_condition(model: CompiledModel) -> None:
     with pytest.raises(InvalidValueError, match="watches no condition"):
-        simulate(model, 1.0, method="rk4", step=1e-3, condition="time - 0.5")
+        simulate(model, 1.0, method="scipy_radau", condition="time - 0.5")
 
 
 @pytest.mark.parametrize(
@@ -142,3 +142,21 @@ def test_a_run_ends_where_a_comparison_becomes_true(model: CompiledModel) -> Non
     at_once = simulate(model, 1.0, method="rk853", condition="n1.x > 1.1", until_condition=True)
     assert (at_once.status, at_once.time.tolist()) == ("ok", [0.0])
     assert "from the start" in at_once.message
+
+
+@pytest.mark.parametrize("method", ["rk4", "rk853"])
+def test_rounding_of_a_condition_keeps_no_run_from_ending(method: str) -> None:
+    """The tension of a stiff bar holds the rounding of its length 2e5 times."""
+    structure = make_structure(
+        [[0, 0, 0], [0.3, 0, 0], [0.1, 0, 0.9]],
+        [bar(0, 1, 0.3, 2e5), spring(1, 2, 0.8, 200.0), spring(0, 2, 0.8, 200.0)],
+        anchored={2: "xyz"}, mass=0.1, axes="xz", gravity=(0.0, 0.0, -9.81),
+    )  # fmt: skip
+    request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk4", "rk853"), events=("condition",))
+    model = build_library(structure, request).load()
+    step = 1e-5 if method == "rk4" else None
+    for tension in np.linspace(2.0, 7.0, 10):
+        text = f"member_tension[0] > {tension:.17g}"
+        found = simulate(model, 0.1, method=method, condition=text, until_condition=True, step=step)
+        assert found.status == "ok", text
+        assert found.member_tension[-1, 0] == pytest.approx(tension, abs=1e-4)
