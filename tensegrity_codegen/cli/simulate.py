@@ -66,7 +66,8 @@ def simulate(
     condition: the run ends where a comparison becomes true, or another expression changes its sign.
 
     With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument,
-    in that file is a motion of its own; methods rk853, rk54 and rk4 run eight of them in one core.
+    in that file is a motion of its own; methods rk853, rk54 and rk4 run eight of them in one
+    core; there rk853 and rk54 control the error of each step only, and say so.
 
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
@@ -80,7 +81,7 @@ def simulate(
         if out is not None:
             check_target(out)
         if batch is not None:
-            check_no_other(settle=settle, until=until, keep=keep)
+            check_no_other(settle=settle, until=until, keep=keep, max_steps=max_steps)
             built = build_for_batch(scene, method, compiler, flags)
             simulate_starts(output, built, batch, out, options, t_end=t_end, samples=samples, threads=threads)
             return

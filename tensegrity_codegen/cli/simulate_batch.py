@@ -33,6 +33,7 @@ def simulate_starts(
     asked: t_end, samples and threads of `simulate_batch`.
     """
     from tensegrity_codegen.report.tables import run_table
+    from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS
     from tensegrity_codegen.runtime.read_starts import read_starts
     from tensegrity_codegen.runtime.simulate_batch import simulate_batch
 
@@ -51,7 +52,12 @@ def simulate_starts(
         )
     if out is not None:
         batch.write(out)
-    data = batch.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
+    controlled = "steps" if options.method in BATCH_METHODS and options.step is None else "samples"
+    data = batch.summary() | {
+        "control": controlled,
+        "library": str(built.path),
+        "out": None if out is None else str(out),
+    }
     output.result(data, run_table(data))
     if not batch.is_ok.all():
         bad = int(batch.is_ok.argmin())
@@ -67,7 +73,9 @@ def check_no_other(**options: Any) -> None:
     for name, value in options.items():
         if value:
             raise InvalidValueError(
-                "not together with --batch", where=f"--{name}", given=value if value is not True else ""
+                "not together with --batch",
+                where=f"--{name.replace('_', '-')}",
+                given=value if value is not True else "",
             )
 
 

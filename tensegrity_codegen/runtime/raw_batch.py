@@ -15,6 +15,7 @@ __all__ = ["GIVEN_UP", "RawBatch", "judge_ends"]
 FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
+NOT_ESTIMATED = "the error at the samples is not estimated (other methods: auto, radau)"
 GIVEN_UP = -1  # in place of a status of C's: too many steps are in sight
 
 
@@ -63,7 +64,8 @@ def judge_ends(
             continue
         verdict, message = judge_end(word, float(stopped), end)
         if step is None:
-            ends.append((verdict, message or f"{taken} steps, {rejected} rejected{quiet}"))
+            told = f"{taken} steps, {rejected} rejected{quiet}; {NOT_ESTIMATED}"
+            ends.append((verdict, message or told))
         else:
             more = ": take a smaller step" if verdict == "unstable" else ""
             ends.append((verdict, message + more or f"fixed step {step:.6g} s{quiet}"))

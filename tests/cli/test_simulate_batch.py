@@ -32,6 +32,7 @@ def test_every_row_is_a_motion_of_its_own(run: Run, folder: Path, two_nodes: Pat
     assert data["node_position"].shape == (10, 5, *place.shape[1:])
     np.testing.assert_array_equal(data["node_position"][:, 0], place)
     assert data["status"].tolist() == ["ok"] * 10
+    assert all("is not estimated" in message for message in data["message"])
     assert run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.2).code == 0  # auto, in words
 
 
@@ -45,6 +46,7 @@ def test_a_bad_start_is_told_and_ends_with_3(run: Run, folder: Path, two_nodes: 
     ended = run("simulate", two_nodes, *words)
     assert ended.code == 3
     assert ended.data["statuses"] == {"ok": 2, "non_finite_input": 1}
+    assert ended.data["control"] == "steps"
     assert "number 1" in ended.err
 
 
@@ -76,6 +78,8 @@ def test_what_is_no_archive_or_does_not_go_together_is_refused(
     assert ended.code == 2
     assert "not a file of starts" in ended.err
     write_starts(folder / "starts.npz", two_nodes)
-    ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, "--settle")
-    assert ended.code == 2
+    for more in (["--settle"], ["--max-steps", 7]):
+        ended = run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.1, *more)
+        assert ended.code == 2
+        assert str(more[0]) in ended.err
     assert "--batch" in ended.err
