@@ -17,7 +17,8 @@ from tensegrity_codegen.runtime.integrate import integrate
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.motion_events import MotionEvent, stop_at_contact
-from tensegrity_codegen.runtime.options import ask, check_options
+from tensegrity_codegen.runtime.options import RunOptions, ask, check_options
+from tensegrity_codegen.runtime.raw_trajectory import RawTrajectory
 from tensegrity_codegen.runtime.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory import Trajectory
 from tensegrity_codegen.runtime.until_condition import stop_at_condition, watch_condition
@@ -87,16 +88,20 @@ def simulate(
     state = find_start(model, coordinate, velocity, given)
     watch = watch_condition(model, method, condition, until_condition, given)
     motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, schedule)
-
-    events: tuple[MotionEvent, ...] = ()
-    if until_contact and watches_contact(model, method):
-        raw, events = stop_at_watched_contact(motion, options)
-    elif until_contact:
-        # What a longer fixed step makes of bars that go through each other says nothing.
-        once = options if step is None else replace(options, control="steps")
-        raw, events = stop_at_contact(motion, lambda motion: integrate(motion, once))
-    elif until_condition and condition is not None:
-        raw, events = stop_at_condition(motion, options, condition)
-    else:
-        raw = integrate(motion, options)
+    raw, events = _run(motion, options, until_contact, condition if until_condition else None)
     return replace(evaluate_trajectory(model, raw, given, schedule), events=events)
+
+
+def _run(
+    motion: Motion, options: RunOptions, until_contact: bool, condition: str | Condition | None
+) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
+    """Return the samples of a motion, and what ended it before its time: a contact or the condition."""
+    if until_contact and watches_contact(motion.model, options.method):
+        return stop_at_watched_contact(motion, options)
+    if until_contact:
+        # What a longer fixed step makes of bars that go through each other says nothing.
+        once = options if options.step is None else replace(options, control="steps")
+        return stop_at_contact(motion, lambda motion: integrate(motion, once))
+    if condition is not None:
+        return stop_at_condition(motion, options, condition)
+    return integrate(motion, options), ()

@@ -47,7 +47,7 @@ def code_bytes(levels: int, folder: Path) -> int:
     structure, compiler = tower(levels), find_compiler()
     source = emit(structure, REQUEST.wanting(*served(structure, REQUEST)))
     write_files(folder, source.files)
-    run([*compiler.command, *REFERENCE, "-c", "small.c", "-o", "small.o"], folder, compiler)
+    run([*compiler.command, *REFERENCE, "-O1", "-c", "small.c", "-o", "small.o"], folder, compiler)
     sections = run(["size", "-A", "small.o"], folder).stdout.splitlines()
     return sum(int(line.split()[1]) for line in sections if line.startswith(".text"))
 
