@@ -109,7 +109,7 @@ def test_the_run_ends_where_a_condition_holds(run: Run, bars: Path) -> None:
         ("--until", "__import__('os').remove('x')"),
         ("--until", "c.q < 1"),
         ("--until", "c.z <"),
-        ("--until", "c.z < 0.5", "--method", "rk4", "--step", "1e-3"),
+        ("--until", "c.z < 0.5", "--method", "scipy_rk45"),
         ("--until", "memberlength[0] - 1"),
     ],
 )
