@@ -29,6 +29,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SOFTLY = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
+ROUGHLY = 1.2  # amplitudes are those of the start, to first order: some percent more may come
 BARELY = 2.0  # times an amplitude that radau damps out: it sees it a little differently
 WEAK = 0.5  # damping over critical, below which a member counts as vibrating
 
@@ -102,7 +103,7 @@ class Vibration:
         """Return what vibrations of amplitudes up to `most` [m] come to [m], [m/s], and in tensions [N]."""
         alone, joined = (part[part[:, 0] <= BARELY * most] for part in (self.alone, self.joined))
         found = alone.max(axis=0, initial=0.0), self.meeting * joined.max(axis=0, initial=0.0)
-        return np.asarray(np.maximum(*found))
+        return np.asarray(ROUGHLY * np.maximum(*found))
 
     def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return s and s' at a time [s]."""
