@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.motion import Motion
 
-__all__ = ["find_fastest"]
+__all__ = ["find_fastest", "find_fastest_of_batch"]
+
+FloatArray = NDArray[np.float64]
 
 ROUNDS = 12  # of two evaluations; a few percent from below where frequencies lie close together
 NEAR = 1e-6  # of the largest coordinate, by which coordinates are moved
@@ -16,24 +21,47 @@ NEAR = 1e-6  # of the largest coordinate, by which coordinates are moved
 def find_fastest(motion: Motion) -> float:
     """Return the largest frequency [rad/s] at the start, root of the norm of da/dq; 0 if not finite."""
     n = len(motion.state) // 2
-    q, v = motion.state[:n], motion.state[n:]
-    reach = NEAR * (float(np.abs(q).max(initial=0.0)) or 1.0)
-    direction = np.random.default_rng(0).standard_normal(n)
-    square = 0.0
-    for _ in range(ROUNDS):
-        size = float(np.linalg.norm(direction))
-        if not size > 0.0:
-            return 0.0
-        moved = reach * direction / size
+    velocity = motion.state[n:]
+
+    def accelerate(place: FloatArray) -> FloatArray:
         try:
-            one, other = (
-                np.asarray(
-                    motion.model.compute("acceleration", coordinate=place, velocity=v, **motion.arguments)
-                )
-                for place in (q + moved, q - moved)
+            found = motion.model.compute(
+                "acceleration", coordinate=place[0], velocity=velocity, **motion.arguments
             )
         except NonFiniteError:
-            return 0.0
-        direction = (one - other) / (2.0 * reach)
-        square = float(np.linalg.norm(direction))
-    return float(np.sqrt(square))
+            return np.full_like(place, np.nan)
+        return np.asarray(found)[None, :]
+
+    return float(_iterate(accelerate, motion.state[None, :n])[0])
+
+
+def find_fastest_of_batch(motion: Motion, threads: int = 1) -> FloatArray:
+    """Return what find_fastest says of each motion of a batch, states (n_batch, n_states): (n_batch,)."""
+    n = motion.state.shape[1] // 2
+    velocity = motion.state[:, n:]
+
+    def accelerate(place: FloatArray) -> FloatArray:
+        found, _ = motion.model.compute_batch(
+            "acceleration",
+            coordinate=place,
+            velocity=velocity,
+            threads=threads,
+            on_error="status",
+            **motion.arguments,
+        )
+        return np.asarray(found)
+
+    return _iterate(accelerate, motion.state[:, :n])
+
+
+def _iterate(accelerate: Callable[[FloatArray], FloatArray], place: FloatArray) -> FloatArray:
+    """Return roots of the norms of da/dq at places (n_batch, n_coordinates), row by row."""
+    with np.errstate(all="ignore"):  # rows that are not finite come out as 0
+        reach = NEAR * np.abs(place).max(axis=1, initial=0.0, keepdims=True)
+        reach[~(reach > 0.0)] = NEAR
+        direction = np.tile(np.random.default_rng(0).standard_normal(place.shape[1]), (len(place), 1))
+        for _ in range(ROUNDS):
+            moved = reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+            direction = (accelerate(place + moved) - accelerate(place - moved)) / (2.0 * reach)
+        square = np.linalg.norm(direction, axis=1)
+    return np.sqrt(np.where(np.isfinite(square), square, 0.0))

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.batch_integration import BATCH_METHODS, integrat
 from tensegrity_codegen.runtime.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.consistency import make_consistent
 from tensegrity_codegen.runtime.evaluate_batch import evaluate_batch
+from tensegrity_codegen.runtime.fastest import find_fastest_of_batch
 from tensegrity_codegen.runtime.given import check_arguments
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion, Progress
@@ -112,7 +113,9 @@ def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
     def run(step: float) -> RawBatch:
         return integrate_batch(motion, replace(options, step=step), threads)
 
-    return check_batch_by_doubling(run, options.step, motion.model.manifest)
+    return check_batch_by_doubling(
+        run, options.step, motion.model.manifest, find_fastest_of_batch(motion, threads)
+    )
 
 
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:

@@ -17,9 +17,14 @@ __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 FloatArray = NDArray[np.float64]
 
 FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
+SHORT = (
+    0.5,
+    0.25,
+    0.125,
+    0.0625,
+)  # the same where the step loses the fastest vibration: the longest that keeps it
 PHASE = 0.1  # rad, by which the fastest vibration may be off at the end and still count as followed
 KEPT = 0.3  # e-folds, by which it may have faded in a run that shows that it is there
-SHORTEST = 1.0 / 16.0  # steps to compare with, over the step
 MOST_ERROR = 5e-3  # over the mean member length and the largest speed: beyond, a result is lost
 
 
@@ -63,19 +68,25 @@ def _factors(frequency: float, step: float, end: float) -> tuple[float, ...]:
     if turned * reach**4 <= 120.0 * PHASE:
         return FACTORS
     kept = (144.0 * KEPT / turned) ** 0.2 / reach
-    return (min(FACTORS[1], max(SHORTEST, kept)),)
+    return (next((factor for factor in SHORT if factor <= kept), SHORT[-1]),)
 
 
-def check_batch_by_doubling(run: Callable[[float], RawBatch], step: float, manifest: Manifest) -> RawBatch:
-    """Return a batch of runs with this step [s], each held to another step as `check_by_doubling` does."""
+def check_batch_by_doubling(
+    run: Callable[[float], RawBatch], step: float, manifest: Manifest, frequency: FloatArray
+) -> RawBatch:
+    """Return a batch of runs with this step [s], each held to another step as `check_by_doubling` does.
+
+    frequency (n_batch,) [rad/s]: of the fastest vibration of each.
+    """
     found = run(step)
     end, is_good = float(found.time[-1]), _is_ok(found)
     step = found.step or step  # a longer one was cut to the whole time
     error, n_evaluations = np.full(len(is_good), np.nan), found.n_evaluations.copy()
-    for factor in FACTORS:
-        is_open = is_good & ~(error <= 1.0)
+    wanted = [_factors(float(w), step, end) for w in frequency]
+    for factor in (FACTORS[0], *SHORT):
+        is_open = is_good & ~(error <= 1.0) & np.array([factor in factors for factors in wanted])
         if not is_open.any():
-            break
+            continue
         other = run(factor * step)
         ratio = _ratio(other, found)
         n_evaluations[is_open] += other.n_evaluations[is_open]

@@ -22,7 +22,8 @@ def test_the_folder_holds_all_that_is_needed_to_embed(run: Run, folder: Path, tw
     manifest = json.loads((folder / "library" / "manifest.json").read_text(encoding="utf-8"))
     assert data["name"] == manifest["name"] == "two_nodes"
     loaded = ctypes.CDLL(str(library.resolve()))
-    assert set(data["functions"]) == {"member_tension", "acceleration", "total_energy"}
+    wanted = {"member_tension", "acceleration", "total_energy"}
+    assert set(data["functions"]) == {*wanted, "cable_margin"}  # where cables go slack, rk4 cuts its steps
     for symbol in data["functions"].values():
         assert hasattr(loaded, symbol)
     assert all(count > 0 for count in data["operations"].values())
@@ -193,7 +194,7 @@ def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, 
     best = min(rows, key=lambda row: row["total"])
     assert {row["emitter"] for row in rows} == {"unrolled", "table"}
     assert all(row["total"] == pytest.approx(sum(row["ns"].values())) for row in rows)
-    assert all(set(row["ns"]) == set(first["functions"]) for row in rows)
+    assert all({*row["ns"], "cable_margin"} == set(first["functions"]) for row in rows)  # as rk4 needs it
     assert (first["emitter"], first["compiler"]) == (best["emitter"], best["version"])
     assert (first["tuned"]["from_cache"], again["tuned"]["from_cache"]) == (False, True)
     assert again["tuned"]["candidates"] == first["tuned"]["candidates"]
