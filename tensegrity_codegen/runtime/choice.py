@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.runtime.fastest import find_noise
 from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.model import CompiledModel
 from tensegrity_codegen.runtime.motion import Motion
@@ -32,7 +33,6 @@ LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8
 JUMPS_LOOSE = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
 RADAU_STEP = 1.5  # time of a step of radau over that of one of rk853
 MOST_EXPLICIT = 100_000  # steps, at most, where radau misses the tolerance
-ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 STIFF = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
 LARGEST = 2**62
 MOST_ROUND = 10  # times the estimate, that steps of a tightened run may be
@@ -113,7 +113,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
     model, state, rtol = motion.model, motion.state, options.rtol
     first, last = float(motion.sample_time[1]), motion.t_end
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    explicit = replace(explicit, noise=ROUNDING * size * rates.frequency, frequency=rates.frequency)
+    explicit = replace(explicit, noise=find_noise(state, rates.frequency), frequency=rates.frequency)
     steps = _explicit_steps(rates.frequency, rates.decay, last, rtol)
     told = f"bars {rates.stiffness_ratio:.2g} times as stiff as cables"
     if steps <= CHEAP:

@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.motion import Motion
 
-__all__ = ["find_fastest", "find_fastest_of_batch"]
+__all__ = ["find_fastest", "find_fastest_of_batch", "find_noise"]
 
 FloatArray = NDArray[np.float64]
 
+ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 ROUNDS = 12  # of two evaluations; a few percent from below where frequencies lie close together
 NEAR = 1e-6  # of the largest coordinate, by which coordinates are moved
+
+
+def find_noise(state: FloatArray, frequency: float) -> float:
+    """Return what rounding of positions makes of velocities [m/s] at this frequency [rad/s]."""
+    return ROUNDING * float(np.abs(state[: len(state) // 2]).max(initial=0.0)) * frequency
 
 
 def find_fastest(motion: Motion) -> float:

@@ -8,7 +8,7 @@ from tensegrity_codegen.runtime.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.automatic import integrate_auto
 from tensegrity_codegen.runtime.damped_out import integrate_radau_to_samples
 from tensegrity_codegen.runtime.error_control import tighten_until_converged
-from tensegrity_codegen.runtime.fastest import find_fastest
+from tensegrity_codegen.runtime.fastest import find_fastest, find_noise
 from tensegrity_codegen.runtime.methods import SCIPY_NAME
 from tensegrity_codegen.runtime.motion import Motion
 from tensegrity_codegen.runtime.options import RunOptions
@@ -49,6 +49,7 @@ def integrate(motion: Motion, options: RunOptions) -> RawTrajectory:
         lambda rtol, atol: integrate_once(motion, options.within(rtol, atol)),
         options.rtol,
         options.atol,
+        least_atol=find_noise(motion.state, find_fastest(motion)),
     )
 
 
