@@ -55,7 +55,7 @@ def check_by_doubling(
                 break
     checked = replace(found, n_evaluations=n_evaluations, error_estimate=error)
     if error is not None and error <= 1.0:
-        return checked
+        return replace(checked, message=f"{found.message}; {_tell(error)}")
     return replace(checked, status="inaccurate", message=_say(error))
 
 
@@ -94,6 +94,8 @@ def check_batch_by_doubling(
             known = is_open & _is_ok(other)
             error[known] = _error(found.state[known], other.state[known], ratio, end, manifest)
     status, message = list(found.status), list(found.message)
+    for k in np.flatnonzero(is_good & (error <= 1.0)):
+        message[k] += f"; {_tell(float(error[k]))}"
     for k in np.flatnonzero(is_good & ~(error <= 1.0)):
         status[k], message[k] = "inaccurate", _say(None if np.isnan(error[k]) else float(error[k]))
     return replace(
@@ -125,8 +127,12 @@ def _error(state: FloatArray, other: FloatArray, ratio: float, end: float, manif
 
 
 def _say(error: float | None) -> str:
+    return f"{_tell(error)}: take a smaller step"
+
+
+def _tell(error: float | None) -> str:
     told = "not known" if error is None else f"{100.0 * MOST_ERROR * error:.3g} % of the structure's size"
-    return f"the estimated error is {told}: take a smaller step"
+    return f"the estimated error is {told}"
 
 
 def _ratio(other: RawTrajectory | RawBatch, found: RawTrajectory | RawBatch) -> float:

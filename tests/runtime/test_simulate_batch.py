@@ -153,7 +153,7 @@ def test_a_fixed_step_is_judged_as_in_a_simulation_of_its_own(model: CompiledMod
     for k in range(3):
         alone = simulate(model, 0.1, coordinate=coordinate[k], **run)
         assert batch.status[k] == alone.status
-        assert batch.message[k] == alone.message.removesuffix(" (model.events)")
+        assert batch.message[k] == alone.message.replace(" (model.events)", "")
         assert batch[k].error_estimate == alone.error_estimate
         assert batch[k].n_evaluations == alone.n_evaluations
 
