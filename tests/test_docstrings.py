@@ -18,6 +18,7 @@ import tensegrity_codegen
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
+    "build",
     "pipeline",
     "request",
     "runtime.linear.linearize",
@@ -30,6 +31,8 @@ MODULES = (
     "runtime.simulate.simulate",
     "runtime.simulate.simulate_batch",
     "runtime.statics.equilibrium",
+    "runtime.statics.equilibrium_record",
+    "settle",
     "structure.structure",
 )
 # Names of these modules that serve other modules of the package only.

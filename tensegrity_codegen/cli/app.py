@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import typer
 
-from tensegrity_codegen.cli.output import Output, drop_output, explain_system_error
+from tensegrity_codegen.cli.output import Output, explain_system_error, print_text
 from tensegrity_codegen.cli.verb import find_verbs
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.version import VERSION
@@ -76,12 +76,9 @@ def _flush(code: int | None, output: Output) -> int | None:
     What stays in the buffer of a full disk would let Python itself end with exit code 120.
     """
     try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
+        print_text("")
     except OSError as error:
-        drop_output(sys.stdout)
-        if not code and not isinstance(error, BrokenPipeError):
-            return output.fail(explain_system_error(error)).exit_code
+        return code or output.fail(explain_system_error(error)).exit_code
     return code
 
 

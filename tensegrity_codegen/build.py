@@ -1,0 +1,308 @@
+"""Build the library for a request, or find it in the cache."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
+from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE
+from tensegrity_codegen.codegen.compilation.compile import compile_library, object_size
+from tensegrity_codegen.codegen.compilation.fingerprint import (
+    hash_package,
+    hash_request,
+    hash_structure,
+    hash_text,
+)
+from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, describe_toolchain, find_flags
+from tensegrity_codegen.codegen.compilation.machine import find_instruction_sets
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.codegen.compilation.trial import check_library
+from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.output_folder import write_folder
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.scene.subject import Subject
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.codegen.emit import GeneratedSource
+
+__all__ = ["BuiltLibrary", "build_library", "check_buildable"]
+
+
+@dataclass(frozen=True)
+class BuiltLibrary:
+    """A compiled library in the cache.
+
+    Attributes
+    ----------
+    entry : CacheEntry
+        Files of the library in the cache.
+    manifest : Manifest
+        Names, shapes, units and nominal values.
+    compiler, flags : str
+        Version of the compiler, and its options.
+    from_cache : bool
+        Whether the library was in the cache before.
+    seconds : float
+        Time to find or build it [s].
+    why_emitter : str
+        Reason for the emitter that the manifest names.
+    build_again : callable or None
+        Removes the entry from the cache and builds it again; None for a library that was just built.
+    """
+
+    entry: CacheEntry
+    manifest: Manifest
+    compiler: str
+    flags: str
+    from_cache: bool
+    seconds: float
+    why_emitter: str = ""
+    build_again: Callable[[], BuiltLibrary] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def path(self) -> Path:
+        """Path of the shared library."""
+        if self.entry.library is None:
+            raise LibraryError(
+                "the cache entry has no library", where=str(self.entry.folder), hint="build again"
+            )
+        return self.entry.library
+
+    def load(self, *, precision: str | None = None) -> CompiledModel:
+        """Load the library into this process; LibraryError if it is not of the `precision` asked for.
+
+        A library from the cache that does not load, as after a change of the system, is built again once.
+        """
+        try:
+            return CompiledModel(self.path, self.manifest, precision=precision)
+        except LibraryError:
+            if self.build_again is None or precision not in (None, self.manifest.precision):
+                raise
+        return self.build_again().load(precision=precision)
+
+    def export(self, folder: str | Path, *, overwrite: bool = True, inputs: Iterable[Path] = ()) -> Path:
+        """Copy sources, example, Makefile, manifest and library into a folder: all of them, or none.
+
+        SHA256SUMS lists what was written. Without `overwrite`, files in the folder that this package did not
+        write, or that were changed since, are an OutputError, as everything that cannot be written; files of
+        `inputs` are never replaced.
+        """
+        own = {"entry.json", "compile.log"}
+        files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
+        contents = {path.name: path.read_bytes() for path in files}
+        return write_folder(folder, contents, overwrite=overwrite, inputs=inputs, listed=True)
+
+
+def build_library(
+    structure: Subject,
+    request: ModelRequest,
+    *,
+    compiler: str | None = None,
+    flags: str | None = None,
+    cache: Cache | None = None,
+    measure: bool = False,
+) -> BuiltLibrary:
+    """Build the library for a request, or find it in the cache.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Quantities, integrators, parameters and options.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    flags : str, optional
+        ``"reference"`` (bit-equal to CasADi's virtual machine) or ``"native"``; by default those of the
+        request.
+    cache : Cache, optional
+        Cache of compiled libraries; by default that of the user.
+    measure : bool
+        Whether to compile the omitted functions too, to measure how many bytes were saved.
+
+    Returns
+    -------
+    BuiltLibrary
+        The library in the cache; ``load()`` gives the CompiledModel, ``export(folder)`` copies the files.
+
+    Raises
+    ------
+    FormulationError
+        The formulation or emitter does not support the request.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+    OutputError
+        The cache cannot be written.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import build_library, load_scene
+    >>> built = build_library(*load_scene("two_nodes.toml"))
+    >>> built.manifest.name, built.load().has("member_tension")
+    ('two_nodes', True)
+    """
+    started = time.perf_counter()
+    cache = cache or Cache()
+    if flags is not None:
+        request = replace(request, flags=find_flags(flags, "flags").name)
+    tool, flag_set = find_compiler(compiler), find_flags(request.flags)
+    toolchain = describe_toolchain(tool, flag_set)
+    identity = _Identity.of(structure, request)
+    request_key = _request_key(identity, toolchain, measure)
+    entry, manifest = _find(cache, request_key, identity)
+    found = entry is not None
+
+    def build_again() -> BuiltLibrary:
+        assert entry is not None
+        cache.drop(entry.key)
+        return build_library(structure, request, compiler=compiler, cache=cache, measure=measure)
+
+    if entry is None or manifest is None:
+        source = _emit(structure, request, tool, flag_set, measure)
+        entry, manifest = _compile(source, tool, flag_set, toolchain, cache, identity)
+        cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
+    return BuiltLibrary(
+        entry=entry,
+        manifest=manifest,
+        compiler=tool.version,
+        flags=" ".join(flag_set.options),
+        from_cache=found,
+        seconds=time.perf_counter() - started,
+        why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
+        build_again=build_again if found else None,
+    )
+
+
+def check_buildable(structure: Subject, request: ModelRequest) -> None:
+    """Raise the error that build_library would raise, before any C code is written or compiled.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Quantities, integrators, parameters and options.
+
+    Raises
+    ------
+    FormulationError
+        The formulation or emitter does not support the request.
+    """
+    from tensegrity_codegen.codegen.emit import check_request
+
+    check_request(structure, request)
+
+
+@dataclass(frozen=True)
+class _Identity:
+    """What a library in the cache must have been made from.
+
+    structure, request: their hashes; scene: hash of both without what the generator settles itself (emitter,
+    quantities, events), kept beside the library; wanted: quantities that the library must have.
+    """
+
+    structure: str
+    request: str
+    scene: str
+    wanted: frozenset[str]
+
+    @classmethod
+    def of(cls, structure: Subject, request: ModelRequest) -> _Identity:
+        shape = hash_structure(structure)
+        settled = replace(request, emitter="", quantities=(), events=())
+        scene = hash_text(shape, hash_request(settled))
+        return cls(shape, hash_request(request), scene, frozenset(request.quantities))
+
+    def matches(self, entry: CacheEntry, manifest: Manifest) -> bool:
+        """Return whether the library is of this structure and has what is wanted of it."""
+        return entry.scene == self.scene and self.wanted <= {spec.quantity for spec in manifest.functions}
+
+
+def _request_key(identity: _Identity, toolchain: str, measure: bool) -> str:
+    package = hash_package(Path(__file__).resolve().parent, template_folder())
+    return hash_text(
+        identity.structure,
+        identity.request,
+        package,
+        version("casadi"),
+        toolchain,
+        "measured" if measure else "estimated",
+    )
+
+
+def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEntry | None, Manifest | None]:
+    """Return the library that a request led to, if it is in the cache, and its manifest."""
+    library_key = cache.lookup_request(request_key)
+    entry = cache.find(library_key) if library_key else None
+    manifest = _read_manifest(entry, identity) if entry is not None else None
+    return (entry, manifest) if manifest is not None else (None, None)
+
+
+def _read_manifest(entry: CacheEntry, identity: _Identity) -> Manifest | None:
+    """Return the manifest of an entry, None unless the library is what it should be."""
+    try:
+        manifest = Manifest.read(entry.folder / MANIFEST_FILE)
+    except LibraryError:
+        return None
+    return manifest if identity.matches(entry, manifest) else None
+
+
+def _emit(
+    structure: Subject, request: ModelRequest, compiler: Compiler, flags: FlagSet, measure: bool
+) -> GeneratedSource:
+    # Imported here, so that a library from the cache costs no import of CasADi.
+    from tensegrity_codegen.codegen.emit import emit
+
+    def size(files: Mapping[str, str]) -> int:
+        sources = {name: text for name, text in files.items() if _is_library_source(name)}
+        return object_size(sources, compiler=compiler, flags=flags) or 0
+
+    return emit(structure, request, size if measure else None)
+
+
+def _is_library_source(name: str) -> bool:
+    return name.endswith((".c", ".h")) and name != "example.c"
+
+
+def _compile(
+    source: GeneratedSource,
+    compiler: Compiler,
+    flags: FlagSet,
+    toolchain: str,
+    cache: Cache,
+    identity: _Identity,
+) -> tuple[CacheEntry, Manifest]:
+    """Return the library of some source in the cache, and its manifest."""
+    key = hash_text(*(part for item in sorted(source.files.items()) for part in item), toolchain)
+    with cache.lock(key):
+        entry = cache.find(key)
+        if entry is not None:
+            known = _read_manifest(entry, identity)
+            if known is not None:
+                return entry, known
+            cache.drop(key)
+        artifact = compile_library(
+            {name: text for name, text in source.files.items() if _is_library_source(name)},
+            name=source.manifest.name,
+            compiler=compiler,
+            flags=flags,
+        )
+        texts, manifest = dict(source.files), source.manifest
+        if not flags.portable:
+            manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
+            texts["manifest.json"] = manifest.to_json()
+        files = {name: text.encode("utf-8") for name, text in texts.items()}
+        files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
+
+        def check(folder: Path) -> None:
+            check_library(folder / artifact.file_name, manifest, compiler, artifact.log)
+
+        return cache.store(key, files, scene=identity.scene, check=check), manifest
