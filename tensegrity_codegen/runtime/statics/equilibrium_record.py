@@ -140,7 +140,24 @@ class Equilibrium:
 
 
 def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, method: str) -> Equilibrium:
-    """Return the whole record of an outcome."""
+    """Return the whole record of a search that has ended.
+
+    Parameters
+    ----------
+    problem : StaticProblem
+        Energy, forces and stiffness of the structure.
+    start : Point
+        Where the search began.
+    outcome : Outcome
+        How it ended.
+    method : str
+        Method that ended it.
+
+    Returns
+    -------
+    Equilibrium
+        Positions, tensions, residual, stability and status.
+    """
     point = outcome.point
     eigenvalue, neutral, status, message = float("nan"), 0, outcome.status, outcome.message
     try:
@@ -192,7 +209,22 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
 
 
 def record_without_forces(problem: StaticProblem, start: FloatArray, method: str) -> Equilibrium:
-    """Return the record of a start where energy or forces are not finite."""
+    """Return the record of a start where energy or forces are not finite.
+
+    Parameters
+    ----------
+    problem : StaticProblem
+        Energy, forces and stiffness of the structure.
+    start : ndarray, shape (n_coordinates,) [m]
+        Where the search should have begun.
+    method : str
+        Method that was to search.
+
+    Returns
+    -------
+    Equilibrium
+        Of status ``"not_finite"``.
+    """
     position, manifest = problem.node_position(start), problem.model.manifest
     nan, unknown = float("nan"), np.full(len(manifest.member_name), np.nan)
     ends = position[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
