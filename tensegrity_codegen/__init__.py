@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.profiles.profile import Profile
+    from tensegrity_codegen.runtime.profiles.read_profile import read_profile
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
@@ -35,6 +37,7 @@ __all__ = [
     "Equilibrium",
     "LinearModel",
     "ModelRequest",
+    "Profile",
     "Structure",
     "TensegrityError",
     "Trajectory",
@@ -44,6 +47,7 @@ __all__ = [
     "find_equilibrium",
     "linearize",
     "load_scene",
+    "read_profile",
     "simulate",
     "simulate_batch",
 ]
@@ -53,11 +57,13 @@ _HOME = {
     "Equilibrium": "runtime.statics.equilibrium",
     "LinearModel": "runtime.linear.linearize",
     "ModelRequest": "request",
+    "Profile": "runtime.profiles.profile",
     "Structure": "structure.structure",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
+    "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
 }

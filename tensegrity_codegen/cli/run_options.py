@@ -16,6 +16,8 @@ __all__ = [
     "KeepOption",
     "MaxStepsOption",
     "MethodOption",
+    "ProfileKindOption",
+    "ProfileOption",
     "RtolOption",
     "SamplesOption",
     "SettleOption",
@@ -61,6 +63,13 @@ ControlOption = Annotated[
         "--control",
         help="What the tolerance limits: samples (total error; default) or steps (default with --keep).",
     ),
+]
+ProfileOption = Annotated[
+    Path | None,
+    typer.Option("--profile", help="Inputs over time (.csv): the column time, and one for each input."),
+]
+ProfileKindOption = Annotated[
+    str, typer.Option("--profile-kind", help="Between the rows of --profile: linear or cubic.")
 ]
 SettleOption = Annotated[bool, typer.Option("--settle", help="Start from the equilibrium.")]
 UntilOption = Annotated[

@@ -15,8 +15,10 @@ from tensegrity_codegen.errors import InvalidValueError
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.options import RunOptions
+    from tensegrity_codegen.runtime.profiles.profile import Profile
+    from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["build_for_batch", "check_no_other", "simulate_starts"]
+__all__ = ["build_for_batch", "check_no_other", "read_schedule", "simulate_starts"]
 
 
 def simulate_starts(
@@ -73,14 +75,31 @@ def check_no_other(**options: Any) -> None:
             )
 
 
+def read_schedule(path: Path | None, kind: str, structure: Subject) -> Profile | None:
+    """Return the inputs over time of --profile, None without it; raises what read_profile raises."""
+    from tensegrity_codegen.errors import check_choice
+    from tensegrity_codegen.runtime.profiles.profile import KINDS
+    from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+
+    check_choice(kind, KINDS, "kind of profile", "--profile-kind")
+    return None if path is None else read_profile(path, [item.name for item in structure.inputs], kind)
+
+
 def build_for_batch(
-    output: Output, scene: Path, options: RunOptions, compiler: str | None, flags: str | None
-) -> BuiltLibrary:
-    """Return the library of a scene with what a batch of its motions needs; lanes if the method has any."""
+    output: Output,
+    scene: Path,
+    options: RunOptions,
+    compiler: str | None,
+    flags: str | None,
+    profile: Path | None,
+    profile_kind: str,
+) -> tuple[BuiltLibrary, Profile | None]:
+    """Return the library of a scene with what a batch of its motions needs, and the inputs over time."""
     from tensegrity_codegen.pipeline import build_library, find_needs
 
     structure, request = output.load(scene)
+    schedule = read_schedule(profile, profile_kind, structure)
     needs = find_needs("simulate_batch", structure, request, method=options.method, rtol=options.rtol)
     wanted = needs.alone(request)
     wanted = replace(wanted, keep=(options.keep,)) if options.keep else wanted
-    return build_library(structure, wanted, compiler=compiler, flags=flags)
+    return build_library(structure, wanted, compiler=compiler, flags=flags), schedule

@@ -24,6 +24,8 @@ from tensegrity_codegen.cli.run_options import (
     KeepOption,
     MaxStepsOption,
     MethodOption,
+    ProfileKindOption,
+    ProfileOption,
     RtolOption,
     SamplesOption,
     SettleOption,
@@ -32,7 +34,12 @@ from tensegrity_codegen.cli.run_options import (
     ThreadsOption,
     UntilOption,
 )
-from tensegrity_codegen.cli.simulate_batch import build_for_batch, check_no_other, simulate_starts
+from tensegrity_codegen.cli.simulate_batch import (
+    build_for_batch,
+    check_no_other,
+    read_schedule,
+    simulate_starts,
+)
 from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_output
@@ -60,6 +67,8 @@ def simulate(
     control: ControlOption = None,
     settle: SettleOption = False,
     until: UntilOption = None,
+    profile: ProfileOption = None,
+    profile_kind: ProfileKindOption = "linear",
     batch: BatchOption = None,
     threads: ThreadsOption = 1,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
@@ -76,7 +85,11 @@ def simulate(
 
     With --batch every row of coordinate, velocity, node_position, node_velocity, or of a run-time argument in
     that file is a separate motion. Explicit methods in C integrate eight at a time in one core, where they
-    control the error of each step; with --control samples, or --keep, motions run one after the other.
+    control the error of each step; with --control samples, --keep or --profile, motions run one after the
+    other.
+
+    With --profile inputs change with time: a CSV file with the header time,motor (names of inputs) and rows
+    from 0 to --t-end or later. Two rows with the same time are a jump.
 
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
@@ -86,29 +99,42 @@ def simulate(
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
 
         options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
-        asked = _Asked(options, *read_until(until), settle)
+        asked = _Asked(options, *read_until(until), settle, profile, profile_kind)
         check_options(options, t_end, samples)
         if out is not None:
             check_ending(out, ".npz")
-            check_output(out, inputs=[scene] if batch is None else [scene, batch], overwrite=overwrite)
+            inputs = [path for path in (scene, batch, profile) if path is not None]
+            check_output(out, inputs=inputs, overwrite=overwrite)
         if batch is not None:
             check_no_other(settle=settle, until=until)
             options = choose_batch_control(options, control)
-            built = build_for_batch(output, scene, options, compiler, flags)
-            simulate_starts(output, built, batch, out, options, t_end=t_end, samples=samples, threads=threads)
+            built, schedule = build_for_batch(output, scene, options, compiler, flags, profile, profile_kind)
+            simulate_starts(
+                output,
+                built,
+                batch,
+                out,
+                options,
+                t_end=t_end,
+                samples=samples,
+                threads=threads,
+                schedule=schedule,
+            )
             return
-        built, start = _build(scene, asked, compiler, flags, output)
-        _run(output, built, asked, out, t_end=t_end, samples=samples, coordinate=start)
+        built, given = _build(scene, asked, compiler, flags, output)
+        _run(output, built, asked, out, t_end=t_end, samples=samples, **given)
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is asked of one motion: its options, what ends it early, and whether it starts settled."""
+    """What is asked of one motion: options, what ends it early, whether it starts settled, its inputs."""
 
     options: RunOptions
     until_contact: bool
     condition: str | None
     settle: bool
+    profile: Path | None
+    profile_kind: str
 
 
 def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, **given: Any) -> None:
@@ -138,23 +164,24 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
 
 def _build(
     scene: Path, asked: _Asked, compiler: str | None, flags: str | None, output: Output
-) -> tuple[BuiltLibrary, Any]:
-    """Return the library that the run needs, and where it starts (None: where the scene says)."""
+) -> tuple[BuiltLibrary, dict[str, Any]]:
+    """Return the library that the run needs; its start (None: of the scene) and schedule, by name."""
     from tensegrity_codegen.pipeline import build_library, has_statics, settle_structure
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     structure, request = output.load(scene, settles=asked.settle)
+    schedule = read_schedule(asked.profile, asked.profile_kind, structure)
     if asked.settle and isinstance(structure, Structure) and not has_statics(request):
         structure = settle_structure(structure, request, compiler=compiler, flags=flags, warn=output.warn)
         asked = replace(asked, settle=False)
     wanted = _require(structure, request, asked)
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     if not asked.settle:
-        return built, None
+        return built, {"coordinate": None, "schedule": schedule}
     found = find_equilibrium(built.load())
     for text in found.warnings:
         output.warn(text)
-    return built, found.coordinate
+    return built, {"coordinate": found.coordinate, "schedule": schedule}
 
 
 def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelRequest:

@@ -15,7 +15,9 @@ from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
+from tensegrity_codegen.runtime.profiles.driven import bind_profile
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 
 __all__ = ["check_arguments", "find_start", "read_schedule"]
@@ -64,15 +66,26 @@ def _explain_missing(model: CompiledModel, name: str, known: list[str]) -> str:
 
 
 def read_schedule(
-    model: CompiledModel, schedule: Schedule | None, options: RunOptions, arguments: Mapping[str, Any]
+    model: CompiledModel,
+    schedule: Profile | Schedule | None,
+    options: RunOptions,
+    arguments: Mapping[str, Any],
+    t_end: float,
 ) -> Schedule | None:
     """Return the schedule with inputs as one array, those that it does not name as in `arguments`.
 
-    Raises InvalidValueError for a method that holds arguments constant, for energy keeping and for anchors,
-    UnknownNameError for words that no schedule can change.
+    Raises InvalidValueError for a method that holds arguments constant, for energy keeping, for anchors and
+    for a profile that ends before t_end [s], UnknownNameError for words that no schedule can change.
     """
     if schedule is None:
         return None
+    if not callable(schedule):
+        raise InvalidValueError(
+            "not a schedule",
+            where="schedule",
+            given=schedule,
+            allowed="a Profile, or a function time [s] -> arguments by name",
+        )
     if not find_method(options.method).takes_schedule:
         raise InvalidValueError(
             "this method holds parameters and inputs constant",
@@ -88,14 +101,17 @@ def read_schedule(
             given=options.keep,
             allowed='keep="" with a schedule',
         )
-    first = merge_inputs(model.manifest, schedule(0.0))
-    check_arguments(model, first)
-    if "anchor_position" in first:
+    manifest = model.manifest
+    names = schedule.values if isinstance(schedule, Profile) else merge_inputs(manifest, schedule(0.0))
+    check_arguments(model, dict.fromkeys(unify_name(manifest, name) for name in names))
+    if "anchor_position" in names:
         raise InvalidValueError(
             "anchor positions cannot change during a motion", where="schedule", given="anchor_position"
         )
+    if isinstance(schedule, Profile):
+        return bind_profile(model, schedule, arguments, t_end)
     base = arguments.get(INPUT)
-    return lambda time: merge_inputs(model.manifest, schedule(time), base)
+    return lambda time: merge_inputs(manifest, schedule(time), base)
 
 
 def _read(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:

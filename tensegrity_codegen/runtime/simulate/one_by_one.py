@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
@@ -21,11 +23,17 @@ __all__ = ["simulate_one_by_one"]
 FloatArray = NDArray[np.float64]
 
 
-def simulate_one_by_one(motion: Motion, options: RunOptions, threads: int) -> BatchTrajectory:
+def simulate_one_by_one(
+    motion: Motion,
+    options: RunOptions,
+    threads: int,
+    schedule: Sequence[Profile | Schedule] | Profile | Schedule | None = None,
+) -> BatchTrajectory:
     """Return the motions from state (n_batch, n_states), each simulated by itself with the same options.
 
-    The arguments come each with whether it has one row a motion. A motion that cannot even begin
-    has the status "non_finite_input" or "unstable" and no samples. Raises what `simulate` raises besides.
+    The arguments come each with whether it has one row a motion; schedule: as of `simulate_batch`. A motion
+    that cannot even begin has the status "non_finite_input" or "unstable" and no samples. Raises what
+    `simulate` raises besides.
     """
     n, state, common = motion.state.shape[1] // 2, motion.state, options.as_given()
 
@@ -43,6 +51,7 @@ def simulate_one_by_one(motion: Motion, options: RunOptions, threads: int) -> Ba
                 coordinate=state[k, :n],
                 velocity=state[k, n:],
                 arguments=own,
+                schedule=schedule[k] if isinstance(schedule, Sequence) else schedule,
                 **common,
             )
         except NonFiniteError as error:

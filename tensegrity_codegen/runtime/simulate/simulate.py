@@ -17,6 +17,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.profiles.driven import check_not_constant
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.given import check_arguments, find_start, read_schedule
 from tensegrity_codegen.runtime.simulate.motion_events import stop_at_contact
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
@@ -41,7 +43,7 @@ def simulate(
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
-    schedule: Schedule | None = None,
+    schedule: Profile | Schedule | None = None,
     until_contact: bool = False,
     condition: str | Condition | None = None,
     until_condition: bool = False,
@@ -73,8 +75,9 @@ def simulate(
         Initial state [m, m/s]; by default that of the scene.
     arguments : mapping, optional
         Values of run-time parameters and inputs by name, where they differ from the scene.
-    schedule : callable, optional
-        Time [s] -> such a mapping, for values that change with time; for ``"auto"`` and SciPy methods.
+    schedule : Profile or callable, optional
+        Values that change with time: knots of a `Profile`, or a function time [s] -> such a mapping. For
+        ``"auto"`` and SciPy methods.
     until_contact : bool
         Whether to stop at the first contact of bars; needs ``bar_distance`` and ``bar_distance_jacobian``.
     condition : str or callable, optional
@@ -126,14 +129,16 @@ def simulate(
     check_options(options, t_end, samples)
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
+    if isinstance(schedule, Profile):
+        check_not_constant(schedule, arguments or {})
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model, given)
-    schedule = read_schedule(model, schedule, options, given)
+    drive = read_schedule(model, schedule, options, given, t_end)
     state = find_start(model, coordinate, velocity, given)
-    watch = watch_condition(model, options.method, condition, until_condition, given, schedule)
-    motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, schedule)
+    watch = watch_condition(model, options.method, condition, until_condition, given, drive)
+    motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, drive)
     raw, events = _run(motion, options, until_contact, condition if until_condition else None)
-    return replace(evaluate_trajectory(model, raw, given, schedule), events=events)
+    return replace(evaluate_trajectory(model, raw, given, drive), events=events)
 
 
 def _run(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,13 +18,15 @@ from tensegrity_codegen.runtime.integrate.batch_integration import (
     integrate_batch,
     runs_side_by_side,
 )
-from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
+from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
 from tensegrity_codegen.runtime.model.arrays import to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.profiles.driven import check_not_constant
+from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.simulate.one_by_one import simulate_one_by_one
@@ -49,6 +51,7 @@ def simulate_batch(
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
+    schedule: Profile | Schedule | Sequence[Profile | Schedule] | None = None,
     max_steps: int | None = None,
     keep: str = "",
     control: str | None = None,
@@ -78,7 +81,9 @@ def simulate_batch(
         Initial states [m, m/s]; by default that of the scene.
     arguments : mapping, optional
         Run-time parameters and inputs by name, with or without a leading axis (n_batch,). At least one of the
-        arrays has that axis.
+        arrays has that axis, or `schedule` is a sequence.
+    schedule : Profile or callable, or a sequence of n_batch of them, optional
+        As in `simulate`, the same for all motions or one for each; integrates one motion after the other.
     max_steps : int, optional
         Steps that each motion may try, as in `simulate`.
     keep : str
@@ -125,17 +130,21 @@ def simulate_batch(
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
     check_options(options, t_end, samples)
     options = choose_batch_control(options, control)
-    side_by_side = runs_side_by_side(options)
+    side_by_side = runs_side_by_side(options) and schedule is None
     if side_by_side:
         options = scale_to_length(model.manifest, options)
     check_threads(threads)
+    for one in schedule if isinstance(schedule, Sequence) else (schedule,):
+        if isinstance(one, Profile):
+            check_not_constant(one, arguments or {})
     given = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
-    starts = _read_starts(model, coordinate, velocity, given)
+    schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
+    starts = _read_starts(model, coordinate, velocity, given, schedules)
     check_sample_memory(model.manifest, len(starts.state) * samples)
     times = np.linspace(0.0, t_end, samples)
     if not side_by_side:
         motion = Motion(model, starts.state, times, starts.arguments, progress)
-        return simulate_one_by_one(motion, options, threads)
+        return simulate_one_by_one(motion, options, threads, schedules)
     state = _make_consistent(model, starts)
     own = {name: array for name, (array, _) in starts.arguments.items()}
     motion = Motion(model, state, times, own, progress)
@@ -156,6 +165,7 @@ def _read_starts(
     coordinate: ArrayLike | None,
     velocity: ArrayLike | None,
     arguments: Mapping[str, Any],
+    schedules: Sequence[Profile | Schedule] | Profile | Schedule | None,
 ) -> _Starts:
     check_arguments(model, arguments)
     given = {
@@ -165,6 +175,8 @@ def _read_starts(
     parts = {"coordinate": _initial(model, "coordinate", coordinate)}
     parts["velocity"] = _initial(model, "velocity", velocity)
     lengths = {name: len(array) for name, (array, is_batched) in (given | parts).items() if is_batched}
+    if isinstance(schedules, Sequence):
+        lengths["schedule"] = len(schedules)
     n_batch = _agree(lengths)
     rows = [array if is_batched else np.tile(array, (n_batch, 1)) for array, is_batched in parts.values()]
     return _Starts(np.concatenate(rows, axis=1), given)
@@ -194,7 +206,7 @@ def _agree(lengths: Mapping[str, int]) -> int:
         raise InvalidValueError(
             "no argument has a batch axis",
             where="simulate_batch",
-            allowed="a leading axis on coordinate, velocity or one of the arguments",
+            allowed="a leading axis on coordinate, velocity or an argument, or one schedule for each motion",
             hint="use simulate() for a single motion",
         )
     if len(set(lengths.values())) > 1 or 0 in lengths.values():

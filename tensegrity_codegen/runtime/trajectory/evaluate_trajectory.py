@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.charts import judge_charts
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.model.placement import place_motion
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
@@ -63,9 +64,23 @@ def evaluate_trajectory(
         log=raw.log,
         evidence=raw.evidence,
         why_method=raw.why,
+        input=_evaluate_inputs(model, raw.time, arguments, schedule),
+        input_name=manifest.input_name,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
     )
+
+
+def _evaluate_inputs(
+    model: Model, time: FloatArray, arguments: Mapping[str, Any], schedule: Schedule | None
+) -> FloatArray | None:
+    """Return the inputs (n_t, n_inputs) at the samples; None where the model takes none."""
+    if not any(item.name == INPUT for item in model.manifest.arguments):
+        return None
+    constant = np.asarray(arguments.get(INPUT, model.nominal(INPUT)), dtype=np.float64).reshape(-1)
+    if schedule is None:
+        return np.tile(constant, (len(time), 1))
+    return np.array([np.reshape(schedule(float(t)).get(INPUT, constant), -1) for t in time], dtype=np.float64)
 
 
 def _evaluate_samples(

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Trajectory"]
 
+FloatArray = NDArray[np.float64]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Trajectory(Sampled):
@@ -57,6 +59,10 @@ class Trajectory(Sampled):
         Counts and error bounds of the method.
     node_name, member_name : tuple of str
         Names.
+    input : ndarray or None, shape (n_t, n_inputs) [m, N or N m]
+        Values of the inputs; None without inputs, and for motions of a batch.
+    input_name : tuple of str
+        Their names.
     """
 
     status: str
@@ -70,6 +76,8 @@ class Trajectory(Sampled):
     log: EventLog = EMPTY_LOG
     evidence: Mapping[str, float] = field(default_factory=dict)
     why_method: str = ""
+    input: FloatArray | None = None
+    input_name: tuple[str, ...] = ()
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""
@@ -95,6 +103,7 @@ class Trajectory(Sampled):
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
+        inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -102,4 +111,5 @@ class Trajectory(Sampled):
             "event_kind": np.array([row[1] for row in rows], dtype=np.str_),
             "event_name": np.array([row[2] for row in rows], dtype=np.str_),
             **self.log.arrays(),
+            **inputs,
         }

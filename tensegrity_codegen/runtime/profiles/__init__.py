@@ -1,0 +1,3 @@
+"""Inputs over time: tables of knots, their piecewise polynomials, and the arguments that they change."""
+
+__all__: list[str] = []

@@ -1,0 +1,80 @@
+"""Piecewise polynomials of time, in the form in which the C integrators take them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+__all__ = ["Pieces", "build_cubic", "build_linear"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Polynomials of time between breakpoints, for n_values values at once.
+
+    time (n_pieces + 1,) [s]: breakpoints, rising; coefficient (n_pieces, degree + 1, n_values): of the powers
+    of the time since the start of the piece, the constant one first; is_kink (n_pieces + 1,): breakpoints at
+    which a value or its slope jumps.
+    """
+
+    time: FloatArray
+    coefficient: FloatArray
+    is_kink: NDArray[np.bool_]
+
+    def at(self, time: float) -> FloatArray:
+        """Return the values (n_values,) at a time [s]; at a jump those after it."""
+        piece = int(np.searchsorted(self.time[1:-1], time, side="right"))
+        since, rows = time - self.time[piece], self.coefficient[piece]
+        value = rows[-1]
+        for row in rows[-2::-1]:
+            value = row + since * value
+        return np.array(value)
+
+
+def build_linear(time: FloatArray, value: FloatArray) -> Pieces:
+    """Return the straight lines between knots.
+
+    time (n_knots,) [s]: rising, two equal ones at a jump; value (n_knots, n_values).
+    """
+    gap = np.diff(time)
+    is_piece = gap > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (np.diff(value, axis=0) / gap[:, None])[is_piece]
+    start, end = value[:-1][is_piece], value[1:][is_piece]
+    bends = (slope[1:] != slope[:-1]).any(axis=1) | (start[1:] != end[:-1]).any(axis=1)
+    return Pieces(np.unique(time), np.stack([start, slope], axis=1), _frame(bends))
+
+
+def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
+    """Return the cubic spline through knots, another one after each jump; arguments as of build_linear.
+
+    Notes
+    -----
+    The second derivative is continuous, and the third one at the first and last inner knot ("not-a-knot");
+    three knots have a parabola, two a straight line (de Boor 1978, A Practical Guide to Splines, chapter 4).
+    """
+    ends = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
+    stretches = [slice(a, b) for a, b in pairwise(ends)]
+    parts = [_build_spline(time[part], value[part]) for part in stretches]
+    jumps = np.zeros(len(time) - len(parts) - 1, dtype=bool)
+    jumps[np.cumsum([len(part) for part in parts[:-1]], dtype=np.int64) - 1] = True
+    return Pieces(np.unique(time), np.ascontiguousarray(np.concatenate(parts)), _frame(jumps))
+
+
+def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:
+    """Return the coefficients (n_knots - 1, 4, n_values) of one spline; NAN where slopes are not finite."""
+    try:
+        return np.asarray(CubicSpline(time, value).c[::-1].transpose(1, 0, 2))
+    except (ValueError, np.linalg.LinAlgError):  # the knots are finite, slopes between them are not
+        return np.full((len(time) - 1, 4, value.shape[1]), np.nan)
+
+
+def _frame(inner: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the kinks of all breakpoints from those of the inner ones; the ends are none."""
+    return np.concatenate([[False], inner, [False]])

@@ -1,0 +1,81 @@
+"""`simulate --profile`: inputs over time from a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.conftest import Run
+from tests.cli.scenes import HANGING, write
+
+SCENE = (
+    HANGING.replace("rest_length = 0.9", "rest_length = 0.9\ntension_only = false")
+    + '\n[[inputs]]\nname = "motor"\nkind = "rest_length"\nmembers = ["s1"]\n'
+)
+WORDS = ["--t-end", 1, "--samples", 11]
+
+
+@pytest.fixture
+def scene(folder: Path) -> Path:
+    return write(folder / "small.toml", SCENE)
+
+
+def test_a_ramp_moves_the_mass_as_the_closed_form_says(run: Run, scene: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,0\n1,-0.2\n")
+    words = ["--rtol", 1e-9, "--atol", 1e-11, "--profile", table, "--out", "a.npz", "--json"]
+    ended = run("simulate", scene, *WORDS, *words)
+    assert (ended.code, ended.data["status"]) == (0, "ok")
+    with np.load("a.npz") as file:
+        t, z, inputs = file["time"], file["node_position"][:, 1, 2], file["input"]
+        assert file["input_name"].tolist() == ["motor"]
+    np.testing.assert_allclose(inputs[:, 0], -0.2 * t, atol=1e-15)
+    # 1 kg on 100 N/m: x = -z obeys x'' = 9.81 - 100 (x - 0.9 + 0.2 t), from rest at 1.
+    rest = 0.9 + 0.0981
+    x = rest - 0.2 * t + (1.0 - rest) * np.cos(10.0 * t) + 0.02 * np.sin(10.0 * t)
+    np.testing.assert_allclose(-z, x, atol=1e-8)
+
+
+def test_a_batch_takes_the_same_profile(run: Run, scene: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,0\n1,-0.2\n")
+    np.savez(folder / "starts.npz", coordinate=np.array([[0.0, 0.0, -1.0], [0.0, 0.0, -1.1]]))
+    words = ["--method", "auto", "--rtol", 1e-8, "--atol", 1e-10, "--profile", table]
+    one = run("simulate", scene, *WORDS, *words, "--out", "one.npz", "--json")
+    many = run("simulate", scene, *WORDS, *words, "--batch", "starts.npz", "--out", "many.npz", "--json")
+    assert (one.code, many.code) == (0, 0)
+    with np.load("one.npz") as single, np.load("many.npz") as batch:
+        np.testing.assert_allclose(batch["node_position"][0], single["node_position"], atol=1e-9)
+        np.testing.assert_allclose(batch["member_tension"][0], single["member_tension"], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["pull.csv", "empty"]),
+        ("time,moter\n0,0\n1,0\n", ["pull.csv: line 1", "unknown column", "did you mean 'motor'?"]),
+        ("time,motor,motor\n0,0,0\n1,0,0\n", ["pull.csv: line 1", "twice"]),
+        ("time,motor\n0,0\n0.5,x\n1,0\n", ["pull.csv: line 3, column motor", "not a number"]),
+        ("time,motor\n0,0\n0.5,inf\n1,0\n", ["pull.csv: line 3, column motor", "not a finite number"]),
+        ("time,motor\n0,0\n1,0\n0.5,0\n", ["pull.csv", "the time goes back"]),
+        ("time,motor\n0.5,0\n1,0\n", ["pull.csv", "does not start at 0"]),
+        ("time,motor\n0,0\n0.9,0\n", ["ends before the motion", "0.9"]),
+    ],
+)
+def test_a_bad_profile_ends_with_2(run: Run, scene: Path, folder: Path, text: str, parts: list[str]) -> None:
+    table = write(folder / "pull.csv", text)
+    ended = run("simulate", scene, *WORDS, "--profile", table, "--out", "a.npz")
+    assert ended.code == 2
+    for part in parts:
+        assert part in ended.err
+    assert not (folder / "a.npz").exists()
+
+
+def test_a_scene_without_inputs_and_an_unknown_kind(run: Run, two_nodes: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,0\n1,0\n")
+    ended = run("simulate", two_nodes, *WORDS, "--profile", table)
+    assert ended.code == 2
+    assert "has no inputs" in ended.err
+    ended = run("simulate", two_nodes, *WORDS, "--profile-kind", "cubik")
+    assert ended.code == 2
+    assert "linear, cubic" in ended.err

@@ -1,0 +1,1 @@
+"""Tests of tensegrity_codegen.runtime.profiles."""
