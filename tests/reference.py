@@ -368,6 +368,20 @@ class ReferenceModel:
     def _rest_length_jacobian(self, v: Values, m: Members) -> Any:
         return self._to_state(v, m, self._of_rest_length(v, m))
 
+    def _residual_rest_length_jacobian(self, v: Values, m: Members) -> Any:
+        slope = -v.spring_constant - v.axial_stiffness * m.length / v.rest_length**2
+        pulls = -np.where(m.static_active, slope, 0.0)[:, None] * m.direction
+        return self._from_members(pulls)[self.free]
+
+    def _tension_rest_length_derivative(self, v: Values, m: Members) -> Array:
+        slope = -v.spring_constant - v.axial_stiffness * m.length / v.rest_length**2
+        return np.where(m.active, slope, 0.0)
+
+    def _tension_jacobian(self, v: Values, m: Members) -> Any:
+        turned = (across(m.direction) @ m.relative_velocity[:, :, None])[:, :, 0] / m.length[:, None]
+        gradient = m.stiffness[:, None] * m.direction + v.damping[:, None] * turned
+        return self._from_members(np.where(m.active[:, None], gradient, 0.0))[self.free].T
+
     def _input_jacobian(self, v: Values, m: Members) -> Any:
         of_rest_length = sparse.csc_array(self._of_rest_length(v, m)).toarray()
         columns = np.zeros((self.free.size, len(self.structure.inputs)))

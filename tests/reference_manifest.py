@@ -23,8 +23,8 @@ NODE_POSITION_QUANTITIES = (
     *("tangent_stiffness", "damping_matrix", "equilibrium_matrix", "state_jacobian", "input_jacobian"),
     *("rest_length_jacobian", "parameter_jacobian", "member_extension", "bar_distance", "bar_distance_case"),
     *("bar_distance_parameters", "bar_nearest_point", "bar_distance_jacobian", "cable_force", "member_law"),
-    "cable_margin",
-    "switch_margin",
+    *("cable_margin", "switch_margin", "residual_rest_length_jacobian", "tension_jacobian"),
+    "tension_rest_length_derivative",
 )
 
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")

@@ -139,6 +139,18 @@ MEMBER_QUANTITIES = (
     ),
     MemberQuantity(
         Quantity(
+            "tension_rest_length_derivative",
+            "dt/drho",
+            "N/m",
+            ("n_members",),
+            "Derivative of each member tension to the member's own rest length at constant node positions; "
+            "zero in slack cables and in rigid bars, whose tensions are multipliers.",
+        ),
+        kernel="rest_slope",
+        entries=lambda m: [m.tension_by_rest_length],
+    ),
+    MemberQuantity(
+        Quantity(
             "member_stress",
             "sigma",
             "Pa",

@@ -153,6 +153,24 @@ STRUCTURES = (
         True,
     ),
     Quantity(
+        "residual_rest_length_jacobian",
+        "-d2U/dq drho",
+        "N/m",
+        ("n_coordinates", "n_members"),
+        "Derivative of the static force on every coordinate, `node_residual` or `coordinate_force`, to the "
+        "rest lengths of all members; zero in the columns of slack cables and rigid bars.",
+        sparse=True,
+    ),
+    Quantity(
+        "tension_jacobian",
+        "dt/dq",
+        "N/m",
+        ("n_members", "n_coordinates"),
+        "Derivative of the member tensions to the coordinates at constant rest lengths; zero in the rows of "
+        "slack cables and of rigid bars, whose tensions are multipliers.",
+        sparse=True,
+    ),
+    Quantity(
         "parameter_jacobian",
         "dx'/dp",
         "mixed",

@@ -58,6 +58,11 @@ class MemberClass:
         return source
 
     @property
+    def is_elastic(self) -> bool:
+        """Whether the members have a stiffness; rigid bars have none."""
+        return self.spring_constant != ABSENT or self.axial_stiffness != ABSENT
+
+    @property
     def is_rest_length_constant(self) -> bool:
         """Whether rest lengths are baked in and no input changes them."""
         return self.rest_length == CONSTANT and self.n_inputs == 0

@@ -105,6 +105,16 @@ class NodeCoordinates:
         """Return index and member of all."""
         return enumerate(self.members.members)
 
+    def residual_rest_length_jacobian(self) -> ca.SX:
+        """Return the derivative of the residual to rest lengths, sparse (n_coordinates, n_members) [N/m]."""
+        pulls = [member.static_rest_pull() for _, member in self.each_member()]
+        return self.map.member_columns(pulls, self.ends)
+
+    def tension_jacobian(self) -> ca.SX:
+        """Return dt/dq of springs, sparse (n_members, n_coordinates) [N/m]."""
+        gradients = [member.tension_gradient() for _, member in self.each_member()]
+        return self.map.member_columns(gradients, self.ends).T
+
     # Energies
 
     def potential_energy(self) -> Scalar:

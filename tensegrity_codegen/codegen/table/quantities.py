@@ -22,6 +22,7 @@ from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, AddUp, St
 from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.text import Statements
 from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
+from tensegrity_codegen.codegen.table.rest_lengths import REST_LENGTHS
 from tensegrity_codegen.codegen.table.work import ExternalWork
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
@@ -151,6 +152,7 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "acceleration": _acceleration,
     "state_derivative": _state_derivative,
     **MATRICES,
+    **REST_LENGTHS,
     "cable_margin": _cable_margin,
     "switch_margin": _switch_margin,
 }
@@ -159,7 +161,7 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
 WITH_RIGID_BARS = (
     *(record.name for record in MEMBER_QUANTITIES if not record.follows_tension),
     *("cable_margin", "switch_margin"),
-    *("spring_tension",),
+    *("spring_tension", *REST_LENGTHS),
     *("node_residual", "tangent_stiffness", "elastic_energy", "potential_energy", "kinetic_energy"),
     *("total_energy", "mass_matrix", "cable_force", "member_law"),
     *("material_stiffness", "geometric_stiffness", "damping_matrix", "equilibrium_matrix"),

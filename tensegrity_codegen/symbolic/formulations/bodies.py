@@ -41,6 +41,7 @@ QUANTITIES = (
     "coordinate_force", "unpotential_force", "coriolis_force", "acceleration", "state_derivative",
     "mass_matrix", "equilibrium_matrix", "damping_matrix", "load_matrix", "tangent_stiffness",
     "state_jacobian", "input_jacobian", "rest_length_jacobian", "parameter_jacobian",
+    "residual_rest_length_jacobian", "tension_jacobian",
 )  # fmt: skip
 
 
@@ -60,6 +61,16 @@ WORDS = {
     ),
     "kinetic_energy": ("J", "Kinetic energy q'^T M(q) q' / 2."),
     "potential_energy": ("J", "Strain energy minus the work of gravity and of forces of constant direction."),
+    "residual_rest_length_jacobian": (
+        "N/m, N",
+        "Derivative of `coordinate_force` to the rest lengths of all members; zero in the columns of slack "
+        "cables.",
+    ),
+    "tension_jacobian": (
+        "N/m, N",
+        "Derivative of the member tensions to the coordinates at constant rest lengths; zero in the rows of "
+        "slack cables.",
+    ),
     "state_jacobian": ("1/s, 1/s2, and per m", "Jacobian of the state derivative to the state."),
 }
 
@@ -339,6 +350,13 @@ class _Bodies:
     def rest_length_jacobian(self) -> ca.SX:
         slope = ca.diag(ca.vertcat(*[law.tension_by_rest_length() for law in self.laws]))
         return below_zeros(self.lagrangian.solve(-ca.mtimes(self.tendon_matrix, slope)))
+
+    def residual_rest_length_jacobian(self) -> ca.SX:
+        slope = ca.diag(ca.vertcat(*[law.static_tension_by_rest_length() for law in self.laws]))
+        return -ca.mtimes(self.tendon_matrix, slope)
+
+    def tension_jacobian(self) -> ca.SX:
+        return ca.jacobian(ca.vertcat(ca.SX(0, 1), *[law.tension() for law in self.laws]), self.q)
 
     def parameter_jacobian(self) -> ca.SX:
         stacked = self.arguments.parameter_symbols()

@@ -151,6 +151,7 @@ class _NodeDistance:
             "state_jacobian": self.state_jacobian,
             "input_jacobian": self.input_jacobian,
             "rest_length_jacobian": self.rest_length_jacobian,
+            "tension_jacobian": self.tension_jacobian,
             "parameter_jacobian": self.parameter_jacobian,
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,
@@ -264,6 +265,10 @@ class _NodeDistance:
 
     def rest_length_jacobian(self) -> ca.SX:
         return below_zeros(ca.mtimes(self.inverse_inertia, self.blocks.by_rest_length()))
+
+    def tension_jacobian(self) -> ca.SX:
+        tensions = ca.vertcat(*[member.tension for member in self.members.members])
+        return ca.jacobian(tensions, self.coordinate)
 
     def input_jacobian(self) -> ca.SX:
         return by_inputs(self.acceleration(), self.arguments)

@@ -67,6 +67,8 @@ class _NodePosition(NodeCoordinates):
             "state_jacobian": self.state_jacobian,
             "input_jacobian": self.input_jacobian,
             "rest_length_jacobian": self.rest_length_jacobian,
+            "residual_rest_length_jacobian": self.residual_rest_length_jacobian,
+            "tension_jacobian": self.tension_jacobian,
             "parameter_jacobian": self.parameter_jacobian,
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,

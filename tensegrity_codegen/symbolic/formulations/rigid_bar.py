@@ -164,6 +164,8 @@ class _RigidBar(NodeCoordinates):
             "node_residual": self.node_residual,
             "tangent_stiffness": self.tangent_stiffness,
             "spring_tension": self.members.spring_tension,
+            "residual_rest_length_jacobian": self.residual_rest_length_jacobian,
+            "tension_jacobian": self.tension_jacobian,
         }
 
     def tangent_stiffness(self) -> ca.SX:

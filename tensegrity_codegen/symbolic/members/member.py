@@ -103,8 +103,36 @@ class Member:
 
         The product comes before the quotient, so that a constant slope does not meet a constant mass.
         """
-        slope = self.law.tension_by_rest_length()
+        return self._minus_along(self.law.tension_by_rest_length())
+
+    def static_rest_pull(self) -> Vector:
+        """Return the same without damping [N/m]."""
+        return self._minus_along(self.law.static_tension_by_rest_length())
+
+    def _minus_along(self, slope: Scalar) -> Vector:
         return [-(slope * component) / self.length for component in self.vector]
+
+    @property
+    def tension_by_rest_length(self) -> Scalar:
+        """Derivative dt/drho of the tension with damping, at constant length and rate [N/m]."""
+        return self.law.tension_by_rest_length()
+
+    def tension_gradient(self) -> Vector:
+        """Return dt/dd, damping included, one component an axis [N/m]."""
+        slope = self.law.tension_by_length()
+        gradient = [slope * component / self.length for component in self.vector]
+        if not self.is_damped:
+            return gradient
+        by_rate = self.law.tension_by_rate()
+        return [total + by_rate * part for total, part in zip(gradient, self._rate_gradient(), strict=True)]
+
+    def _rate_gradient(self) -> Vector:
+        """Return dl'/dd = d'/l - (l'/l^2) d: the rate of l = d . d' / l depends on the member vector."""
+        turning = self.law.rate / (self.length * self.length)
+        return [
+            rate / self.length - turning * component
+            for rate, component in zip(self.vector_rate, self.vector, strict=True)
+        ]
 
     def material_block(self) -> MemberBlocks:
         """Return the material stiffness without damping, (n_axes, n_axes) [N/m]."""
@@ -130,9 +158,4 @@ class Member:
         block = tangent_block(d, self.length, law.tension_by_length(), law.tension())
         if not self.is_damped:
             return block
-        # l' = d . d' / l depends on the member vector: dl'/dd = d'/l - (l'/l^2) d.
-        slope = [
-            rate / self.length - law.rate / (self.length * self.length) * component
-            for rate, component in zip(self.vector_rate, d, strict=True)
-        ]
-        return block.plus(MemberBlocks.outer(d, slope, law.tension_by_rate() / self.length))
+        return block.plus(MemberBlocks.outer(d, self._rate_gradient(), law.tension_by_rate() / self.length))

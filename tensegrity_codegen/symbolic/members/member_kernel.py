@@ -72,10 +72,12 @@ KERNELS: dict[str, Callable[[Member], list[Scalar]]] = {
     "rate_block": lambda m: _upper(m.rate_block()),
     "position_block": lambda m: _rows(m.position_block()) if m.is_damped else _upper(m.position_block()),
     "rest_pull": lambda m: m.rest_pull(),
+    "static_rest_pull": lambda m: m.static_rest_pull(),
+    "tension_gradient": lambda m: m.tension_gradient(),
 }
 
 # Kernels that need the stiffnesses apart, not mu alone.
-UNFOLDED = ("rest_pull",)
+UNFOLDED = ("rest_pull", "static_rest_pull", "rest_slope")
 
 
 @functools.cache

@@ -95,15 +95,13 @@ class MemberLaw:
         """Return dt/dl' [N s/m]."""
         return self._if_pulling(self.damping)
 
+    def static_tension_by_rest_length(self) -> Scalar:
+        """Return dt/drho at constant length without damping [N/m]."""
+        return self._if_taut(self._slope_by_rest_length)
+
     def tension_by_rest_length(self) -> Scalar:
         """Return dt/drho at constant length and rate [N/m]."""
-        values = {
-            "spring_constant": self.spring_constant,
-            "axial_stiffness": self.axial_stiffness,
-            "rest_length": self.rest_length,
-            **self.law_parameter,
-        }
-        return self._if_pulling(self.law.slope_by_rest_length(values, self.length, ca.if_else))
+        return self._if_pulling(self._slope_by_rest_length)
 
     def switch(self) -> Scalar:
         """Return a length [m] whose sign changes where the slope of the law jumps, rest length apart."""
@@ -122,6 +120,16 @@ class MemberLaw:
     @property
     def _slope(self) -> Scalar:
         return self.law.slope(self.mu, self.extension, self.law_parameter, ca.if_else)
+
+    @property
+    def _slope_by_rest_length(self) -> Scalar:
+        values = {
+            "spring_constant": self.spring_constant,
+            "axial_stiffness": self.axial_stiffness,
+            "rest_length": self.rest_length,
+            **self.law_parameter,
+        }
+        return self.law.slope_by_rest_length(values, self.length, ca.if_else)
 
     def _raw_tension(self) -> Scalar:
         return self.mu * self._effective + self.damping * self.rate

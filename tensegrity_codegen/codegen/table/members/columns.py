@@ -20,17 +20,20 @@ __all__ = ["MemberColumns", "StoreColumns"]
 class MemberColumns:
     """Pattern with the free coordinates of both nodes of member e in column e.
 
-    groups: of coupled nodes whose rows are filled where a node is in one of them, for a product with H^-1.
+    groups: of coupled nodes whose rows are filled where a node is in one of them, for a product with H^-1;
+    is_elastic: whether columns of members without stiffness are empty.
     """
 
     model: TableModel
     groups: MassGroups | None = None
+    is_elastic: bool = False
 
     @cached_property
     def _coordinate(self) -> IntArray:
         """(n_members, 2 n_axes): coordinates of both nodes."""
         model = self.model
-        return model.coordinate[model.ends].reshape(len(model.ends), -1)
+        coordinate = model.coordinate[model.ends].reshape(len(model.ends), -1)
+        return np.where(model.is_elastic[:, None], coordinate, -1) if self.is_elastic else coordinate
 
     @cached_property
     def own(self) -> IntArray:

@@ -51,6 +51,14 @@ class TableModel:
         self.inertia = InertiaPlan(structure)
 
     @cached_property
+    def is_elastic(self) -> NDArray[np.bool_]:
+        """(n_members,): whether a member has a stiffness; rigid bars have none."""
+        found = np.zeros(self.structure.n_members, dtype=np.bool_)
+        for group in self.plan.groups:
+            found[group.member] = group.member_class.is_elastic
+        return found
+
+    @cached_property
     def frame(self) -> Frame:
         """Frame of the results."""
         frame = frame_structure(self.structure)
