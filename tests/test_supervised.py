@@ -13,6 +13,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
 from tensegrity_codegen.leftovers import read_announcements, remove_leftovers
+from tests.cases import thorough
 from tests.codegen.compilers import is_running, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="finds processes in /proc")
@@ -202,7 +203,7 @@ class Build:
 
 
 # Seconds from the start of the worker go from the first import over emission to compilation.
-@pytest.mark.parametrize("phase", ["start", "0.15", "0.4", "0.8", "compilation"])
+@pytest.mark.parametrize("phase", ["compilation", *thorough("start", "0.15", "0.4", "0.8")])
 def test_ctrl_c_in_every_phase_of_a_build(phase: str, tmp_path: Path) -> None:
     build = Build("tower", tmp_path)
     build.wait_for(phase)
@@ -225,7 +226,7 @@ def test_announcements_come_in_pieces(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["kept"]
 
 
-@pytest.mark.parametrize("phase", ["0.1", "0.7", "compilation", "2.5"])
+@pytest.mark.parametrize("phase", ["compilation", *thorough("0.1", "0.7", "2.5")])
 def test_killed_in_any_phase_of_a_build_the_next_one_heals(phase: str, tmp_path: Path) -> None:
     build = Build("two_nodes", tmp_path)
     build.wait_for(phase)

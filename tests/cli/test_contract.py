@@ -102,7 +102,11 @@ def test_the_example_of_the_help_is_a_valid_command_line(verb: str, run: Run) ->
     assert context.params
 
 
-@pytest.mark.parametrize("verb", GOOD_CALLS)
+LONG_CALLS = ("report", "stability")
+GOOD_CALLS_BY_TIME = [*(verb for verb in GOOD_CALLS if verb not in LONG_CALLS), *thorough(*LONG_CALLS)]
+
+
+@pytest.mark.parametrize("verb", GOOD_CALLS_BY_TIME)
 @pytest.mark.usefixtures("two_nodes", "tables")
 def test_json_is_one_object_on_stdout(verb: str, run: Run) -> None:
     ended = run(*GOOD_CALLS[verb], "--json")
@@ -111,10 +115,7 @@ def test_json_is_one_object_on_stdout(verb: str, run: Run) -> None:
     assert "Traceback" not in ended.err
 
 
-QUICK_CALLS = [verb for verb in GOOD_CALLS if verb not in ("report", "stability")]
-
-
-@pytest.mark.parametrize("verb", [*QUICK_CALLS, *thorough("report", "stability")])
+@pytest.mark.parametrize("verb", GOOD_CALLS_BY_TIME)
 @pytest.mark.usefixtures("two_nodes", "tables")
 def test_without_json_people_can_read_it(verb: str, run: Run) -> None:
     ended = run(*GOOD_CALLS[verb])

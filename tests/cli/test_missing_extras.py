@@ -25,6 +25,7 @@ def run_without(package: str, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("package", "words"),
     [
@@ -48,6 +49,7 @@ def test_a_missing_package_is_named_before_the_work(
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.thorough
 def test_tables_alone_need_no_pictures(two_nodes: Path) -> None:
     words = ("stability", "two_nodes.toml", "--no-peers", "--budget", "0.001", "--json")
     done = run_without("matplotlib", *words)

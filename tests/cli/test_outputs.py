@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cases import thorough
 from tests.cli.conftest import Run
 
 # What writes a file: the words before --out, the name of the result.
@@ -21,10 +22,12 @@ FILES = {
 }
 
 
-@pytest.mark.parametrize(("words", "name"), FILES.values(), ids=FILES)
-def test_a_result_replaces_a_result_but_no_other_file(
-    words: tuple[object, ...], name: str, run: Run, prism: Path, folder: Path
-) -> None:
+QUICK = ("show", "load-path-csv")
+
+
+@pytest.mark.parametrize("kind", [*QUICK, *thorough(*(kind for kind in FILES if kind not in QUICK))])
+def test_a_result_replaces_a_result_but_no_other_file(kind: str, run: Run, prism: Path, folder: Path) -> None:
+    words, name = FILES[kind]
     path = folder / name
     for _ in range(2):
         ended = run(*words, "--out", name)

@@ -19,6 +19,7 @@ VERBS = [
 ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("words", VERBS, ids=[words[0] for words in VERBS])
 def test_every_verb_warns_of_upward_gravity(words: tuple[str, ...], run: Run, prism: Path) -> None:
     prism.write_text(prism.read_text(encoding="utf-8").replace("0, 0, -9.81", "0, 0, 9.81"), encoding="utf-8")

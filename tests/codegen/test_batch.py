@@ -178,6 +178,7 @@ def test_every_width_and_precision_has_the_bits_of_single_evaluations(
     run_driver(folder, source.manifest, "gcc", (*FLAG_SETS["reference"].options, *STRICT))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("flags", FLAG_SETS)
 def test_the_sanitizers_find_nothing(flags: str, tmp_path: Path) -> None:
     compiler = require_compiler("gcc")

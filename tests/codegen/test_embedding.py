@@ -270,6 +270,7 @@ def test_it_allocates_nothing_and_has_no_writable_data(sources: Any, subject: st
     assert all(symbol.startswith(f"{name}_") for symbol in exported)
 
 
+@pytest.mark.thorough
 @each
 def test_no_sanitizer_has_anything_to_say(sources: Any, subject: str, tmp_path: Path) -> None:
     able = (c for c in find_compilers() if c.name != "zig" and has_sanitizers(c, tmp_path))

@@ -59,6 +59,7 @@ def test_random_structures_equal_the_virtual_machine(
         assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
 
 
+@pytest.mark.thorough
 @pytest.mark.optimised
 @pytest.mark.parametrize("flags", ["reference", "native"])
 @pytest.mark.parametrize("family", EACH_FAMILY)
@@ -76,6 +77,7 @@ def test_every_compiler_and_both_flag_sets_give_the_same_bits(
         assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("flags", ["reference", *thorough("native")])
 def test_every_status_is_that_of_the_unrolled_code(flags: str) -> None:
     structure = in_space(3)

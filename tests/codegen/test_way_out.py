@@ -14,6 +14,7 @@ from tensegrity_codegen.pipeline import linearize_quantities, load_scene, simula
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import thorough
 from tests.codegen.table.modules import tower
 from tests.runtime.build import bar, cable, make_structure, prism
 from tests.test_golden import EXAMPLES
@@ -83,7 +84,7 @@ def hint_of(structure: Subject, request: ModelRequest) -> str:
 
 @pytest.mark.parametrize("name", STRUCTURES)
 @pytest.mark.parametrize("formulation", ["node_position", "rigid_bar", "node_distance"])
-@pytest.mark.parametrize("emitter", ["auto", "unrolled", "table"])
+@pytest.mark.parametrize("emitter", ["auto", *thorough("unrolled", "table")])
 def test_every_choice_that_a_hint_names_is_served(name: str, formulation: str, emitter: str) -> None:
     structure = STRUCTURES[name]
     followed = 0

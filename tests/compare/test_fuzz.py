@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 
 from tensegrity_codegen.compare.stability.run import Limits
@@ -14,6 +15,7 @@ GRACE = 60.0  # s; a run looks at the clock every 2 s, and the machine may be bu
 SEEN: Counter[str] = Counter()
 
 
+@pytest.mark.thorough
 @settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
 @given(example=examples())
 def test_a_result_called_good_is_within_ten_times_its_tolerance(example: Example) -> None:

@@ -133,6 +133,7 @@ def test_progress_grows_to_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 # --- what the chapters say -------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_every_table_and_figure_of_the_papers_has_a_section(page: Page) -> None:
     sources = {chapter.anchor: {s.source for s in chapter.sections} for chapter in page.chapters}
     assert {"Fig. 2", "Fig. 3", "Fig. 4", "Fig. 5"} <= sources["sk"]
@@ -141,6 +142,7 @@ def test_every_table_and_figure_of_the_papers_has_a_section(page: Page) -> None:
     assert "(44), (45), (52), (53)" in sources["scs"]
 
 
+@pytest.mark.thorough
 def test_what_differs_has_a_remark_that_says_why(page: Page) -> None:
     silent = [
         s.anchor for chapter in page.chapters for s in chapter.sections if s.verdict == "differs"
@@ -149,6 +151,7 @@ def test_what_differs_has_a_remark_that_says_why(page: Page) -> None:
     assert silent == []
 
 
+@pytest.mark.thorough
 def test_motions_with_equal_steps_differ_by_rounding(page: Page) -> None:
     # S&K Fig. 5: the paper has 1e-5, with variable steps.
     found = table(page, "sk-fig-5")
@@ -157,6 +160,7 @@ def test_motions_with_equal_steps_differ_by_rounding(page: Page) -> None:
     assert found.rows[1][1].value == 1e-5
 
 
+@pytest.mark.thorough
 def test_lin_table_2_is_off_by_what_the_parameters_explain(page: Page) -> None:
     # LIN Table 2 and MODEL: up to 1.94 mm; mean error against Table 1 2.50 %.
     cells = [cell.value for row in table(page, "lin-table-2").rows for cell in row[1:]]
@@ -165,11 +169,13 @@ def test_lin_table_2_is_off_by_what_the_parameters_explain(page: Page) -> None:
     assert values(table(page, "lin-table-2", 1), "mean error to Table 1")[0] == pytest.approx(2.495, abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_the_largest_load_is_that_of_the_first_contact(page: Page) -> None:
     maxima = values(table(page, "lin-maximum-load"), "ours: maximum")
     assert maxima == pytest.approx([13.611547, 13.576837], abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_every_printed_tension_is_met(page: Page) -> None:
     # SCS (44), (45), (52), (53): within 0.006 N.
     found = table(page, "scs-equilibria")
@@ -177,12 +183,14 @@ def test_every_printed_tension_is_met(page: Page) -> None:
     assert max(abs(float(str(value))) for value in values(found, "difference")) < 0.006
 
 
+@pytest.mark.thorough
 def test_curves_of_the_tower_end_where_the_text_says(page: Page) -> None:
     rows = {row[0].value: row for row in table(page, "scs-fig-10").rows}
     assert rows["T_S, saddle"][1].value == pytest.approx(0.49, abs=0.006)
     assert rows["T_D, diagonal"][6].value == pytest.approx(11.29, abs=0.006)
 
 
+@pytest.mark.thorough
 def test_the_controls_as_printed_miss_the_plan(page: Page) -> None:
     found = table(page, "scs-tracking")
     errors = list(zip(values(found, "controls"), values(found, "angles of the bars"), strict=True))
@@ -192,6 +200,7 @@ def test_the_controls_as_printed_miss_the_plan(page: Page) -> None:
     assert min(float(str(x)) for x in printed) > 100 * max(float(str(x)) for x in ours)
 
 
+@pytest.mark.thorough
 def test_sections_come_back_from_json_as_they_were(page: Page) -> None:
     chapters = []
     for chapter in page.chapters:
@@ -204,6 +213,7 @@ def test_sections_come_back_from_json_as_they_were(page: Page) -> None:
     assert words[0] == words[1]
 
 
+@pytest.mark.thorough
 def test_the_page_is_data_without_holes(page: Page) -> None:
     text = json.dumps(page.as_dict(), allow_nan=False, default=lambda value: value.tolist())
     assert len(json.loads(text)["papers"]) == 3
@@ -218,6 +228,7 @@ def test_the_errata_are_those_of_the_document() -> None:
     assert [entry.name for paper in ERRATA.values() for entry in paper] == headings
 
 
+@pytest.mark.thorough
 @in_browser
 @pytest.mark.parametrize("width", [400, 1400])
 def test_a_browser_shows_every_picture_of_all_papers(width: int, page: Page, tmp_path: Path) -> None:

@@ -252,6 +252,7 @@ def test_native_code_has_no_warning_and_no_writable_data(family: str, tmp_path: 
     assert [symbol for kind, symbol in rows if kind in "dDbBcC"] == []
 
 
+@pytest.mark.thorough
 @ON_X86
 def test_no_sanitizer_has_anything_to_say_of_native_code(tmp_path: Path) -> None:
     compiler = find_compiler()

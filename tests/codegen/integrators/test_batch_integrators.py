@@ -264,6 +264,7 @@ def build_and_run(folder: Path, manifest: Manifest, family: str, *options: str) 
     run([str(folder / "driver")], folder)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_every_lane_has_the_bits_of_a_single_run(
     subject: Callable[[], tuple[Structure, ModelRequest]], tmp_path: Path

@@ -108,6 +108,7 @@ def test_the_second_writing_of_the_equations_agrees() -> None:
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
 
 
+@pytest.mark.thorough
 def test_the_remainder_of_the_linear_model_falls_with_the_square_of_the_step() -> None:
     model = build(prisms(23).with_changes(damping=np.full(408, 0.2)))
     rng, n = np.random.default_rng(0), len(model.manifest.coordinate_name)
@@ -124,6 +125,7 @@ def test_the_remainder_of_the_linear_model_falls_with_the_square_of_the_step() -
     assert np.all(orders > 1.9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [27, *thorough(60)])
 def test_structures_of_480_and_1074_members_with_heavy_bars_have_a_linear_model(count: int) -> None:
     structure = prisms(count)

@@ -47,6 +47,7 @@ def assert_equal_to_casadi(structure: Structure, request: ModelRequest, **build:
             assert_same_bits(model.compute(name, **arguments), run_in_casadi(function, arguments), name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", SUBJECTS)
 def test_forces_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
     structure = SUBJECTS[name]
@@ -54,6 +55,7 @@ def test_forces_over_modules_have_the_virtual_machine_s_bits(name: str) -> None:
     assert_equal_to_casadi(structure, REQUEST)
 
 
+@pytest.mark.thorough
 @pytest.mark.optimised
 @pytest.mark.parametrize("flags", ["reference", "native"])
 @pytest.mark.parametrize("family", EACH_FAMILY)

@@ -116,6 +116,7 @@ def test_the_prism_without_load() -> None:
     assert side["difference"] == pytest.approx(side["ours"] - side["paper"], abs=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("top", [1, 2, 3])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -167,6 +168,7 @@ def test_slack_load_and_contact_load_by_another_way(derivation: ModuleType) -> N
     assert found["is_stable"]
 
 
+@pytest.mark.thorough
 def test_limit_load_by_the_extended_system(derivation: ModuleType) -> None:
     """g = 0, H v = 0, v . v = 1 in (q, v, F), solved beside the continuation."""
     prism, found = derivation.Prism(), find_load_events()
@@ -206,6 +208,7 @@ def test_the_three_tops_are_alike_under_vertical_loads() -> None:
         assert loads == pytest.approx([loads[0]] * 3, rel=1e-10)
 
 
+@pytest.mark.thorough
 def test_loads_along_x_and_y_on_each_top() -> None:
     rows = survey_directions(directions=("+x", "-x", "+y", "-y"))
     assert len(rows) == 24

@@ -34,6 +34,7 @@ def test_34_as_printed_misses_by_2e_4_degrees(model: CompiledModel) -> None:
     assert missed.angle_error_deg == pytest.approx(2.16e-4, rel=0.01)
 
 
+@pytest.mark.thorough
 def test_the_tower_stays_at_its_end(model: CompiledModel) -> None:
     plan = paper_motion("with_torque")
     followed = track(plan, model=model, samples=21, rtol=1e-9, atol=1e-10, t_end=8.0)

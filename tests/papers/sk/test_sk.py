@@ -94,6 +94,7 @@ def test_the_stored_numbers_of_a_linear_model_are_enough() -> None:
 # --- Fig. 5 -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_trajectories_agree_at_equal_steps_and_at_the_tolerance_at_others() -> None:
     found = compare_trajectories(t_end=2.0, tolerances=TOLERANCES, samples=41)
     assert found["equal_steps"].max() < 1e-10

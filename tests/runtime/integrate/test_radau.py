@@ -352,6 +352,7 @@ def test_more_bars_than_coordinates_are_no_trouble() -> None:
     assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 1e-7
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [prism_of_ratio, class_two])
 def test_rigid_bars_are_the_end_of_the_scale(make: Any) -> None:
     """Without any stiffness, in the formulation that keeps lengths: no compliance at all."""

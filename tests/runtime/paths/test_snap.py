@@ -74,6 +74,7 @@ def truss(weight: float, rest: float = float(np.hypot(1, 0.2)), rise: float = 0.
     )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_weight_and_loads_of_the_scene_are_followed_as_one(share: float) -> None:
     rise = np.sqrt(np.hypot(1, 0.2) ** (2 / 3) - 1)

@@ -144,6 +144,7 @@ def test_a_run_ends_where_a_comparison_becomes_true(model: CompiledModel) -> Non
     assert "from the start" in at_once.message
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["rk4", "rk853"])
 def test_rounding_of_a_condition_keeps_no_run_from_ending(method: str) -> None:
     """The tension of a stiff bar holds the rounding of its length 2e5 times."""

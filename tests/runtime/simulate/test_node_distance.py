@@ -139,6 +139,7 @@ def net(offset: float, *, is_free: bool = False) -> Structure:
     return structure.with_changes(node_velocity=velocity)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["rk54", *thorough("rk4", "rk853")])
 def test_an_anchored_net_moves_the_same_however_far_from_the_origin(method: str) -> None:
     """Anchors enter by their differences, so that not one bit of the coordinates depends on the offset."""

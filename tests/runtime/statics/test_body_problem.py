@@ -185,6 +185,7 @@ def test_passing_the_pole_of_the_angles_is_reported_with_body_and_time() -> None
     assert swing.energy_drift < 1e-5
 
 
+@pytest.mark.thorough
 def test_stiff_springs_approach_rigid_bars_as_one_over_their_stiffness() -> None:
     """Two free bars: half a bar's mass at each end, bars as springs of 1e3, 1e4, 1e5 times the cables."""
     system, _ = assemble_document(two_bars())

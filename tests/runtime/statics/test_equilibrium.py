@@ -74,6 +74,7 @@ def test_upright_pendulum_is_unstable_where_the_method_stays_there() -> None:
         settle(pendulum(gravity=DOWN), coordinate=start, method="relaxation")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("bar_stiffness", [1e3, 1e5, 1e7])
 @pytest.mark.parametrize("sides", [3, *thorough(4, 5)])
 def test_free_prism_turns_to_the_twist_of_its_selfstress(sides: int, bar_stiffness: float) -> None:

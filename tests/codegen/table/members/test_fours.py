@@ -35,6 +35,7 @@ def source_of(structure: Structure, request: ModelRequest) -> str:
     return source.files[f"{source.manifest.name}.c"]
 
 
+@pytest.mark.thorough
 @pytest.mark.optimised
 @pytest.mark.parametrize("flags", ["reference", "native"])
 @pytest.mark.parametrize("family", EACH_FAMILY)
@@ -83,6 +84,7 @@ def test_only_free_members_in_space_in_doubles_go_by_fours() -> None:
     assert START not in source_of(space, ModelRequest(("elastic_energy",), emitter="table"))
 
 
+@pytest.mark.thorough
 def test_blocks_off_the_diagonal_are_set_once_unless_members_share_both_nodes() -> None:
     structure = in_space(4, 20, "anchors")
     request = ModelRequest(STIFFNESS, emitter="table")
