@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -18,24 +19,32 @@ RANK_TOLERANCE = 1e-10  # of motions scaled to unit size
 ROUNDING = 1e-13  # of the norm of the stiffness
 
 
-def build_rigid_motions(manifest: Manifest, position: FloatArray) -> FloatArray:
+def build_rigid_motions(
+    manifest: Manifest, position: FloatArray, *, nodes: Sequence[int] | None = None
+) -> FloatArray:
     """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k).
 
     One translation along each modelled axis and one infinitesimal rotation in each plane of two modelled
     axes, combined so that every anchored coordinate rests. position: (n_nodes, 3) [m]. Motions that move
-    nothing (a rod about its own axis) are dropped.
+    nothing (a rod about its own axis) are dropped. nodes: those that move, by default all; the others rest.
     """
     axes = manifest.axes
-    motions = _all_motions(axes, position)
+    moved = list(range(len(position)) if nodes is None else nodes)
+    motions = _all_motions(axes, position[moved])
     free = np.zeros((len(position), 3), dtype=bool)
     for node, axis in manifest.coordinate_node_axis:
         free[node, axis] = True
-    chosen = free[:, list(axes)].ravel()
+    chosen = free[np.ix_(moved, axes)].ravel()
     permitted = motions[chosen] @ _null_space(motions[~chosen])
+    moves = np.zeros(len(position), dtype=bool)
+    moves[moved] = True
+    places = [k for k, (node, _) in enumerate(manifest.coordinate_node_axis) if moves[node]]
     if permitted.size == 0:
-        return np.zeros((int(chosen.sum()), 0))
+        return np.zeros((len(manifest.coordinate_node_axis), 0))
     left, singular, _ = np.linalg.svd(permitted, full_matrices=False)
-    basis: FloatArray = left[:, singular > RANK_TOLERANCE]
+    left = left[:, singular > RANK_TOLERANCE]
+    basis: FloatArray = np.zeros((len(manifest.coordinate_node_axis), left.shape[1]))
+    basis[places] = left
     return basis
 
 

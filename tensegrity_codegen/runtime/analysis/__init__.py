@@ -1,0 +1,3 @@
+"""Which tensions a structure can have at a configuration, and which motions they leave free."""
+
+__all__: list[str] = []

@@ -1,0 +1,245 @@
+"""Proof that no tensions have all cables in tension: displacements that anyone can check.
+
+If a motion changes the length of no bar, lengthens no cable and shortens at least one, then no self-stress
+has all cables in tension: the work of its tensions, sum t_e dl_e = t . A^T d = (A t) . d, is zero as A t = 0,
+but each shortening cable in tension makes it smaller, and nothing makes it larger. Where there are no such
+tensions, there always is such a motion (Farkas, Gordan).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
+from tensegrity_codegen.runtime.analysis.rank import Rank, find_rank
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+
+__all__ = ["VERIFIED", "Certificate", "check_balanced", "find_certificate"]
+
+FloatArray = NDArray[np.float64]
+
+VERIFIED = 1e-9  # largest change that is not allowed, over the largest shortening
+NULL = 1e-8  # singular values of the restricted self-stresses that count as zero
+# A cable counts as shortening from this part of a shortening of 1; the second where the first gives no proof.
+CHOSEN = (1e-11, 1e-4)
+EASED = 1e-6  # part of the least shortening that is given up to find the least norm
+SAME = 1e-5  # difference of shortenings, next to 1, that counts as none
+MOST_EVEN = 400  # shortening cables up to which the least norm is found
+BALANCED = 1e-9  # part of the loads that no tensions balance, up to which they count as balanced
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Displacements which prove that no tensions have all cables in tension.
+
+    Attributes
+    ----------
+    displacement : ndarray, shape (n_coordinates,)
+        Displacements of the coordinates, scaled so that the largest shortening is 1; where no cable shortens
+        (then loads do work) so that the largest displacement is 1.
+    elongation : ndarray, shape (n_members,)
+        Changes of length, A^T d; negative where a member shortens.
+    shortening : tuple of int
+        Indices of the cables that shorten: the tension of each is zero in every state of tension without
+        negative cable tensions.
+    bar_change, cable_lengthening : float
+        Largest change of a bar and largest lengthening of a cable: both zero but for rounding.
+    least_shortening : float
+        Least shortening of the cables that shorten; nan where there are none.
+    load_work : float
+        Work of the loads [N] in this motion, not negative; 0 without loads.
+    error : float
+        The larger of `bar_change` and `cable_lengthening`, over the largest shortening (or displacement).
+    is_verified : bool
+        Whether `error` is below 1e-9, and a cable shortens or loads do work.
+    """
+
+    displacement: FloatArray
+    elongation: FloatArray
+    shortening: tuple[int, ...]
+    bar_change: float
+    cable_lengthening: float
+    least_shortening: float
+    load_work: float
+    error: float
+    is_verified: bool
+
+
+def check_balanced(rank: Rank, load: FloatArray) -> bool:
+    """Return whether some tensions, of either sign, balance a load (n_coordinates,) [N]."""
+    return rank.find_tension(load)[1] <= BALANCED * float(np.linalg.norm(load))
+
+
+def find_certificate(
+    equilibrium_matrix: FloatArray,
+    tension_only: NDArray[np.bool_],
+    *,
+    load: FloatArray | None = None,
+    rank: Rank | None = None,
+) -> Certificate | None:
+    """Find displacements which prove that no tensions have all cables in tension.
+
+    Parameters
+    ----------
+    equilibrium_matrix : ndarray, shape (n_coordinates, n_members)
+        A; A^T d are the changes of lengths in displacements d.
+    tension_only : ndarray of bool, shape (n_members,)
+        Members that must be in tension. The others are bars, which may have either sign.
+    load : ndarray, shape (n_coordinates,) [N], optional
+        Loads that the tensions balance: A t = load. By default there are none.
+    rank : Rank, optional
+        That of the matrix, if it is known.
+
+    Returns
+    -------
+    Certificate or None
+        Displacements with as many shortening cables as possible, which shorten as equally as possible; None
+        where tensions exist with all cables in tension.
+
+    Raises
+    ------
+    ConvergenceError
+        The solver of the linear program failed.
+    InvalidValueError, NonFiniteError
+        A wrong shape, or numbers that are not finite.
+
+    Notes
+    -----
+    Exactly one of two statements is true (Farkas, Gordan). Tensions exist: A t = f, t_c > 0 for each cable.
+    Or displacements exist: (A^T d)_b = 0 for bars, (A^T d)_c <= 0 for cables, f . d >= 0, and one of the
+    inequalities is strict. The elongations e = A^T d are the vectors with N e = 0, N the self-stresses; so
+    the linear programs have the shortenings of cables for unknowns, and d follows from e.
+    """
+    check_shape(tension_only, (equilibrium_matrix.shape[1],), "tension_only")
+    rank = rank or find_rank(equilibrium_matrix)
+    force = np.zeros(len(equilibrium_matrix)) if load is None else np.asarray(load, dtype=float)
+    check_shape(force, (len(equilibrium_matrix),), "load")
+    check_finite(force, "load")
+    if not check_balanced(rank, force):
+        pushed = rank.free_motion @ (rank.free_motion.T @ force)
+        return _describe(equilibrium_matrix, tension_only, pushed, force)
+    found = None
+    for shortening in _find_shortenings(rank.selfstress, tension_only, rank.find_tension(force)[0]):
+        found = _describe(equilibrium_matrix, tension_only, rank.find_displacement(-shortening), force)
+        if found.is_verified:
+            return found
+    return found
+
+
+def _find_shortenings(
+    selfstress: FloatArray, tension_only: NDArray[np.bool_], load_tension: FloatArray
+) -> Iterator[FloatArray]:
+    """Return shortenings (n_members,) of motions that may prove it, the largest 1, the best first.
+
+    Shortenings y >= 0 of cables belong to a motion where N y = 0, and loads do the work -t_load . y.
+    """
+    cables = np.flatnonzero(tension_only)
+    size = float(np.abs(load_tension).max(initial=0.0))
+    pull = load_tension[cables] / size if size else np.zeros(len(cables))
+    support = _find_support(selfstress[:, cables], pull)
+    for least in CHOSEN:
+        chosen = np.flatnonzero(support > least)
+        part = _find_even(selfstress[:, cables[chosen]], pull[chosen])
+        if part is not None and part.max() > 0.0:
+            result = np.zeros(len(tension_only))
+            result[cables[chosen]] = part / part.max()
+            yield result
+
+
+def _find_support(modes: FloatArray, pull: FloatArray) -> FloatArray:
+    """Return for each cable the largest shortening up to 1 that was found in a motion which proves it, (n,).
+
+    Motions that shorten cables not yet found are added as long as there are any.
+    """
+    basis = _find_null_space(modes)
+    count, free = basis.shape
+    found = np.zeros(count)
+    if free == 0:
+        return found
+    rows = sparse.csr_array(sparse.vstack([-basis, basis, sparse.coo_array((pull @ basis)[None, :])]))
+    limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
+    for _ in range(count):
+        missing = found <= CHOSEN[0]
+        part = find_optimum(-(basis.T @ missing.astype(float)), rows, limit)
+        shortening = np.zeros(count) if part is None else basis @ part
+        if not missing.any() or shortening[missing].max() <= CHOSEN[0]:
+            break
+        found = np.maximum(found, shortening)
+    return found
+
+
+def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
+    """Return shortenings up to 1 whose least one is largest, of least norm; None where there are none."""
+    basis = _find_null_space(modes)
+    count, free = basis.shape
+    if free == 0:
+        return None
+    column = np.ones((count, 1))
+    blocks: Any = [[-basis, column], [basis, 0 * column], [sparse.coo_array((pull @ basis)[None, :]), None]]
+    limit = np.append(np.repeat([0.0, 1.0], count), 0.0)
+    cost = np.append(np.zeros(free), -1.0)
+    found = find_optimum(cost, sparse.csr_array(sparse.block_array(blocks)), limit)
+    if found is None:
+        return None
+    best: FloatArray = basis @ found[:-1]
+    if best.min() > 1 - SAME or count > MOST_EVEN:
+        return best
+    square = np.linalg.qr(basis.toarray())[0]
+    bounds = np.vstack([square, -square, -(pull @ square)[None, :]])
+    floor = np.concatenate([np.full(count, best.min() * (1 - EASED)), np.full(count, -1.0), [0.0]])
+    part = find_least_norm(bounds, floor)
+    if part is None:
+        return best
+    smallest: FloatArray = square @ part
+    return best if np.abs(smallest - best).max() <= SAME else smallest
+
+
+def _find_null_space(modes: FloatArray) -> Any:
+    """Return a sparse basis (n, k) of the vectors y with modes y = 0, modes (n_modes, n).
+
+    A few entries of y follow from the others, which are free.
+    """
+    count = modes.shape[1]
+    if modes.size == 0:
+        return sparse.csc_array(sparse.eye_array(count))
+    _, upper, order = linalg.qr(modes, mode="economic", pivoting=True)
+    rank = int((np.abs(np.diagonal(upper)) > NULL).sum())
+    dependent = -linalg.solve_triangular(upper[:rank, :rank], upper[:rank, rank:])
+    blocks: Any = [sparse.coo_array(dependent), sparse.eye_array(count - rank)]
+    return sparse.csc_array(sparse.csr_array(sparse.vstack(blocks))[np.argsort(order)])
+
+
+def _describe(
+    matrix: FloatArray, tension_only: NDArray[np.bool_], motion: FloatArray, load: FloatArray
+) -> Certificate:
+    """Return the certificate of a motion, everything measured from the motion itself."""
+    elongation = matrix.T @ motion
+    shortest = float(-elongation[tension_only].min(initial=0.0))
+    largest = float(np.abs(motion).max(initial=0.0))
+    scale = shortest if shortest > VERIFIED * largest else largest
+    motion, elongation = motion / scale, elongation / scale
+    cable = elongation[tension_only]
+    shortening = np.flatnonzero(tension_only & (elongation < -VERIFIED))
+    bar_change = float(np.abs(elongation[~tension_only]).max(initial=0.0))
+    lengthening = float(cable.max(initial=0.0))
+    work, error = float(load @ motion), max(bar_change, lengthening)
+    scale_of_work = float(np.abs(load) @ np.abs(motion))
+    does_work = work > VERIFIED * scale_of_work
+    is_proof = (len(shortening) > 0 or does_work) and work >= -VERIFIED * scale_of_work
+    return Certificate(
+        displacement=motion,
+        elongation=elongation,
+        shortening=tuple(int(e) for e in shortening),
+        bar_change=bar_change,
+        cable_lengthening=lengthening,
+        least_shortening=float(-elongation[shortening].max()) if len(shortening) else float("nan"),
+        load_work=max(work, 0.0) if does_work else 0.0,
+        error=error,
+        is_verified=bool(is_proof and error < VERIFIED),
+    )

@@ -1,0 +1,124 @@
+"""Linear programs to more digits than the solver's tolerances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog, nnls
+
+from tensegrity_codegen.errors import ConvergenceError
+
+__all__ = ["find_least_norm", "find_optimum"]
+
+FloatArray = NDArray[np.float64]
+
+ZOOM = 1e-6  # size of one refinement, next to that of the one before
+ROUNDS = 2
+ROUNDING = 1e-14  # violations that count as none
+FARTHEST = 1e3  # largest change in a refinement, in its own size
+TOLERANCES = (1e-10, 1e-9, 1e-8, 1e-7)  # of HiGHS; the first is the least there is, the last the default
+INFEASIBLE = 2  # status of scipy.optimize.linprog
+
+
+def find_optimum(
+    cost: FloatArray, rows: Any, limit: FloatArray, *, rounds: int = ROUNDS
+) -> FloatArray | None:
+    """Find x with the least cost . x and rows x <= limit, to rounding; None where there is no such x.
+
+    Parameters
+    ----------
+    cost : ndarray, shape (n,)
+        Cost of each variable.
+    rows, limit : ndarray or sparse array, shape (n_rows, n), and ndarray, shape (n_rows,)
+        Inequalities.
+    rounds : int
+        Number of refinements.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        An optimal x.
+
+    Raises
+    ------
+    ConvergenceError
+        The solver (HiGHS) found no optimum for another reason, such as an unbounded cost.
+
+    Notes
+    -----
+    The solver's tolerances would blur the ends of ranges. So the problem is solved again for the change of x,
+    with the slack of the inequalities magnified a million times, twice (A. M. Gleixner, D. E. Steffy and
+    K. Wolter, "Iterative refinement for linear programming", INFORMS Journal on Computing 28, 2016).
+    """
+    found = _solve(cost, rows, limit, None)
+    if found is None:
+        return None
+    for round_ in range(1, rounds + 1):
+        zoom = ZOOM**round_
+        slack = np.minimum((limit - rows @ found) / zoom, FARTHEST / ZOOM)
+        change = _solve(cost, rows, slack, FARTHEST)
+        if change is None:
+            break  # rounding of the slack itself; what was found stays
+        better = found + zoom * change
+        if _is_better(cost, rows, limit, better, found):
+            found = better
+    return found
+
+
+def _is_better(cost: FloatArray, rows: Any, limit: FloatArray, one: FloatArray, other: FloatArray) -> bool:
+    """Return whether a solution violates the limits less than another, or as much at a lower cost."""
+    excess = max(float((rows @ one - limit).max(initial=0.0)), ROUNDING)
+    before = max(float((rows @ other - limit).max(initial=0.0)), ROUNDING)
+    return excess < before or (excess == before and float(cost @ (one - other)) < 0.0)
+
+
+def _solve(cost: FloatArray, rows: Any, limit: FloatArray, most: float | None) -> FloatArray | None:
+    """Return an optimum with all variables up to `most`, None where there is none; ConvergenceError."""
+    bounds: Any = (None, None) if most is None else (-most, most)
+    for tolerance in TOLERANCES:
+        options: Any = {"primal_feasibility_tolerance": tolerance, "dual_feasibility_tolerance": tolerance}
+        result = linprog(cost, A_ub=rows, b_ub=limit, bounds=bounds, method="highs", options=options)
+        if result.status == 0:
+            return np.asarray(result.x, dtype=float)
+        if result.status == INFEASIBLE or most is not None:
+            return None
+    raise ConvergenceError(
+        f"the linear program was not solved: {result.message}",
+        evidence={"status": int(result.status)},
+        where="HiGHS",
+        hint="check that all positions and loads are of sensible size",
+    )
+
+
+def find_least_norm(rows: FloatArray, least: FloatArray) -> FloatArray | None:
+    """Find the x of least norm with rows x >= least; None where there is none.
+
+    Parameters
+    ----------
+    rows, least : ndarray, shape (n_rows, n) and (n_rows,)
+        Inequalities.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        The unique solution.
+
+    Notes
+    -----
+    C. L. Lawson and R. J. Hanson, "Solving least squares problems", 1974, chapter 23: least distance
+    programming by non-negative least squares.
+    """
+    size = rows.shape[1]
+    system = np.vstack([rows.T, least])
+    target = np.zeros(size + 1)
+    target[-1] = 1.0
+    try:
+        weight, _ = nnls(system, target)
+    except RuntimeError:  # too many iterations
+        return None
+    residual = system @ weight - target
+    if -residual[-1] <= 1e-12:
+        return None
+    return np.asarray(-residual[:-1] / residual[-1])

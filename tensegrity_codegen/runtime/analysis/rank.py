@@ -1,0 +1,168 @@
+"""Rank of an equilibrium matrix, by the gap of its singular values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.runtime.model.arrays import check_finite
+
+__all__ = ["MOST_ROWS", "RANK_TOLERANCE", "Rank", "find_rank"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
+RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
+CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
+NEAR = 1e2  # times the tolerance: a smallest value below that is near to being zero
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Rank:
+    """Rank of an equilibrium matrix A (n_coordinates, n_members), and the spaces that belong to it.
+
+    Attributes
+    ----------
+    rank, largest_rank : int
+        The rank, and the smaller number of rows and columns.
+    singular_value : ndarray, shape (largest_rank,)
+        Singular values, descending.
+    tolerance, rounding : float
+        Singular values above `tolerance`, times the largest, never count as zero; those below `rounding`,
+        times the largest, always do; between the two the largest gap decides.
+    above, below : float
+        Singular values on both sides of the gap; nan where there is none on that side.
+    gap : float
+        Their ratio, the lower one at least the rounding; inf where no value counts as zero.
+    warning : str
+        Why the rank is not clear, or an empty text.
+    selfstress : ndarray, shape (n_selfstress, n_members)
+        Orthonormal self-stresses: A t = 0.
+    free_motion : ndarray, shape (n_coordinates, n_coordinates - rank)
+        Orthonormal motions at which no member changes its length: A^T d = 0.
+    left, right : ndarray, shape (n_coordinates, rank) and (rank, n_members)
+        The other singular vectors.
+    """
+
+    rank: int
+    largest_rank: int
+    singular_value: FloatArray
+    tolerance: float
+    rounding: float
+    above: float
+    below: float
+    gap: float
+    warning: str
+    selfstress: FloatArray
+    free_motion: FloatArray
+    left: FloatArray
+    right: FloatArray
+
+    def find_tension(self, load: FloatArray) -> tuple[FloatArray, float]:
+        """Return the least tensions t (n_members,) [N] with A t = load, and the norm of what is left [N]."""
+        tension = ((self.left.T @ load) / self.singular_value[: self.rank]) @ self.right
+        return tension, float(np.linalg.norm(self.free_motion.T @ load))
+
+    def find_displacement(self, elongation: FloatArray) -> FloatArray:
+        """Return the least displacements d (n_coordinates,) with A^T d = elongation (n_members,)."""
+        displacement: FloatArray = self.left @ ((self.right @ elongation) / self.singular_value[: self.rank])
+        return displacement
+
+
+def find_rank(matrix: FloatArray, *, tolerance: float = RANK_TOLERANCE, rounding: float = 0.0) -> Rank:
+    """Find the rank of an equilibrium matrix, its self-stresses and its free motions.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n_coordinates, n_members)
+        Equilibrium matrix [1]: direction cosines of members.
+    tolerance : float
+        Singular values above this part of the largest one never count as zero.
+    rounding : float
+        Relative error of the entries, where it is larger than that of double precision: positions far from
+        the origin have less exact directions.
+
+    Returns
+    -------
+    Rank
+        Rank, gap and null spaces.
+
+    Raises
+    ------
+    FormulationError
+        More than 3,000 coordinates or members.
+    NonFiniteError
+        The matrix is not finite.
+
+    Notes
+    -----
+    Counted as zero are all values after the largest ratio of consecutive ones, among those below the
+    tolerance (S. Pellegrino, "Structural computations with the singular value decomposition of the
+    equilibrium matrix", International Journal of Solids and Structures 30, 1993).
+    """
+    check_finite(matrix, "equilibrium_matrix")
+    _check_size(matrix)
+    n, m = matrix.shape
+    left, value, right = np.linalg.svd(matrix, full_matrices=True)
+    largest = float(value.max(initial=0.0))
+    least = max(rounding, EPSILON) * 8 * max(n, m, 1)
+    relative = value / largest if largest else value
+    rank = _find_cut(relative, tolerance, least)
+    above = float(value[rank - 1]) if rank else float("nan")
+    below = float(value[rank]) if rank < len(value) else float("nan")
+    gap = above / max(below, least * largest) if rank and rank < len(value) else float("inf")
+    return Rank(
+        rank=rank,
+        largest_rank=len(value),
+        singular_value=value,
+        tolerance=tolerance,
+        rounding=least,
+        above=above,
+        below=below,
+        gap=gap,
+        warning=_describe_doubt(relative, rank, gap, tolerance),
+        selfstress=right[rank:],
+        free_motion=left[:, rank:],
+        left=left[:, :rank],
+        right=right[:rank],
+    )
+
+
+def _find_cut(relative: FloatArray, tolerance: float, least: float) -> int:
+    """Return how many of the descending values are not zero."""
+    clipped = np.maximum(relative, least)
+    certain = int((relative > tolerance).sum())
+    if certain == 0 or certain == len(relative):
+        return certain
+    ratio = clipped[certain - 1 : -1] / clipped[certain:]
+    return certain + int(ratio.argmax())
+
+
+def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: float) -> str:
+    """Return why the rank is not clear, an empty text where it is."""
+    if gap < CLEAR_GAP:
+        return (
+            f"the rank is not clear: the singular values at the gap, {relative[rank - 1]:.3g} and "
+            f"{relative[rank]:.3g} of the largest, differ by a factor of {gap:.3g} only"
+        )
+    if rank and relative[rank - 1] <= NEAR * tolerance:
+        return (
+            f"the rank is not clear: the smallest singular value that counts as not zero is "
+            f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}"
+        )
+    return ""
+
+
+def _check_size(matrix: FloatArray) -> None:
+    if max(matrix.shape, default=0) > MOST_ROWS:
+        raise FormulationError(
+            "the structure is too large for this analysis, which decomposes a dense matrix",
+            where="equilibrium_matrix",
+            given=f"{matrix.shape[0]} coordinates, {matrix.shape[1]} members",
+            allowed=f"up to {MOST_ROWS} of each",
+            hint="analyse a part of it, for example one module with its ends anchored",
+        )
