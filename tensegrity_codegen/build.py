@@ -54,6 +54,8 @@ class BuiltLibrary:
         Time to find or build it [s].
     why_emitter : str
         Reason for the emitter that the manifest names.
+    structure : Structure, BodySystem or None
+        What the library was made from, for the models that are loaded.
     build_again : callable or None
         Removes the entry from the cache and builds it again; None for a library that was just built.
     """
@@ -65,6 +67,7 @@ class BuiltLibrary:
     from_cache: bool
     seconds: float
     why_emitter: str = ""
+    structure: Subject | None = field(default=None, repr=False, compare=False)
     build_again: Callable[[], BuiltLibrary] | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -82,7 +85,7 @@ class BuiltLibrary:
         A library from the cache that does not load, as after a change of the system, is built again once.
         """
         try:
-            return CompiledModel(self.path, self.manifest, precision=precision)
+            return CompiledModel(self.path, self.manifest, precision=precision, structure=self.structure)
         except LibraryError:
             if self.build_again is None or precision not in (None, self.manifest.precision):
                 raise
@@ -177,6 +180,7 @@ def build_library(
         from_cache=found,
         seconds=time.perf_counter() - started,
         why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
+        structure=structure,
         build_again=build_again if found else None,
     )
 

@@ -35,12 +35,15 @@ MODULES = (
     "runtime.statics.equilibrium",
     "runtime.statics.equilibrium_record",
     "settle",
+    "structure.actuators",
+    "structure.limits",
     "structure.structure",
 )
 # Names of these modules that serve other modules of the package only.
 INTERNAL = {
     *("BATCH_WIDTHS", "INTERFACES", "check_batch_width", "check_interfaces", "complete_options"),
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
+    *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
     *("stop_at_contact", "simulation_quantities", "Pattern", "Method"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")

@@ -21,7 +21,7 @@ from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.check import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.schema import schema
+from tensegrity_codegen.scene.schema import control_schema, schema
 from tensegrity_codegen.scene.shapes import IcosahedronShape, PrismShape, TowerShape, TwoNodeShape
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -258,6 +258,20 @@ def test_the_scene_of_the_scene_page_is_sound() -> None:
     assert set(request.parameters) == {"rest_length", "gravity"}
 
 
+def test_the_actuators_sensors_and_limits_of_the_scene_page_are_sound() -> None:
+    blocks = re.findall(r"```toml\n(.*?)```", document("docs/scene.md"), re.DOTALL)
+    chosen = [
+        blocks[0],
+        *(text for text in blocks if text.startswith(("[[actuators", "[[sensors", "[limits"))),
+    ]
+    assert len(chosen) == 4
+    structure, _ = assemble(parse_scene(tomllib.loads("\n".join(chosen)), "docs/scene.md"))
+    assert find_warnings(structure) == ()
+    assert [item.name for item in structure.inputs] == ["winch", "push", "motor"]
+    assert len(structure.sensors) == 2
+    assert structure.limits.least_tension.tolist() == [-float("inf"), 1.0, 5.0]
+
+
 def table_keys(section: str) -> list[str]:
     """Return the keys in the first column of a section's table."""
     cells = re.findall(r"^\| (`.*?) \|", section, re.MULTILINE)
@@ -279,6 +293,9 @@ SECTIONS: dict[str, tuple[type[BaseModel], ...]] = {
     "## [interference]": (schema.Interference,),
     "## [[loads]]": (schema.Load,),
     "## [[inputs]]": (schema.RestLengthInput, schema.ForceInput),
+    "## [[actuators]]": (control_schema.ActuatorTable,),
+    "## [[sensors]]": (control_schema.MemberSensor, control_schema.NodeSensor),
+    "## [limits]": (control_schema.LimitsTable,),
     '`kind = "prism"`': (PrismShape,),
     '`kind = "tower"`': (TowerShape,),
     '`kind = "icosahedron"`': (IcosahedronShape,),

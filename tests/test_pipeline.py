@@ -343,3 +343,35 @@ def test_four_processes_may_build_one_scene_at_once(scene: Path, cache: Cache) -
     assert len({json.dumps(item["end"]) for item in answers}) == 1
     assert len(list((cache.root / "libraries").iterdir())) == 1
     assert list((cache.root / "temporary").iterdir()) == []
+
+
+ACTUATED = """
+[[actuators]]
+name = "motor"
+members = "all_strings"
+rate = {rate}
+
+[groups]
+all_strings = ["{member}"]
+
+[limits]
+least_tension = {least}
+"""
+
+
+def test_new_limits_and_rates_find_the_same_library(scene: Path, cache: Cache) -> None:
+    text = scene.read_text(encoding="utf-8")
+    member = load_scene(scene)[0].member_name[0]
+    built = []
+    for rate, least in ((0.1, 1.0), (0.2, 2.0)):
+        scene.write_text(text + ACTUATED.format(member=member, rate=rate, least=least), encoding="utf-8")
+        built.append(build(scene, "member_tension", cache=cache))
+    assert [item.from_cache for item in built] == [False, True]
+    assert built[0].entry.key == built[1].entry.key
+    for item, rate, least in zip(built, (0.1, 0.2), (1.0, 2.0), strict=True):
+        model = item.load()
+        assert model.structure is not None
+        assert model.manifest.input_name == ("motor",)
+        assert model.structure.actuators[0].rate == rate
+        assert model.structure.limits.least_tension[0] == least
+        assert model.compute("member_tension", motor=-0.01) == pytest.approx([0.8])

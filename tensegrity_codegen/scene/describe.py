@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
 __all__ = ["describe_request", "describe_structure"]
@@ -45,7 +46,9 @@ def describe_structure(structure: Structure, request: ModelRequest | None = None
     document["loads"] = [
         {"node": structure.node_name[i], "force": structure.node_load[i].tolist()} for i in loaded
     ]
-    document["inputs"] = [_describe_input(structure, item) for item in structure.inputs]
+    motors = {item.name for item in structure.actuators}
+    document["inputs"] = [_describe_input(structure, u) for u in structure.inputs if u.name not in motors]
+    document |= describe_control(structure, "nodes", lambda i: structure.node_name[i])
     return {key: value for key, value in document.items() if value}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.describe import describe_request
+from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 
 __all__ = ["describe_bodies"]
@@ -38,7 +39,9 @@ def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> 
         pairs = [[system.bodies[k].name for k in pair] for pair in system.interference]
         document["interference"] = {"pairs": pairs}
     document["loads"] = _loads(system)
-    document["inputs"] = [_input(system, item) for item in system.inputs]
+    motors = {item.name for item in system.actuators}
+    document["inputs"] = [_input(system, item) for item in system.inputs if item.name not in motors]
+    document |= describe_control(system, "points", lambda node: _point(system, node))
     return {key: value for key, value in document.items() if value}
 
 

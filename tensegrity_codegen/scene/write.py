@@ -25,10 +25,10 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _SECTIONS = (
     *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
-    *("joint_friction", "interference", "loads", "inputs"),
+    *("joint_friction", "interference", "loads", "inputs", "actuators", "sensors", "limits"),
 )
 _TABLES = ("classes", "bodies")  # one [section.name] table each
-_LISTS = ("joint_friction", "loads", "inputs")  # one [[section]] table each
+_LISTS = ("joint_friction", "loads", "inputs", "actuators", "sensors")  # one [[section]] table each
 
 
 def format_scene(document: Mapping[str, Any]) -> str:
@@ -69,6 +69,13 @@ def _section(name: str, value: Any) -> Iterable[str]:
     elif name in _TABLES:
         for key, item in value.items():
             yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
+    elif name == "limits" and isinstance(value, Mapping):
+        inner = {key: item for key, item in value.items() if isinstance(item, Mapping)}
+        plain = {key: item for key, item in value.items() if key not in inner}
+        yield "\n".join([f"[{name}]", *_pairs(plain, name)])
+        for key, item in inner.items():
+            if item:
+                yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
     else:
         yield "\n".join([f"[{name}]", *_pairs(value, name)])
 

@@ -20,7 +20,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
 
 __all__ = [
@@ -162,12 +164,16 @@ class BodySystem(WithMemberLaws):
     loads: tuple[BodyLoad, ...] = ()
     friction: tuple[JointFriction, ...] = ()
     inputs: tuple[BodyInput, ...] = ()
+    actuators: tuple[Actuator, ...] = ()  # whose inputs are the last ones
+    sensors: tuple[Sensor, ...] = ()
+    limits: Limits = field(default_factory=Limits)  # of tendons; clearance of bars
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
 
     axes = (0, 1, 2)
     inner_radius = None  # tendons are no tubes
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))
         freeze_fields(self)
 
     @property

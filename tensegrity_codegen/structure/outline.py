@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["outline_bodies", "outline_tendons"]
@@ -51,6 +52,7 @@ def outline_tendons(subject: Structure | BodySystem) -> Structure:
         radius=subject.radius,
         law_parameter=dict(subject.law_parameter),
         groups=subject.groups,
+        limits=subject.limits,
     )
 
 
@@ -80,6 +82,7 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
         member_mass=extend(structure.member_mass, 0.0),
         radius=extend(structure.radius, radii),
         inner_radius=None if structure.inner_radius is None else extend(structure.inner_radius, 0.0),
+        limits=Limits(),
         law_parameter={name: extend(values, 0.0) for name, values in structure.law_parameter.items()},
     )
 

@@ -15,7 +15,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
 
 __all__ = ["ActuatedInput", "Structure"]
@@ -83,7 +85,13 @@ class Structure(WithMemberLaws):
     groups : mapping of str to tuple of int
         Indices of members by group.
     inputs : tuple of ActuatedInput
-        Inputs, in the order of the input vector.
+        Inputs, in the order of the input vector; those of the actuators are the last ones.
+    actuators : tuple of Actuator
+        What the motors of rest-length inputs can do.
+    sensors : tuple of Sensor
+        Measurements of members and nodes.
+    limits : Limits
+        Limits of members, of distances between bars, and of the stiffness.
     interference : tuple of pairs of int, or None
         Pairs of bars whose distance is computed; None: all with a radius.
 
@@ -123,9 +131,13 @@ class Structure(WithMemberLaws):
     law_parameter: Mapping[str, FloatArray] = field(default_factory=dict)  # (n_members,) each, by name
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # member indices
     inputs: tuple[ActuatedInput, ...] = ()
+    actuators: tuple[Actuator, ...] = ()  # whose inputs are the last ones
+    sensors: tuple[Sensor, ...] = ()
+    limits: Limits = field(default_factory=Limits)
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))
         freeze_fields(self)
 
     @property

@@ -41,3 +41,51 @@ def test_windows_line_ends_and_a_byte_order_mark_are_read(run: Run, folder: Path
     path = folder / "small.toml"
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert run("check", path).code == 0
+
+
+CONTROL = """
+[[actuators]]
+name = "winch"
+members = "s1"
+rate = 0.1
+range = [0.5, 0.8]
+
+[[sensors]]
+kind = "member_length"
+members = "all"
+noise = 1e-4
+
+[limits]
+least_tension = 12
+"""
+
+
+def test_actuators_sensors_and_limits_are_reported(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", GOOD + CONTROL)
+    data = run("check", path, "--json").data
+    assert data["inputs"] == ["winch"]
+    assert data["actuators"] == [{"name": "winch", "members": ["s1"], "rate": 0.1, "range": [0.5, 0.8]}]
+    assert data["sensors"] == [{"kind": "member_length", "members": ["s1"], "noise": 1e-4}]
+    assert data["limits"] == {"least_tension": 12.0}
+    assert data["warnings"] == [
+        "the range of actuators does not contain the rest length of the scene: winch (s1: 0.9 m, by 0.1 m)",
+        "members start below their least tension: s1 (10 N against 12 N, by 2 N)",
+    ]
+    assert "actuators: winch\nsensors: member_length (1)\nlimits: least_tension\n" in run("check", path).out
+
+
+def test_a_wrong_limit_is_bad_input(run: Run, folder: Path) -> None:
+    ended = run("check", write(folder / "small.toml", GOOD + CONTROL.replace("12", "-12")), "--json")
+    assert ended.code == 2
+    assert ended.data["where"].endswith("limits.least_tension")
+
+
+def test_bodies_have_actuators_and_limits_too(run: Run, folder: Path) -> None:
+    path = write_example(folder, "lin_prism")
+    data = run("check", path, "--json").data
+    assert (data["actuators"], data["sensors"], data["limits"]) == ([], [], {})
+    with path.open("a", encoding="utf-8") as file:
+        file.write('[limits]\nmost_tension = 1e9\n[[sensors]]\nkind = "node_position"\nnodes = "all"\n')
+    data = run("check", path, "--json").data
+    assert data["limits"] == {"most_tension": 1e9}
+    assert all("." in point for point in data["sensors"][0]["points"])

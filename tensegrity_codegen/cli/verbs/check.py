@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["VERB"]
+
+CONTROL: dict[str, Any] = {"actuators": [], "sensors": [], "limits": {}}
 
 
 def check(scene: SceneArgument, json: JsonOption = False) -> None:
@@ -49,6 +54,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "quantities": request.quantities,
             "parameters": list(request.parameters),
             "inputs": [item.name for item in structure.inputs],
+            **_describe_control(structure),
             "warnings": warnings,
         }
         output.result(
@@ -56,7 +62,30 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             f"{structure.name}: {structure.n_nodes} nodes, {n_bars} bars, {n_cables} cables, "
             f"{data['n_coordinates']} free coordinates",
             f"requested: {', '.join(request.quantities)}",
+            *_summarise_control(structure),
         )
+
+
+def _describe_control(subject: Structure | BodySystem) -> dict[str, Any]:
+    """Return actuators, sensors and limits, with the keys of a scene."""
+    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+    from tensegrity_codegen.scene.describe_control import describe_control
+
+    if isinstance(subject, BodySystem):
+        document = describe_bodies(subject)
+        return {key: document.get(key, empty) for key, empty in CONTROL.items()}
+    return describe_control(subject, "nodes", lambda i: subject.node_name[i])
+
+
+def _summarise_control(subject: Structure | BodySystem) -> list[str]:
+    """Return lines on inputs, sensors and limits, none where there are none."""
+    motors = {item.name for item in subject.actuators}
+    inputs = [item.name for item in subject.inputs if item.name not in motors]
+    stated = _describe_control(subject)["limits"]
+    sensors = [f"{item.name or item.kind} ({len(item.targets)})" for item in subject.sensors]
+    names = {"inputs": inputs, "actuators": [item.name for item in subject.actuators]}
+    names |= {"sensors": sensors, "limits": list(stated)}
+    return [f"{key}: {name_list(items, most=10)}" for key, items in names.items() if items]
 
 
 def _count_bars(subject: Structure | BodySystem) -> tuple[int, int]:

@@ -20,6 +20,8 @@ __all__ = ["hash_package", "hash_request", "hash_scene", "hash_structure", "hash
 
 # Fields of a structure that count only where they hold something.
 ONLY_IF_ANY = ("law_parameter", "inner_radius")
+# Fields of a structure that no library depends on; actuators are among its inputs.
+NOT_IN_CODE = ("actuators", "sensors", "limits")
 PLAIN_TYPES = frozenset({bool, int, str})
 
 
@@ -65,7 +67,7 @@ def _plain(value: Any) -> Any:
         return {
             name: _plain(item)
             for name, item in fields.items()
-            if name not in ONLY_IF_ANY or (item is not None and len(item))
+            if name not in NOT_IN_CODE and (name not in ONLY_IF_ANY or (item is not None and len(item)))
         }
     if isinstance(value, np.ndarray):
         data = np.ascontiguousarray(value)

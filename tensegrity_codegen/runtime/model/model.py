@@ -25,6 +25,8 @@ from tensegrity_codegen.runtime.model.batch import BatchFunction, SparseBatch
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.status import raise_for_status
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
     "BatchFunction",
@@ -154,11 +156,16 @@ class CompiledModel:
         By default read from ``manifest.json`` beside the library.
     precision : str, optional
         ``"double"`` or ``"single"``: raise LibraryError if the library has the other precision.
+    structure : Structure or BodySystem, optional
+        What the library was made from, with its actuators, sensors and limits, which the library and its
+        manifest do not contain.
 
     Attributes
     ----------
     path, manifest, library
         As given, and the loaded library.
+    structure : Structure, BodySystem or None
+        As given; set in models of compile_scene and build_library, None in a library that was loaded alone.
 
     Raises
     ------
@@ -174,9 +181,15 @@ class CompiledModel:
     """
 
     def __init__(
-        self, path: Path | str, manifest: Manifest | None = None, *, precision: str | None = None
+        self,
+        path: Path | str,
+        manifest: Manifest | None = None,
+        *,
+        precision: str | None = None,
+        structure: Structure | BodySystem | None = None,
     ) -> None:
         self.path = Path(path)
+        self.structure = structure
         self.manifest = manifest or Manifest.read(self.path.parent / "manifest.json")
         if precision is not None:
             require_precision(self.manifest, precision, str(self.path))

@@ -9,7 +9,9 @@ from pydantic import ValidationError
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.request import ModelRequest, complete_options
+from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
+from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
 from tensegrity_codegen.scene.assemble.targets import Targets, build_inputs, build_parameters
@@ -19,7 +21,7 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.schema import ForceInput, Load, RestLengthInput, Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
-from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
 __all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble"]
 
@@ -50,16 +52,23 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     )
     rigid = (member["spring_constant"] == 0) & (member["axial_stiffness"] == 0)
     check_freedom(member["connectivity"], node["node_anchored"], axes, node["node_name"], where)
+    acting = build_inputs(inputs, targets, rigid, axes)
+    actuators = build_actuators(scene.actuators, [item.name for item in acting], targets, rigid)
     structure = Structure(
         name=scene.name,
         axes=axes,
         gravity=spread_vectors([scene.gravity], axes, [("gravity",)], where)[0],
         groups=targets.groups,
-        inputs=build_inputs(inputs, targets, rigid, axes),
+        inputs=(*acting, *(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)),
+        actuators=actuators,
+        sensors=build_sensors(scene.sensors, targets),
         **node,
         **member,
     )
-    structure = structure.with_changes(interference=_watch_bars(scene, structure, where))
+    structure = structure.with_changes(
+        interference=_watch_bars(scene, structure, where),
+        limits=build_limits(scene.limits, structure, scene.classes, where),
+    )
     check_structure(structure, where)
     request = _build_request(scene, structure, targets)
     complete_options(request.formulation, request.options, key_path(where, "model", "options"))

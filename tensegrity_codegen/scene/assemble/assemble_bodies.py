@@ -17,6 +17,7 @@ from tensegrity_codegen.errors import (
 )
 from tensegrity_codegen.formulations import FORMULATIONS
 from tensegrity_codegen.request import ModelRequest, complete_options
+from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies, build_bodies_of_scene
 from tensegrity_codegen.scene.assemble.body_loads import (
     BodyFinder,
@@ -26,6 +27,7 @@ from tensegrity_codegen.scene.assemble.body_loads import (
     three_numbers,
 )
 from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
+from tensegrity_codegen.scene.assemble.limits import build_limits
 from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.targets import Targets, build_parameters
 from tensegrity_codegen.scene.checks.check_laws import check_laws
@@ -36,6 +38,7 @@ from tensegrity_codegen.scene.schema.body_schema import (
 from tensegrity_codegen.scene.schema.schema import Member, MemberClass, Scene
 from tensegrity_codegen.structure.bodies import (
     Bar,
+    BodyInput,
     BodySystem,
     FixedBody,
 )
@@ -101,14 +104,20 @@ def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, Mod
     )
     find = BodyFinder(scene, built, where)
     load, turning = build_body_loads(scene, find)
+    inputs = build_body_inputs(scene, targets, find)
+    rigid = np.zeros(system.n_members, dtype=np.bool_)
+    actuators = build_actuators(scene.actuators, [item.name for item in inputs], targets, rigid)
     system = system.with_changes(
         groups=targets.groups,
         node_load=load,
         loads=turning,
         friction=tuple(build_friction(item, k, find) for k, item in enumerate(scene.joint_friction)),
-        inputs=build_body_inputs(scene, targets, find),
+        inputs=(*inputs, *(BodyInput(item.name, "rest_length", item.members) for item in actuators)),
+        actuators=actuators,
+        sensors=build_sensors(scene.sensors, targets, find.point),
         interference=_watch_bars(scene, system, where),
     )
+    system = system.with_changes(limits=build_limits(scene.limits, system, scene.classes, where))
     return system, _request(scene, system, targets)
 
 

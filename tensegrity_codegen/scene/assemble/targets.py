@@ -16,7 +16,7 @@ from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.schema import ForceInput, Parameters, RestLengthInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 
-__all__ = ["Targets", "build_inputs", "build_parameters", "normalise"]
+__all__ = ["Targets", "build_inputs", "build_parameters", "normalise", "refuse_members"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -128,7 +128,7 @@ def build_inputs(
             members = targets.find_members(item.members, "inputs", number, "members")
             if not members:
                 _refuse_empty(targets.where, ("inputs", number, "members"), item.members)
-            _refuse_members(
+            refuse_members(
                 members,
                 rigid,
                 "a rigid bar has no rest length to change",
@@ -176,7 +176,7 @@ def build_parameters(
             found = tuple(np.flatnonzero(usual).tolist())
         elif what == "member":
             found = targets.find_members(chosen, *place)
-            _refuse_members(found, ~possible, problem, targets, place)
+            refuse_members(found, ~possible, problem, targets, place)
         else:
             found = targets.find_nodes(chosen, *place)
             _refuse_rows(found, ~possible, problem, targets.node_name, targets.where, place)
@@ -212,9 +212,10 @@ def normalise(vector: NDArray[np.float64], given: Sequence[float], where: str) -
     return (x, y, z)
 
 
-def _refuse_members(
+def refuse_members(
     rows: tuple[int, ...], bad: BoolArray, problem: str, targets: Targets, place: tuple[str | int, ...]
 ) -> None:
+    """Raise InvalidValueError if one of the members `rows` is `bad` (n_members,)."""
     _refuse_rows(rows, bad, problem, targets.member_name, targets.where, place)
 
 

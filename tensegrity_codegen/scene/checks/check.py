@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, StructureError
+from tensegrity_codegen.scene.checks.check_control import check_control
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
@@ -62,6 +63,7 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
         _check_indices(members, structure.n_members, key_path(where, "groups", group))
     for number, item in enumerate(structure.inputs):
         _check_input(structure, number, item, where)
+    check_control(structure, where)
 
 
 def _check_arrays(structure: Structure, where: str) -> None:

@@ -61,12 +61,13 @@ def check_document(document: Mapping[str, Any], where: str) -> None:
             raise too_large(section, len(content), where)
         entries = content.items() if isinstance(content, dict) else ()
         for name, entry in entries:
-            if isinstance(entry, dict) and len(entry) > MOST_KEYS:
+            most = MOST_ENTRIES if section == "limits" else MOST_KEYS
+            if isinstance(entry, dict) and len(entry) > most:
                 raise InvalidValueError(
                     "a table with too many keys",
                     where=key_path(where, str(section), str(name)),
                     given=f"{len(entry)} keys",
-                    allowed=f"up to {MOST_KEYS}",
+                    allowed=f"up to {most}",
                 )
     if len(document) > MOST_KEYS:
         raise InvalidValueError(

@@ -16,6 +16,7 @@ from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_unstressed_bars,
     warn_of_upward_gravity,
 )
+from tensegrity_codegen.scene.checks.plausible_limits import warn_of_limits, warn_of_ranges
 from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
 from tensegrity_codegen.scene.checks.upright import warn_of_side
 from tensegrity_codegen.scene.names import name_list
@@ -44,8 +45,8 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
 
     Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
     push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
-    sizes (see plausible_sizes), forces (see plausible_forces), a structure on its side (see upright). The
-    structure is taken as sound (see `check_structure`).
+    sizes (see plausible_sizes), forces (see plausible_forces), ranges and limits (see plausible_limits), a
+    structure on its side (see upright). The structure is taken as sound (see `check_structure`).
     """
     held = find_fully_anchored(structure.node_anchored, structure.axes)
     first, second = structure.connectivity.T
@@ -64,6 +65,8 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_sizes(structure),
         *warn_of_forces(structure),
         *warn_of_side(structure),
+        *warn_of_ranges(structure),
+        *warn_of_limits(structure),
     ]
     return tuple(sentence for sentence in found if sentence)
 
@@ -87,6 +90,8 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
         _sentence(np.array(lonely), [b.name for b in system.bodies], "no tendon joins these bodies"),
         *warn_of_upward_gravity(system.gravity, system.axes),
         *warn_of_strong_gravity(system.gravity),
+        *warn_of_ranges(system),
+        *warn_of_limits(system),
     ]
     return tuple(sentence for sentence in found if sentence)
 

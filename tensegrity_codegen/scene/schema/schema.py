@@ -29,6 +29,12 @@ from tensegrity_codegen.scene.schema.body_schema import (
     TorqueInput,
     load_tag,
 )
+from tensegrity_codegen.scene.schema.control_schema import (
+    ActuatorTable,
+    LimitsTable,
+    MemberSensor,
+    NodeSensor,
+)
 from tensegrity_codegen.scene.schema.schema_types import (
     Anchored,
     Axes,
@@ -303,6 +309,15 @@ class Scene(SceneParts):
         Strict(False),
     ] = Field(
         (), description="Actuated inputs: rest-length changes and forces, in the order of the input vector."
+    )
+    actuators: Annotated[tuple[ActuatorTable, ...], Strict(False)] = Field(
+        (), description="Motors that change rest lengths; inputs after those of `inputs`."
+    )
+    sensors: Annotated[
+        tuple[Annotated[MemberSensor | NodeSensor, Discriminator("kind")], ...], Strict(False)
+    ] = Field((), description="Measurements of members and nodes.")
+    limits: LimitsTable = Field(
+        default_factory=LimitsTable, description="Limits of tensions, stresses, distances and stiffness."
     )
 
 

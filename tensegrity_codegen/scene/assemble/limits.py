@@ -1,0 +1,189 @@
+"""The limits of a scene, member by member: those of all members, then of classes, then of single members."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.schema.control_schema import LimitsTable, MemberLimits
+from tensegrity_codegen.structure.bodies import Bar, BodySystem
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["build_limits", "find_limited", "with_section"]
+
+BoolArray = NDArray[np.bool_]
+Subject = Structure | BodySystem
+
+
+def with_section(subject: Subject) -> BoolArray:
+    """Return which members have a section, (n_members,)."""
+    found: BoolArray = subject.radius > 0
+    return found
+
+
+def find_limited(subject: Subject) -> dict[str, BoolArray]:
+    """Return by limit the members that it applies to where a scene states it for all, (n_members,)."""
+    round_one, stiff = with_section(subject), subject.mu > 0
+    return {
+        "least_tension": ~subject.is_bar,
+        "most_tension": ~subject.is_bar,
+        "yield_stress": round_one,
+        "buckling": subject.is_bar & round_one & stiff,
+    }
+
+
+def build_limits(stated: LimitsTable, subject: Subject, classes: Mapping[str, Any], where: str) -> Limits:
+    """Return the limits of a structure or body system.
+
+    Raises UnknownNameError for a class or member that does not exist, InvalidValueError for a limit that
+    members cannot have and for a least tension above the largest, with file and key.
+    """
+    if not stated.model_fields_set:
+        return Limits()
+    built = _MemberValues(subject, where)
+    _check_all(stated, subject, where)
+    for key, limited in find_limited(subject).items():
+        built.set(stated, key, np.flatnonzero(limited), "limits")
+    of_class: dict[str, list[int]] = {}
+    for row, owner in enumerate(subject.member_class):
+        of_class.setdefault(owner, []).append(row)
+    for name, table in stated.classes.items():
+        _check_name(name, classes, "class", where, {"member": subject.member_name, "group": subject.groups})
+        built.set_named(table, np.array(of_class.get(name, []), dtype=np.int64), "classes", name)
+    row_of = {name: row for row, name in enumerate(subject.member_name)}
+    for name, table in stated.members.items():
+        _check_name(name, row_of, "member", where, {"class": classes, "group": subject.groups})
+        built.set_named(table, np.array([row_of[name]]), "members", name)
+    built.check_order()
+    none = -math.inf
+    clearance = none if stated.clearance is None else stated.clearance
+    stiffness = none if stated.least_stiffness is None else stated.least_stiffness
+    return Limits(**built.values, clearance=clearance, least_stiffness=stiffness)
+
+
+class _MemberValues:
+    """Limits of members while they are collected, and the keys that tensions come from."""
+
+    def __init__(self, subject: Subject, where: str) -> None:
+        self.member_name, self.where = subject.member_name, where
+        self.is_bar, self.has_section, self.is_stiff = subject.is_bar, with_section(subject), subject.mu > 0
+        self.values = {key: np.full(subject.n_members, none) for key, none in MEMBER_LIMITS.items()}
+        self._source: dict[str, dict[int, str]] = {"least_tension": {}, "most_tension": {}}
+
+    def set(self, table: MemberLimits, key: str, rows: NDArray[np.int64], *place: str) -> None:
+        """Set one limit of the members `rows`, if the table states it."""
+        value = getattr(table, key)
+        if value is None:
+            return
+        self.values[key][rows] = float(value)
+        if key in self._source:
+            self._source[key].update(dict.fromkeys(rows.tolist(), key_path("", *place, key)))
+
+    def set_named(self, table: MemberLimits, rows: NDArray[np.int64], section: str, name: str) -> None:
+        """Set the limits of members that were named; raises InvalidValueError where one has no meaning."""
+        place = ("limits", section, name)
+        for key in MEMBER_LIMITS:
+            value = getattr(table, key)
+            if value is not None and value is not False:
+                self._check_members(key, rows, key_path(self.where, *place, key), value)
+            self.set(table, key, rows, *place)
+
+    def _check_members(self, key: str, rows: NDArray[np.int64], place: str, value: Any) -> None:
+        """Raise InvalidValueError unless the limit has a meaning for each of these members."""
+        bar = self.is_bar[rows]
+        problem = "the member has no radius, so that its section is not known"
+        section = (~self.has_section[rows], problem, "members with a radius", "give it a radius [m]")
+        problem = "the bar has no stiffness, so that its Euler load is not known"
+        stiff = (~self.is_stiff[rows], problem, "bars with a stiffness", "give it axial_stiffness [N]")
+        rules: dict[str, list[tuple[BoolArray, str, str, str]]] = {
+            "least_tension": [(bar, "a bar has no least tension", "cables", "use most_tension or buckling")],
+            "yield_stress": [section],
+            "buckling": [(~bar, "a cable does not buckle", "bars", "remove the key"), section, stiff],
+        }
+        for bad, problem, allowed, hint in rules.get(key, ()):
+            if bad.any():
+                name = self.member_name[int(rows[np.argmax(bad)])]
+                raise InvalidValueError(
+                    f"{problem}: {name}", where=place, given=value, allowed=allowed, hint=hint
+                )
+
+    def check_order(self) -> None:
+        """Raise InvalidValueError for a least tension above the largest one of the same member."""
+        least, most = self.values["least_tension"], self.values["most_tension"]
+        wrong = np.flatnonzero(least > most)
+        if not wrong.size:
+            return
+        row, more = int(wrong[0]), f" (and of {wrong.size - 1} more)" if wrong.size > 1 else ""
+        raise InvalidValueError(
+            f"the least tension of member {self.member_name[row]}{more} is above its largest tension",
+            where=f"{self.where}: {self._source['least_tension'][row]}",
+            given=float(least[row]),
+            allowed=f"at most {most[row]:g} N, the value of {self._source['most_tension'][row]}",
+            hint="lower least_tension, or raise most_tension",
+        )
+
+
+def _check_all(stated: LimitsTable, subject: Subject, where: str) -> None:
+    """Raise InvalidValueError for a limit of all members that applies to none of them."""
+    needs = {
+        "least_tension": "no member is a cable",
+        "most_tension": "no member is a cable",
+        "yield_stress": "no member has a radius, so that no section is known",
+        "buckling": "no member is a bar with a radius and a stiffness (bars that are bodies have none)",
+    }
+    for key, rows in find_limited(subject).items():
+        if getattr(stated, key) not in (None, False) and not rows.any():
+            raise InvalidValueError(
+                f"the limit applies to no member: {needs[key]}",
+                where=key_path(where, "limits", key),
+                given=getattr(stated, key),
+                allowed="a limit that some member can have",
+                hint="remove the key"
+                if "tension" in key
+                else "give the members a radius [m], or remove the key",
+            )
+    bars, round_bars = _count_bars(subject)
+    if stated.clearance is not None and bars > 1 and not round_bars:
+        raise InvalidValueError(
+            "no bar has a radius, so that the distances between bars are not known",
+            where=key_path(where, "limits", "clearance"),
+            given=stated.clearance,
+            allowed="a clearance of bars with a radius",
+            hint="give the bars a radius [m]",
+        )
+
+
+def _count_bars(subject: Subject) -> tuple[int, int]:
+    """Return the numbers of bars and of bars with a radius."""
+    if isinstance(subject, BodySystem):
+        radii = [body.radius for body in subject.bodies if isinstance(body, Bar)]
+        return len(radii), sum(radius > 0 for radius in radii)
+    return int(subject.is_bar.sum()), int((subject.is_bar & with_section(subject)).sum())
+
+
+def _check_name(
+    name: str, known: Mapping[str, Any], what: str, where: str, others: Mapping[str, Any]
+) -> None:
+    if name in known:
+        return
+    section = {"class": "classes", "member": "members"}
+    kind = next((word for word, names in others.items() if name in names), "")
+    hint = suggest(name, known)
+    if kind:
+        hint = f"{name!r} is a {kind}: " + (
+            f"[limits.{section[kind]}.{name}]" if kind in section else "name its class, or its members"
+        )
+    raise UnknownNameError(
+        f"there is no {what} of this name",
+        where=key_path(where, "limits", section[what], name),
+        given=name,
+        allowed="names of classes" if what == "class" else "names of members (in scenes of bodies: tendons)",
+        hint=hint,
+    )

@@ -1,0 +1,118 @@
+"""Checks of the actuators, sensors and limits of a structure, for those who build one themselves."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.scene.names import check_names, key_path
+from tensegrity_codegen.scene.refuse import refuse
+from tensegrity_codegen.structure.actuators import MEMBER_SENSORS, NODE_SENSORS, UNLIMITED, Actuator
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["check_control"]
+
+
+def check_control(structure: Structure, where: str) -> None:
+    """Raise unless the actuators are the last inputs and have sound values, and so have sensors and limits.
+
+    Raises InvalidValueError, NonFiniteError or DuplicateNameError, with `where` and the key.
+    """
+    last = structure.inputs[len(structure.inputs) - len(structure.actuators) :]
+    wanted = [(item.name, "rest_length", tuple(item.members)) for item in structure.actuators]
+    if wanted != [(item.name, item.kind, tuple(item.targets)) for item in last]:
+        raise InvalidValueError(
+            "the actuators are not the last inputs",
+            where=key_path(where, "actuators"),
+            given=[item.name for item in structure.actuators],
+            allowed="one input of kind rest_length for each actuator, with its name and members, in order, "
+            "after all other inputs",
+        )
+    for number, item in enumerate(structure.actuators):
+        _check_actuator(item, key_path(where, "actuators", number))
+    check_names([item.name for item in structure.sensors if item.name], "sensors", where)
+    for number, sensor in enumerate(structure.sensors):
+        place = key_path(where, "sensors", number)
+        known = (*MEMBER_SENSORS, *NODE_SENSORS)
+        if sensor.kind not in known:
+            raise InvalidValueError(
+                "unknown kind of sensor", where=place, given=sensor.kind, allowed=", ".join(known)
+            )
+        size = structure.n_members if sensor.kind in MEMBER_SENSORS else structure.n_nodes
+        if not sensor.targets or min(sensor.targets) < 0 or max(sensor.targets) >= size:
+            raise InvalidValueError(
+                "empty, or an index out of range",
+                where=place,
+                given=sensor.targets,
+                allowed=f"0 to {size - 1}",
+            )
+        if not 0 <= sensor.noise < np.inf:
+            raise InvalidValueError(
+                "not a standard deviation", where=place, given=sensor.noise, allowed="0 or more, finite"
+            )
+    _check_limits(structure, where)
+
+
+def _check_actuator(item: Actuator, place: str) -> None:
+    rules = {
+        "rate": (item.rate > 0, "more than 0 [m/s]; infinite without a limit"),
+        "range": (
+            tuple(item.range) == UNLIMITED or 0 < item.range[0] < item.range[1] < np.inf,
+            "(least, largest) rest length [m], both positive and finite; (0, inf) without a limit",
+        ),
+        "delay": (0 <= item.delay < np.inf, "0 or more [s], finite"),
+    }
+    for key, (is_sound, allowed) in rules.items():
+        if not is_sound:
+            raise InvalidValueError(
+                f"the actuator {item.name} cannot have this {key}",
+                where=f"{place}.{key}",
+                given=getattr(item, key),
+                allowed=allowed,
+            )
+
+
+def _check_limits(structure: Structure, where: str) -> None:
+    limits, place = structure.limits, key_path(where, "limits")
+    for key in MEMBER_LIMITS:
+        values = getattr(limits, key)
+        if values.shape != (structure.n_members,) or values.dtype.kind != "f":
+            raise InvalidValueError(
+                "an array of the wrong shape or kind of number",
+                where=f"{place}.{key}",
+                given=f"{values.dtype} {values.shape}",
+                allowed=f"float64 array of shape ({structure.n_members},)",
+            )
+        report = partial(
+            refuse,
+            section="limits.members",
+            names=structure.member_name,
+            where=where,
+            key=key,
+            given=values,
+        )
+        report(np.isnan(values), NonFiniteError, "not a number", allowed="numbers; infinite without a limit")
+        is_free = np.isneginf(values) & (key == "least_tension")
+        report((values < 0) & ~is_free, InvalidValueError, "a negative limit", allowed="0 or more")
+    refuse(
+        limits.least_tension > limits.most_tension,
+        InvalidValueError,
+        "the least tension is above the largest tension",
+        section="limits.members",
+        names=structure.member_name,
+        where=where,
+        key="least_tension",
+        given=limits.least_tension,
+    )
+    for key in ("clearance", "least_stiffness"):
+        value = getattr(limits, key)
+        if np.isnan(value) or (value < 0 and not np.isneginf(value)) or np.isposinf(value):
+            raise InvalidValueError(
+                "not a limit",
+                where=f"{place}.{key}",
+                given=value,
+                allowed="0 or more, finite; -infinity without a limit",
+            )

@@ -1,0 +1,73 @@
+"""From a structure or body system back to the scene's actuators, sensors and limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.scene.assemble.limits import find_limited
+from tensegrity_codegen.structure.actuators import MEMBER_SENSORS, UNLIMITED, Actuator, Sensor
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["describe_control"]
+
+Subject = Structure | BodySystem
+
+
+def describe_control(subject: Subject, key: str, name_node: Callable[[int], str]) -> dict[str, Any]:
+    """Return the sections `actuators`, `sensors` and `limits` of a scene document.
+
+    key: that of the nodes of a sensor, `nodes` or `points`; name_node: their names by index.
+    """
+    return {
+        "actuators": [_describe_actuator(subject, item) for item in subject.actuators],
+        "sensors": [_describe_sensor(subject, item, key, name_node) for item in subject.sensors],
+        "limits": _describe_limits(subject),
+    }
+
+
+def _describe_actuator(subject: Subject, item: Actuator) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": item.name, "members": [subject.member_name[e] for e in item.members]}
+    if math.isfinite(item.rate):
+        table["rate"] = float(item.rate)
+    if tuple(item.range) != UNLIMITED:
+        table["range"] = [float(value) for value in item.range]
+    return table | ({"delay": float(item.delay)} if item.delay else {})
+
+
+def _describe_sensor(
+    subject: Subject, item: Sensor, key: str, name_node: Callable[[int], str]
+) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": item.name} if item.name else {}
+    table["kind"] = item.kind
+    if item.kind in MEMBER_SENSORS:
+        table["members"] = [subject.member_name[e] for e in item.targets]
+    else:
+        table[key] = [name_node(node) for node in item.targets]
+    return table | ({"noise": float(item.noise)} if item.noise else {})
+
+
+def _describe_limits(subject: Subject) -> dict[str, Any]:
+    """Return the limits: once where all members that can have one share it, else member by member."""
+    limits = subject.limits
+    document: dict[str, Any] = {}
+    members: dict[int, dict[str, float]] = {}
+    usual = find_limited(subject)
+    for key, none in MEMBER_LIMITS.items():
+        values = getattr(limits, key)
+        shared = np.unique(values[usual[key]])
+        is_shared = len(shared) == 1 and shared[0] != none
+        if is_shared:
+            document[key] = float(shared[0])
+        for e in np.flatnonzero((values != none) & ~(usual[key] & is_shared)).tolist():
+            members.setdefault(e, {})[key] = float(values[e])
+    for key in ("clearance", "least_stiffness"):
+        if math.isfinite(getattr(limits, key)):
+            document[key] = float(getattr(limits, key))
+    by_name = {subject.member_name[e]: members[e] for e in sorted(members)}
+    return document | ({"members": by_name} if by_name else {})

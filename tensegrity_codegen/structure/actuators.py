@@ -1,0 +1,66 @@
+"""What moves and what measures a structure: actuators with rate, range and delay; sensors with noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+__all__ = ["MEMBER_SENSORS", "NODE_SENSORS", "UNLIMITED", "Actuator", "Sensor", "SensorKind"]
+
+SensorKind: TypeAlias = Literal["member_length", "member_tension", "node_position", "node_velocity"]
+
+MEMBER_SENSORS: tuple[SensorKind, ...] = ("member_length", "member_tension")
+NODE_SENSORS: tuple[SensorKind, ...] = ("node_position", "node_velocity")
+UNLIMITED = (0.0, math.inf)  # the range of an actuator that has none
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An input of kind ``rest_length``, with what its motor can do.
+
+    The input of the same name in ``structure.inputs`` adds its value u [m] to the rest length of each member
+    of the actuator; the inputs of the actuators are the last ones, in the order of the actuators.
+
+    Attributes
+    ----------
+    name : str
+        Name of the actuator and of its input.
+    members : tuple of int
+        Indices of the members.
+    rate : float [m/s]
+        Largest rate of the rest lengths, in both directions; infinite without a limit.
+    range : tuple of float, shape (2,) [m]
+        Least and largest rest length of each of its members; (0, infinity) without a limit.
+    delay : float [s]
+        Time from the command to the motion.
+    """
+
+    name: str
+    members: tuple[int, ...]
+    rate: float = math.inf
+    range: tuple[float, float] = UNLIMITED
+    delay: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A measurement of members or nodes.
+
+    Attributes
+    ----------
+    kind : str
+        ``"member_length"`` [m], ``"member_tension"`` [N], ``"node_position"`` [m] or ``"node_velocity"``
+        [m/s].
+    targets : tuple of int
+        Indices of members, or of nodes.
+    noise : float
+        Standard deviation of each measured number, in the unit of the kind.
+    name : str
+        Name of the sensor, ``""`` without one.
+    """
+
+    kind: SensorKind
+    targets: tuple[int, ...]
+    noise: float = 0.0
+    name: str = ""

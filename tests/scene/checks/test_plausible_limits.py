@@ -1,0 +1,68 @@
+"""Warnings of a start outside the limits, with the member and the excess."""
+
+import pytest
+
+from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
+from tests.body_scenes import EVERYTHING, assemble_document
+from tests.scene.samples import build, changed
+
+# The strut: EA 2e5 N, compression 40 N, radius 10 mm, length sqrt(3.25) m; both strings: 100 N/m.
+BAR = {"kind": "bar", "axial_stiffness": 2e5, "mass": 0.1, "radius": 0.01, "prestress": -40.0}
+ROUND = changed("classes", "strut", to=BAR)
+
+
+def warnings(key, stated):
+    structure, _ = build(changed(key, to=stated, base=ROUND))
+    plain, _ = build(ROUND)
+    return [text for text in find_warnings(structure) if text not in find_warnings(plain)]
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({"least_tension": 10}, []),
+        ({"least_tension": 12}, ["members start below their least tension: bc (10 N against 12 N, by 2 N)"]),
+        (
+            {"most_tension": 30},
+            ["members start above their largest tension: ab (50 N against 30 N, by 20 N)"],
+        ),
+        (
+            {"yield_stress": 1e5},
+            [
+                "members start above their yield stress: ac (1.273e+05 Pa against 1e+05 Pa, by 2.73e+04 Pa)",
+            ],
+        ),
+    ],
+)
+def test_the_start_is_compared_with_the_limits(limits, expected):
+    assert warnings("limits", limits) == expected
+
+
+def test_cables_without_a_radius_beside_one_that_has_a_yield_stress():
+    document = changed("members", "ab", "radius", to=0.001, base=ROUND)
+    structure, _ = build({**document, "limits": {"yield_stress": 1e9}})
+    assert "no yield stress applies to members without a radius: bc" in find_warnings(structure)
+
+
+def test_a_bar_that_starts_beyond_its_euler_load():
+    # pi^2 EA r^2 / 4 / l^2 = 9.8696 * 2e5 * 2.5e-5 / 3.25 = 15.18 N, under a compression of 40 N
+    found = warnings("limits", {"buckling": True})
+    assert found == [
+        "members start below their safety factor against buckling: ac (0.3796 against 1, by 0.62)"
+    ]
+
+
+def test_ranges_contain_the_rest_lengths():
+    item = {"name": "m", "members": ["ab"], "range": [1.6, 2.0]}
+    assert warnings("actuators", [item]) == [
+        "the range of actuators does not contain the rest length of the scene: m (ab: 1.5 m, by 0.1 m)"
+    ]
+    assert warnings("actuators", [item | {"range": [1.5, 2.0]}]) == []
+
+
+def test_tendons_are_compared_too():
+    limits = {"members": {"t1": {"least_tension": 1e6}}}
+    system, _ = assemble_document({**EVERYTHING, "limits": limits})
+    assert any(
+        text.startswith("members start below their least tension: t1") for text in find_body_warnings(system)
+    )
