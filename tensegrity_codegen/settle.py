@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -69,6 +69,7 @@ def settle_structure(
     compiler: str | None = None,
     flags: str | None = None,
     warn: Callable[[str], None] | None = None,
+    arguments: Mapping[str, Any] | None = None,
 ) -> Structure:
     """Return the structure with its nodes in equilibrium.
 
@@ -82,6 +83,8 @@ def settle_structure(
         As for build_library.
     warn : callable, optional
         Called with each warning of the equilibrium, a sentence.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def settle_structure(
     wanted = statics.wanting(*equilibrium_quantities(structure, statics))
     near, offset = move_near_origin(structure, request)
     model = build_library(near, wanted, compiler=compiler, flags=flags).load()
-    found = find_equilibrium(model)
+    found = find_equilibrium(model, arguments=arguments)
     if warn is not None:
         for text in found.warnings:
             warn(text)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from tensegrity_codegen.cli.inputs import read_inputs
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
@@ -27,11 +29,13 @@ def simulate_starts(
     starts: Path,
     out: Path | None,
     options: RunOptions,
+    values: Mapping[str, float],
     **asked: Any,
 ) -> None:
     """Simulate every start of a file and say how many motions came to their end; exit code 3 unless all did.
 
-    asked: t_end, samples and threads of `simulate_batch`.
+    values: of inputs that all motions share, by name; asked: t_end, samples, threads and schedule of
+    `simulate_batch`.
     """
     from tensegrity_codegen.report.tables import run_table
     from tensegrity_codegen.runtime.simulate.read_starts import read_starts
@@ -39,6 +43,8 @@ def simulate_starts(
 
     model = built.load()
     given = read_starts(starts, model.manifest)
+    _check_twice(values, given["arguments"], starts)
+    given["arguments"] |= values
     with output.progress("simulating") as progress:
         batch = simulate_batch(
             model,
@@ -51,6 +57,7 @@ def simulate_starts(
         batch.write(out)
     data = batch.summary() | {
         "control": options.control,
+        "inputs": dict(values),
         "library": str(built.path),
         "out": None if out is None else str(out),
     }
@@ -62,6 +69,19 @@ def simulate_starts(
             f"{count} of {len(batch)} motions; number {bad}: {batch.status[bad]}: {batch.message[bad]}"
         )
         raise typer.Exit(3)
+
+
+def _check_twice(values: Mapping[str, float], arguments: Mapping[str, Any], starts: Path) -> None:
+    """Raise DuplicateNameError for an input that both --input and the file of starts give."""
+    twice = sorted(values.keys() & arguments.keys()) or (["input"] if values and "input" in arguments else [])
+    if twice:
+        raise DuplicateNameError(
+            "an input is given twice",
+            where="--input",
+            given=", ".join(values),
+            allowed=f"inputs that {starts} does not hold",
+            hint=f"remove the option, or the array {twice[0]!r} from the file",
+        )
 
 
 def check_no_other(**options: Any) -> None:
@@ -91,15 +111,17 @@ def build_for_batch(
     options: RunOptions,
     compiler: str | None,
     flags: str | None,
+    inputs: list[str] | None,
     profile: Path | None,
     profile_kind: str,
-) -> tuple[BuiltLibrary, Profile | None]:
-    """Return the library of a scene with what a batch of its motions needs, and the inputs over time."""
+) -> tuple[BuiltLibrary, dict[str, float], Profile | None]:
+    """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
     from tensegrity_codegen.pipeline import build_library, find_needs
 
     structure, request = output.load(scene)
+    values = read_inputs(inputs, structure, output)
     schedule = read_schedule(profile, profile_kind, structure)
     needs = find_needs("simulate_batch", structure, request, method=options.method, rtol=options.rtol)
     wanted = needs.alone(request)
     wanted = replace(wanted, keep=(options.keep,)) if options.keep else wanted
-    return build_library(structure, wanted, compiler=compiler, flags=flags), schedule
+    return build_library(structure, wanted, compiler=compiler, flags=flags), values, schedule

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,11 +11,13 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument, parse_loads
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_target
 from tensegrity_codegen.runtime.statics.equilibrium import Method
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
 from tensegrity_codegen.structure.bodies import BodySystem
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ OverwriteOption = Annotated[bool, typer.Option(help="Let --out replace a file.")
 def equilibrium(
     scene: SceneArgument,
     load: LoadOption = None,
+    input: InputOption = None,
     tolerance: ToleranceOption = 1e-9,
     method: MethodOption = "auto",
     out: OutOption = None,
@@ -56,7 +59,8 @@ def equilibrium(
 ) -> None:
     """Find the stable equilibrium of a scene, and report how far the nodes moved.
 
-    --out may name the scene itself: with --overwrite the settled structure replaces it.
+    --out may name the scene itself: with --overwrite the settled structure replaces it. The written rest
+    lengths contain the values of --input; forces of inputs and loads of --load are not written.
 
     Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
@@ -72,14 +76,17 @@ def equilibrium(
         held = _find_held(structure, added)
         if held:
             output.warn(f"a part of the load acts on anchored axes and has no effect: {', '.join(held)}")
+        values = read_inputs(input, structure, output)
+        loads = _Loads(structure, added, values)
         found, data = _settle(
-            output, structure, request, added, compiler=compiler, tolerance=tolerance, method=method
+            output, structure, request, loads, compiler=compiler, tolerance=tolerance, method=method
         )
-        data |= {"held_load": held, "out": None}
+        data |= {"held_load": held, "inputs": values, "out": None}
+        actuated = structure.with_changes(rest_length=add_inputs_to_rest_length(structure, values))
         if out is not None and found.is_found:
-            write_scene(_describe_settled(structure, request, found), out, overwrite=overwrite)
+            write_scene(_describe_settled(actuated, request, found), out, overwrite=overwrite)
             data["out"] = str(out)
-        _report(output, structure, found, data)
+        _report(output, actuated, found, data)
         if not found.is_found:
             raise typer.Exit(3)
 
@@ -88,16 +95,15 @@ def _settle(
     output: Output,
     structure: Structure | BodySystem,
     request: ModelRequest,
-    added: NDArray[np.float64],
+    loads: _Loads,
     *,
     compiler: str | None,
     **options: Any,
 ) -> tuple[Equilibrium, dict[str, Any]]:
-    """Return the equilibrium under the scene's loads and the added ones, and what the JSON says of it."""
+    """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
     from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
-    loads = _Loads(structure, added)
     statics = with_statics(structure, request)
     quantities = (*find_needs("equilibrium", structure, statics).quantities, *loads.quantities)
     wanted = statics.wanting(*quantities, parameters=loads.parameters)
@@ -107,7 +113,7 @@ def _settle(
     snap = loads.find_snap(model, found)
     for text in (*found.warnings, *_describe_snap(snap)):
         output.warn(text)
-    found = _move_back(found, structure, added, offset)
+    found = _move_back(found, structure, loads, offset)
     return found, equilibrium_data(model, found) | snap.as_evidence()
 
 
@@ -132,10 +138,13 @@ def _report(
 
 
 class _Loads:
-    """The loads of a scene and those added to them, as run-time arguments of its model."""
+    """The loads of a scene, those added to them, and values of inputs, as run-time arguments of its model."""
 
-    def __init__(self, structure: Structure | BodySystem, added: NDArray[np.float64]) -> None:
+    def __init__(
+        self, structure: Structure | BodySystem, added: NDArray[np.float64], inputs: Mapping[str, float]
+    ) -> None:
         axes = list(structure.axes)
+        self.inputs = dict(inputs)
         self.own = structure.node_load[:, axes]
         self.added = added[:, axes]
         self.gravity = np.array(structure.gravity)[axes]
@@ -157,7 +166,7 @@ class _Loads:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        return {"node_load": self.own + self.added} if self.added.any() else {}
+        return {**self.inputs, **({"node_load": self.own + self.added} if self.added.any() else {})}
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -169,24 +178,27 @@ class _Loads:
 
         if not found.is_found:
             return Snap(None, reason="no equilibrium was found")
-        whole = find_load_snap(model, found, self.full, cables=self.cables)
+        given: dict[str, Any] = {"cables": self.cables, "arguments": self.inputs}
+        whole = find_load_snap(model, found, self.full, **given)
         if not self.added.any() or not (self.gravity.any() or self.own.any()):
             return whole
-        added = find_snap(model, found, self.own, self.own + self.added, cables=self.cables)
+        added = find_snap(model, found, self.own, self.own + self.added, **given)
         return join_snaps(whole, added)
 
 
 def _move_back(
     found: Equilibrium,
     structure: Structure | BodySystem,
-    added: NDArray[np.float64],
+    loads: _Loads,
     offset: NDArray[np.float64],
 ) -> Equilibrium:
     """Return the equilibrium of a structure that was moved, at its place; energies count from the origin."""
     if isinstance(structure, BodySystem) or not offset.any():
         return found
     mass = structure.node_mass.sum() + structure.member_mass.sum()
-    force = (structure.node_load + added).sum(axis=0) + mass * structure.gravity
+    force = structure.node_load.sum(axis=0) + mass * structure.gravity
+    force += find_input_force(structure, loads.inputs).sum(axis=0)
+    force[list(structure.axes)] += loads.added.sum(axis=0)
     return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
@@ -34,6 +35,7 @@ def linearize(
     settle: Annotated[
         bool, typer.Option("--settle", help="Linearize about the equilibrium instead of the scene's state.")
     ] = False,
+    input: InputOption = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="Write A, B (row, column, value), vectors and names (.npz)."),
@@ -54,14 +56,14 @@ def linearize(
         if out is not None:
             check_ending(out, ".npz")
             check_output(out, inputs=[scene], overwrite=overwrite)
-        linear, kinks = _linearize(scene, settle, compiler, output)
+        linear, kinks = _linearize(scene, settle, compiler, output, input)
         if out is not None:
             write_linear_model(linear, out)
         _report(output, linear, kinks, out)
 
 
 def _linearize(
-    scene: Path, settle: bool, compiler: str | None, output: Output
+    scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
 ) -> tuple[LinearModel, Mapping[str, bool]]:
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
     from tensegrity_codegen.pipeline import build_library, find_needs
@@ -70,24 +72,25 @@ def _linearize(
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     rounding = SETTLED_ROUNDING if settle else ROUNDING
-    structure, request, settle = _read(scene, settle, compiler, output)
+    structure, request, values, settle = _read(scene, settle, compiler, output, inputs)
     cables = [name for name, bar in zip(structure.member_name, structure.is_bar, strict=True) if not bar]
     wanted = find_needs("linearize", structure, request).alone(request)
     wanted = find_needs("equilibrium", structure, request).besides(wanted) if settle else wanted
     model = build_library(structure, wanted, compiler=compiler).load()
     # What is left of the forces turns neutral motions into slow ones.
-    found = find_equilibrium(model, tolerance=SETTLED) if settle else None
+    found = find_equilibrium(model, arguments=values, tolerance=SETTLED) if settle else None
     for text in found.warnings if found is not None else ():
         output.warn(text)
     start = None if found is None else found.coordinate
-    linear = run(model, coordinate=start, velocity=None if start is None else np.zeros_like(start))
-    return linear, find_kinks(model, cables, linear.state, rounding) if cables else {}
+    velocity = None if start is None else np.zeros_like(start)
+    linear = run(model, coordinate=start, velocity=velocity, arguments=values)
+    return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
 
 
 def _read(
-    scene: Path, settle: bool, compiler: str | None, output: Output
-) -> tuple[Subject, ModelRequest, bool]:
-    """Return structure and request, and whether it is still to be settled."""
+    scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
+) -> tuple[Subject, ModelRequest, dict[str, float], bool]:
+    """Return structure, request and inputs, and whether the structure is still to be settled."""
     from tensegrity_codegen.pipeline import (
         has_statics,
         is_corrected,
@@ -96,12 +99,13 @@ def _read(
     )
 
     structure, request = output.load(scene, settles=settle)
+    values = read_inputs(inputs, structure, output)
     if isinstance(structure, Structure) and is_corrected(request):
         request = with_statics(structure, request)  # springs are exact, and however stiff cost nothing here
     if not (settle and isinstance(structure, Structure) and not has_statics(request)):
-        return structure, request, settle
-    structure = settle_structure(structure, request, compiler=compiler, warn=output.warn)
-    return structure.with_changes(node_velocity=0 * structure.node_velocity), request, False
+        return structure, request, values, settle
+    structure = settle_structure(structure, request, compiler=compiler, warn=output.warn, arguments=values)
+    return structure.with_changes(node_velocity=0 * structure.node_velocity), request, values, False
 
 
 def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out: Path | None) -> None:
@@ -125,6 +129,7 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
         "one_sided_cables": list(kinks),
         "state_name": linear.state_name,
         "input_name": linear.input_name,
+        "inputs": dict(zip(linear.input_name, linear.input.tolist(), strict=True)),
         "out": None if out is None else str(out),
     }
     output.result(

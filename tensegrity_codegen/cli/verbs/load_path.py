@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
@@ -78,6 +80,7 @@ def load_path(
     scene: SceneArgument,
     most: MostOption,
     load: LoadOption = None,
+    input: InputOption = None,
     ramp: RampOption = "load",
     floor: FloorOption = None,
     events: EventsOption = ALL_EVENTS,
@@ -107,7 +110,8 @@ def load_path(
         from tensegrity_codegen.report.load_paths import events_table, tabulate_path, write_path
 
         subject, request = output.load(scene, settles=True)
-        model = _build(subject, request, ramp, load or [], compiler)
+        values = read_inputs(input, subject, output)
+        model = _build(subject, request, ramp, load or [], compiler, values)
         watches = _find_watches(model, subject, past_contact)
         with output.progress("load path") as show:
             path = _follow(
@@ -121,6 +125,7 @@ def load_path(
             "events": [event.as_dict() for event in shown],
             "load_factor": path.load_factor,
             "smallest_eigenvalue": path.smallest_eigenvalue,
+            "inputs": values,
             "out": str(out) if out is not None and len(path.load_factor) else None,
             "hint": _advise(path),
         }
@@ -185,10 +190,16 @@ def _check_options(step: float, out: Path | None, scene: Path, overwrite: bool) 
 
 
 def _build(
-    subject: Subject, request: ModelRequest, kind: RampKind, load: list[str], compiler: str | None
+    subject: Subject,
+    request: ModelRequest,
+    kind: RampKind,
+    load: list[str],
+    compiler: str | None,
+    inputs: Mapping[str, float],
 ) -> ModelPath:
-    """Return the problem of a scene under these loads, its library built with all that a path needs."""
+    """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
     from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
+    from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
 
     ramp = build_ramp(subject, kind, load)
@@ -196,7 +207,7 @@ def _build(
     wanted = find_needs("load_path", subject, request).alone(request)
     wanted = wanted.wanting(*wanted.quantities, parameters=ramp.parameters)
     model = build_library(subject, wanted, compiler=compiler).load()
-    path = build_path(model, ramp.pattern, ramp.base)
+    path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, inputs)})
     ramp.check_moves(path, load)
     return path
 
@@ -222,7 +233,8 @@ def _follow(
     from tensegrity_codegen.runtime.paths.ramp import find_pushed_start
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
-    begun = find_equilibrium(path.model, arguments=path.loads(0.0))
+    given = {name: value for name, value in path.arguments.items() if name != "velocity"}
+    begun = find_equilibrium(path.model, arguments={**given, **path.loads(0.0)})
     for text in begun.warnings:
         warn(f"before loading: {text}")
     start = begun.coordinate

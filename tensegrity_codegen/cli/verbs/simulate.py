@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.options import (
     CompilerOption,
@@ -67,6 +68,7 @@ def simulate(
     control: ControlOption = None,
     settle: SettleOption = False,
     until: UntilOption = None,
+    input: InputOption = None,
     profile: ProfileOption = None,
     profile_kind: ProfileKindOption = "linear",
     batch: BatchOption = None,
@@ -88,8 +90,9 @@ def simulate(
     control the error of each step; with --control samples, --keep or --profile, motions run one after the
     other.
 
-    With --profile inputs change with time: a CSV file with the header time,motor (names of inputs) and rows
-    from 0 to --t-end or later. Two rows with the same time are a jump.
+    With --input an input or actuator has a constant value from the start on; with --settle also in the
+    equilibrium. With --profile inputs change with time: a CSV file with the header time,motor (names of
+    inputs) and rows from 0 to --t-end or later. Two rows with the same time are a jump.
 
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
@@ -99,7 +102,7 @@ def simulate(
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
 
         options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
-        asked = _Asked(options, *read_until(until), settle, profile, profile_kind)
+        asked = _Asked(options, *read_until(until), settle, profile, profile_kind, tuple(input or ()))
         check_options(options, t_end, samples)
         if out is not None:
             check_ending(out, ".npz")
@@ -108,13 +111,16 @@ def simulate(
         if batch is not None:
             check_no_other(settle=settle, until=until)
             options = choose_batch_control(options, control)
-            built, schedule = build_for_batch(output, scene, options, compiler, flags, profile, profile_kind)
+            built, values, schedule = build_for_batch(
+                output, scene, options, compiler, flags, input, profile, profile_kind
+            )
             simulate_starts(
                 output,
                 built,
                 batch,
                 out,
                 options,
+                values,
                 t_end=t_end,
                 samples=samples,
                 threads=threads,
@@ -135,6 +141,7 @@ class _Asked:
     settle: bool
     profile: Path | None
     profile_kind: str
+    inputs: tuple[str, ...] = ()
 
 
 def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, **given: Any) -> None:
@@ -156,6 +163,7 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
     if out is not None:
         trajectory.write(out)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
+    data["inputs"] = given["arguments"]
     output.result(data, run_table(name_options(data)))
     if trajectory.status != "ok":
         output.warn(f"{trajectory.status}: {trajectory.message}")
@@ -165,23 +173,31 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
 def _build(
     scene: Path, asked: _Asked, compiler: str | None, flags: str | None, output: Output
 ) -> tuple[BuiltLibrary, dict[str, Any]]:
-    """Return the library that the run needs; its start (None: of the scene) and schedule, by name."""
+    """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
     from tensegrity_codegen.pipeline import build_library, has_statics, settle_structure
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     structure, request = output.load(scene, settles=asked.settle)
-    schedule = read_schedule(asked.profile, asked.profile_kind, structure)
+    given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
+    given["schedule"] = read_schedule(asked.profile, asked.profile_kind, structure)
     if asked.settle and isinstance(structure, Structure) and not has_statics(request):
-        structure = settle_structure(structure, request, compiler=compiler, flags=flags, warn=output.warn)
+        structure = settle_structure(
+            structure,
+            request,
+            compiler=compiler,
+            flags=flags,
+            warn=output.warn,
+            arguments=given["arguments"],
+        )
         asked = replace(asked, settle=False)
     wanted = _require(structure, request, asked)
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     if not asked.settle:
-        return built, {"coordinate": None, "schedule": schedule}
-    found = find_equilibrium(built.load())
+        return built, {"coordinate": None, **given}
+    found = find_equilibrium(built.load(), arguments=given["arguments"])
     for text in found.warnings:
         output.warn(text)
-    return built, {"coordinate": found.coordinate, "schedule": schedule}
+    return built, {"coordinate": found.coordinate, **given}
 
 
 def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelRequest:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,13 @@ FloatArray = NDArray[np.float64]
 KINK_QUANTITIES = ("member_length", "member_extension")
 
 
-def find_kinks(model: Model, cables: Sequence[str], state: FloatArray, rounding: float) -> dict[str, bool]:
+def find_kinks(
+    model: Model,
+    cables: Sequence[str],
+    state: FloatArray,
+    rounding: float,
+    arguments: Mapping[str, Any] | None = None,
+) -> dict[str, bool]:
     """Return the cables that are at their rest lengths within rounding.
 
     Parameters
@@ -31,6 +38,8 @@ def find_kinks(model: Model, cables: Sequence[str], state: FloatArray, rounding:
     rounding : float
         Difference of length and rest length that counts as rounding, over the largest of length, rest length
         and coordinates.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
 
     Returns
     -------
@@ -44,8 +53,9 @@ def find_kinks(model: Model, cables: Sequence[str], state: FloatArray, rounding:
     """
     require_quantities(model, KINK_QUANTITIES, "the search for slack cables needs")
     coordinate = state[: len(state) // 2]
-    length = np.asarray(model.compute("member_length", coordinate=coordinate))
-    extension = np.asarray(model.compute("member_extension", coordinate=coordinate))
+    given = {**(arguments or {}), "coordinate": coordinate}
+    length = np.asarray(model.compute("member_length", **given))
+    extension = np.asarray(model.compute("member_extension", **given))
     scale = np.maximum(np.maximum(length, length - extension), np.abs(coordinate).max(initial=0.0))
     place = {name: index for index, name in enumerate(model.manifest.member_name)}
     rows = [place[name] for name in cables]

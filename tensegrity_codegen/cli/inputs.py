@@ -1,0 +1,135 @@
+"""`--input NAME=VALUE`: constant values of inputs and actuators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from tensegrity_codegen.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    NonFiniteError,
+    UnknownNameError,
+    suggest,
+)
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.cli.output import Output
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["InputOption", "read_inputs"]
+
+OPTION = "--input"
+
+InputOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        OPTION,
+        help="Value NAME=VALUE of an input or actuator, in m, N or N m; may be repeated.",
+        show_default=False,
+    ),
+]
+
+
+def read_inputs(texts: list[str] | None, subject: Subject, output: Output) -> dict[str, float]:
+    """Return the values of inputs by name, and warn of rest lengths outside the ranges of actuators.
+
+    Raises UnknownNameError, DuplicateNameError, NonFiniteError, or InvalidValueError for a text that is no
+    NAME=VALUE and for a rest length that is not positive.
+    """
+    values: dict[str, float] = {}
+    for text in texts or ():
+        name, value = _read_input(text, subject)
+        if name in values:
+            raise DuplicateNameError(
+                "an input is given twice",
+                where=OPTION,
+                given=text,
+                allowed="each input once",
+                hint=f"remove one of {name}={values[name]:g} and {text}",
+            )
+        values[name] = value
+    _check_rest_lengths(values, subject)
+    for warning in _find_outside(values, subject):
+        output.warn(warning)
+    return values
+
+
+def _read_input(text: str, subject: Subject) -> tuple[str, float]:
+    name, equals, number = (part.strip() for part in text.partition("="))
+    known = [item.name for item in subject.inputs]
+    if not known:
+        raise UnknownNameError(
+            "the scene has no inputs",
+            where=OPTION,
+            given=text,
+            allowed="names of inputs and actuators of the scene",
+            hint="state [[actuators]] or [[inputs]] in the scene",
+        )
+    if not equals:
+        raise InvalidValueError(
+            "not the value of an input",
+            where=OPTION,
+            given=text,
+            allowed="NAME=VALUE",
+            hint=f"for example {known[0]}=0.01",
+        )
+    if name not in known:
+        raise UnknownNameError(
+            "unknown input",
+            where=OPTION,
+            given=name,
+            allowed="an input or actuator of the scene",
+            hint=suggest(name[:80], known),
+        )
+    try:
+        value = float(number)
+    except ValueError:
+        raise InvalidValueError(
+            "the value of the input is not a number",
+            where=f"{OPTION} {name}",
+            given=number,
+            allowed="one number, in m, N or N m",
+        ) from None
+    if not math.isfinite(value):
+        raise NonFiniteError("not finite", where=f"{OPTION} {name}", given=number, allowed="a finite number")
+    return name, value
+
+
+def _check_rest_lengths(values: Mapping[str, float], subject: Subject) -> None:
+    """Raise InvalidValueError where inputs leave a member without a positive rest length."""
+    rest_length = add_inputs_to_rest_length(subject, values)
+    wrong = np.flatnonzero(rest_length <= 0)
+    if not wrong.size:
+        return
+    e = int(wrong[0])
+    acting = [item.name for item in subject.inputs if item.kind == "rest_length" and e in item.targets]
+    given = [f"{name}={values[name]:g}" for name in acting if name in values]
+    raise InvalidValueError(
+        f"the rest length of {subject.member_name[e]} would be {rest_length[e]:.6g} m",
+        where=OPTION,
+        given=", ".join(given),
+        allowed=f"more than {-subject.rest_length[e]:.6g} m: its rest length in the scene is "
+        f"{subject.rest_length[e]:.6g} m",
+    )
+
+
+def _find_outside(values: Mapping[str, float], subject: Subject) -> list[str]:
+    """Return warnings of members that these values bring outside the range of their actuator."""
+    rest_length = add_inputs_to_rest_length(subject, values)
+    found = []
+    for item in subject.actuators:
+        least, most = item.range
+        for e in item.members:
+            if rest_length[e] != subject.rest_length[e] and not least <= rest_length[e] <= most:
+                name = subject.member_name[e]
+                found.append(
+                    f"the rest length of {name}, {rest_length[e]:.6g} m, is outside the range of actuator "
+                    f"{item.name}, {least:g} to {most:g} m"
+                )
+    return found

@@ -1,0 +1,33 @@
+"""What the values of inputs do to a structure: rest lengths and loads with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["add_inputs_to_rest_length", "find_input_force"]
+
+
+def add_inputs_to_rest_length(
+    subject: Structure | BodySystem, values: Mapping[str, float]
+) -> NDArray[np.float64]:
+    """Return the rest lengths [m] with these values [m] of rest-length inputs, by name, (n_members,)."""
+    rest_length = np.array(subject.rest_length)
+    for item in subject.inputs:
+        if item.kind == "rest_length" and item.name in values:
+            rest_length[list(item.targets)] += values[item.name]
+    return rest_length
+
+
+def find_input_force(structure: Structure, values: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return the forces of these values [N] of force inputs, by name, on all nodes, (n_nodes, 3) [N]."""
+    force = np.zeros((structure.n_nodes, 3))
+    for item in structure.inputs:
+        if item.kind == "force" and item.name in values:
+            force[list(item.targets)] += values[item.name] * np.array(item.direction)
+    return force
