@@ -44,6 +44,7 @@ def test_hostile_scenes(case: Case) -> None:
     read(case)
 
 
+@pytest.mark.thorough
 @FEW
 @given(case=tables())
 def test_hostile_tables(case: Case) -> None:

@@ -152,6 +152,7 @@ write_folder(folder, {"a.c": b"new a", "b.h": b"new b"}, listed=True, overwrite=
 """
 
 
+@pytest.mark.thorough
 @POSIX
 @pytest.mark.parametrize("exists", [False, True])
 def test_killed_anywhere_each_file_is_whole_and_the_next_call_heals(exists: bool, tmp_path: Path) -> None:

@@ -113,6 +113,7 @@ def test_every_compiler_and_flag_set_computes_the_same(family: str, flags: str, 
         )
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("part", ["library", "manifest", "entry.json"])
 @pytest.mark.parametrize("keep", [0, 0.5])
 def test_a_broken_entry_is_built_anew(part: str, keep: float, scene: Path, cache: Cache) -> None:
@@ -262,6 +263,7 @@ LIES = {
 }
 
 
+@pytest.mark.thorough
 @POSIX
 @pytest.mark.parametrize("write", LIES.values(), ids=LIES)
 def test_what_a_lying_compiler_writes_is_not_kept(

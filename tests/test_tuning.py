@@ -53,6 +53,7 @@ TIMES: Answers = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("by", "name"), [(None, "table"), ("member_tension", "unrolled"), ("node_residual", "table")]
 )
@@ -66,6 +67,7 @@ def test_the_least_time_wins(
     assert "the least of 3 candidates" in tuned.built.why_emitter
 
 
+@pytest.mark.thorough
 def test_a_decision_is_remembered_until_something_changes(
     monkeypatch: pytest.MonkeyPatch, cache: Cache
 ) -> None:
@@ -114,6 +116,7 @@ def test_only_the_emitter_named_is_measured(monkeypatch: pytest.MonkeyPatch, cac
     assert measured == ["unrolled"]
 
 
+@pytest.mark.thorough
 @POSIX
 def test_a_compiler_that_fails_is_a_row_and_where_none_works_its_error_is_raised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: Cache

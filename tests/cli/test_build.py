@@ -50,6 +50,7 @@ def test_an_integrator_stays_with_the_acceleration_alone(run: Run, two_nodes: Pa
         assert ("rk4" in (Path(quantity) / "two_nodes.h").read_text(encoding="utf-8")) == kept
 
 
+@pytest.mark.thorough
 def test_measured_bytes_are_marked(run: Run, two_nodes: Path) -> None:
     rows = run("build", two_nodes, "--measure", "--json").data["left_out"]
     assert rows
@@ -129,6 +130,7 @@ def test_a_program_that_is_no_compiler_is_refused(
     assert ended.data["where"] == "CC"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "spoil", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 99]
 )

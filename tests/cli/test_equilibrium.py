@@ -124,6 +124,7 @@ def test_a_settled_scene_stays_where_it_is(run: Run, folder: Path, prism: Path) 
     assert simulated["largest_kinetic_energy"] < 1e-12
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["newton", "relaxation"])
 def test_both_methods_find_it(method: str, run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
@@ -262,6 +263,7 @@ def test_free_motions_are_named_and_taken_out(run: Run, prism: Path) -> None:
     assert f"{data['change']:.6g} m" in said
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "words", [("linearize", "--settle"), ("simulate", "--settle", "--t-end", 0.01, "--samples", 2)]
 )

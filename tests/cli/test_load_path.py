@@ -15,6 +15,7 @@ from tests.cli.scenes import GOOD, write
 DOWN = ("--load", "t1=0,0,-1")
 
 
+@pytest.mark.thorough
 def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
     ended = run("load-path", prism, *DOWN, "--most", 20, "--json")
     assert ended.code == 0
@@ -30,6 +31,7 @@ def test_the_path_ends_at_the_first_contact(run: Run, prism: Path) -> None:
     assert "7.5603868" in said.out
 
 
+@pytest.mark.thorough
 def test_the_path_goes_on_where_it_is_told_to(run: Run, prism: Path) -> None:
     data = run("load-path", prism, *DOWN, "--most", 8, "--past-contact", "--json").data
     assert data["status"] == "completed"
@@ -130,6 +132,7 @@ def write_truss(folder: Path, gravity: float, rise: float = 0.2, load: str = "")
 OWN = '[[loads]]\nnode = "c"\nforce = [0, -2]\n'
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("gravity", "own", "words", "grows", "stays"),
     [

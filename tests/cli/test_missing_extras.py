@@ -57,6 +57,7 @@ def test_tables_alone_need_no_pictures(two_nodes: Path) -> None:
     assert json.loads(done.stdout)["counts"]["not run"] > 0
 
 
+@pytest.mark.thorough
 def test_without_mujoco_its_rows_say_so(two_nodes: Path) -> None:
     program = f"""
 import json, sys

@@ -22,6 +22,7 @@ def in_distances(prism: Path) -> Path:
     return path
 
 
+@pytest.mark.thorough
 def test_simulate_gives_what_node_positions_give(run: Run, prism: Path, in_distances: Path) -> None:
     results = []
     for scene in (prism, in_distances):
@@ -70,6 +71,7 @@ def test_wrong_options_end_with_2(run: Run, in_distances: Path) -> None:
     assert "connected, full" in ended.out + ended.err
 
 
+@pytest.mark.thorough
 def test_equilibria_are_found_in_node_positions(run: Run, prism: Path, in_distances: Path) -> None:
     found = [run("equilibrium", scene, "--json").data for scene in (prism, in_distances)]
     assert found[1]["status"] == "converged"

@@ -106,6 +106,7 @@ def test_a_full_disk_under_stdout_is_an_error(more: list[str], two_nodes: Path) 
     assert "Traceback" not in ended.stderr
 
 
+@pytest.mark.thorough
 def test_a_closed_stdout_is_no_error(two_nodes: Path) -> None:
     line = " ".join(shlex.quote(word) for word in [*COMMAND, "check", str(two_nodes)])
     ended = subprocess.run(["sh", "-c", f"{line} >&-"], capture_output=True, text=True, env=environment())

@@ -38,6 +38,7 @@ def configurations(structure: Structure, count: int = 20) -> list[np.ndarray]:
     return [start + rng.uniform(-spread, spread, start.size) for spread in np.linspace(0, 2, count)]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sides", [3, 4])
 def test_bar_quantities_equal_the_numpy_model_and_the_library_equals_casadi(sides: int) -> None:
     structure = round_prism(sides, anchored={0: "xyz", 1: "z"})

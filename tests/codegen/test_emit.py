@@ -116,6 +116,7 @@ def test_two_emissions_are_equal_to_the_byte() -> None:
     assert first.files == second.files
 
 
+@pytest.mark.thorough
 @pytest.mark.optimised
 @pytest.mark.parametrize("seed", ["1", *thorough("2")])
 def test_another_process_with_another_hash_seed_gives_the_same_bytes(seed: str) -> None:

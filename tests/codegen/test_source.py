@@ -68,6 +68,7 @@ def test_the_makefile_knows_both_files(apart: GeneratedSource, tmp_path: Path) -
     assert printed[0] == printed[1]
 
 
+@pytest.mark.thorough
 def test_a_library_of_two_files_computes_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     one = build_library(*everything()).load()
     monkeypatch.setattr(source, "MOST_CONSTANTS", 0)

@@ -74,6 +74,7 @@ def test_stiffer_bars_keep_the_tension_that_they_have() -> None:
         assert np.abs(apart).max() < 1e-6 * np.abs(start.static_tension()).max()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("structure", [prism(), common_prism()], ids=["springs", "rigid bars"])
 def test_a_case_reaches_its_compiled_model_whole(structure: Structure) -> None:
     compiled = models(structure)

@@ -285,6 +285,7 @@ def test_emitters_follow_the_law_and_each_other(emitter: str, damping: float) ->
             assert np.asarray(one) == pytest.approx(np.asarray(other), rel=1e-12, abs=1e-11), name
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("flags", ["reference", "native"])
 def test_repeated_modules_and_fours_follow_the_law(flags: str) -> None:
     structure = tower(12)

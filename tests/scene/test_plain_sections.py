@@ -122,6 +122,7 @@ def test_odd_files_read_as_toml_says(text: str, tmp_path: Path, monkeypatch: pyt
     same_as_toml(f'name = "s"\n{text}', tmp_path / "a.toml", monkeypatch)
 
 
+@pytest.mark.thorough
 def test_mangled_files_read_as_toml_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = format_scene(
         {"name": "s", "nodes": dict(list(NODES.items())[:3]), "members": {"m": MEMBERS["m0"]}}

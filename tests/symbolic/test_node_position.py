@@ -153,6 +153,7 @@ def check_jacobian(jacobian: str, structure: Structure, seed: int) -> bool:
     return True
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("jacobian", JACOBIANS)
 @given(structure=structures(most_nodes=8), seed=st.integers(0, 2**32 - 1))
 @settings(SLOW, max_examples=25)
@@ -160,6 +161,7 @@ def test_jacobians_leave_a_remainder_of_second_order(jacobian: str, structure: S
     assume(check_jacobian(jacobian, structure, seed))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("jacobian", JACOBIANS)
 def test_so_they_do_where_everything_is_present(jacobian: str, seed: int) -> None:

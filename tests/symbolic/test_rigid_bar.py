@@ -89,6 +89,7 @@ def solve_saddle(structure: Structure) -> tuple[Array, Array, Array]:
     return solution[: len(places)], solution[len(places) :], jacobian
 
 
+@pytest.mark.thorough
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
 @FEW
 def test_accelerations_and_tensions_solve_the_saddle_system(structure: Structure, seed: int) -> None:
@@ -223,6 +224,7 @@ def test_repeated_bars_are_found_in_every_set_that_free_nodes_join() -> None:
     assert redundant[1] == 4
 
 
+@pytest.mark.thorough
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
 @FEW
 def test_matrices_and_reactions_are_those_of_springs_and_tensions_of_bars(

@@ -138,6 +138,7 @@ def chain() -> ca.Function:
     return ca.Function("chain", [x], [ca.vertcat(*rows)])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("registers", REGISTERS)
 @pytest.mark.parametrize("width", [2, 8, 16])
 def test_whole_functions_have_the_bits_of_the_virtual_machine(

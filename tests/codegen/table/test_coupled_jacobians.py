@@ -89,6 +89,7 @@ def test_random_structures_have_the_bits_of_unrolled_code(
     assert_bits_of_unrolled(heavy(structure), seed)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("every", [1, 3])
 @pytest.mark.parametrize("make", [lambda: tower(5, damping=0.5), lambda: spine(4), lambda: twisted(16)])
 def test_repeated_modules_have_the_bits_of_unrolled_code(make: object, every: int) -> None:

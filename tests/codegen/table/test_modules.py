@@ -77,6 +77,7 @@ def test_columns_of_matrices_are_written_in_runs_where_repetitions_are_alike(nam
     assert len(calls) == in_runs
 
 
+@pytest.mark.thorough
 def test_values_that_are_arguments_or_changed_by_inputs_are_brought_in() -> None:
     structure = SUBJECTS["damped"]
     every = tuple(range(structure.n_members))

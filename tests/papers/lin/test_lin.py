@@ -201,6 +201,7 @@ def test_loads_to_six_digits_whatever_the_step(
         assert loads == pytest.approx([slack, contact, limit], abs=6e-7)
 
 
+@pytest.mark.thorough
 def test_the_three_tops_are_alike_under_vertical_loads() -> None:
     rows = survey_directions(directions=("-z",))
     for law in ("linear", "tension_only"):
@@ -224,6 +225,7 @@ def test_loads_along_x_and_y_on_each_top() -> None:
     assert all(row["is_stable"] for row in rows)
 
 
+@pytest.mark.thorough
 def test_up_to_the_first_slack_spring_the_law_does_not_matter() -> None:
     for top, direction in ((1, "+x"), (2, "-y"), (3, "-z")):
         pair = [find_load_events(tension_only=law, top=top, direction=direction) for law in (False, True)]
@@ -273,6 +275,7 @@ def test_a_path_that_skips_a_kink_has_another_work() -> None:
 # --- spring constants, sensitivity ---------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_force_against_spring_constants() -> None:
     found = compare_stiffness(factors=(0.5, 1.0, 2.0), descents=(0.02,))
     for name in ("all", "side", "top"):

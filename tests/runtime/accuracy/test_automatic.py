@@ -69,6 +69,7 @@ def worst(found: Trajectory, exact: Trajectory) -> tuple[float, float]:
     return float(shares[0].max()), float(shares[1].max())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [class_two, pendulums, *thorough(prism_of_ratio)])
 @pytest.mark.parametrize("ratio", [1e1, 1e3, 1e5])
 def test_vibrations_that_few_steps_resolve_are_resolved(
@@ -238,6 +239,7 @@ def hung_prism(held_bar: bool, law: str) -> Structure:
     return make_structure(place, members, anchored=dict.fromkeys((6, 7, 8), "xyz"))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", ["spring_constant", "axial_stiffness"])
 @pytest.mark.parametrize("held_bar", [False, True])
 def test_the_words_for_stiff_bars_count_members_that_move(held_bar: bool, law: str) -> None:

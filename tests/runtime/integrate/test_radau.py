@@ -173,6 +173,7 @@ def test_it_agrees_with_an_explicit_method_at_low_stiffness(ratio: float) -> Non
     np.testing.assert_allclose(raw.tension, exact.member_tension[:, raw.tension_member], atol=1e-4 * ratio)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("make", "more"), [(prism_of_ratio, ()), (class_two, ()), (class_two, (0.3,))])
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 def test_nearly_rigid_bars_move_as_rigid_ones(make: Any, more: Any, tolerance: float) -> None:

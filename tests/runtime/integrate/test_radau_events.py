@@ -62,6 +62,7 @@ def best_of(model: CompiledModel, time: Any) -> RawTrajectory:
     return integrate_adaptive(motion_of(model, time), RunOptions("rk853", 1e-14, 1e-14))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("damping", "count"), [(0.0, 50), (0.5, 34)])
 def test_order_five_is_kept_through_events(damping: float, count: int) -> None:
     """Over the number of steps; a damped cable is pulled taut with a jump of its force."""
@@ -78,6 +79,7 @@ def test_order_five_is_kept_through_events(damping: float, count: int) -> None:
     assert run(model, time, 1e-4, Watch()).log.count == 0
 
 
+@pytest.mark.thorough
 def test_events_of_nearly_rigid_bars_are_those_of_rigid_ones() -> None:
     exact = best_of(build(net(0.0), "rk853", formulation="rigid_bar"), [0.0, 3.0])
     found = run(build(net(8e9)), [0.0, 3.0], 1e-9)

@@ -61,6 +61,7 @@ def test_a_batch_is_what_single_calls_give(model: CompiledModel, quantity: str, 
     np.testing.assert_array_equal(np.asarray(found), expected)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("width", [4, *thorough(16)])
 @pytest.mark.parametrize("precision", ["double", "single"])
 def test_the_width_does_not_change_the_numbers(width: int, precision: str) -> None:

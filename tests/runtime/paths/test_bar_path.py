@@ -38,6 +38,7 @@ def test_a_toggle_of_two_rigid_bars_snaps_where_its_cosine_is_the_cube_root() ->
         assert np.abs(path.compute("member_extension", q, load)[:2]).max() < 1e-10
 
 
+@pytest.mark.thorough
 def test_a_prism_goes_slack_on_the_way_and_its_points_are_equilibria() -> None:
     structure = prism(anchored={0: "xyz", 1: "xyz", 2: "xyz"})
     structure = structure.with_changes(

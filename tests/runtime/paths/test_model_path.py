@@ -214,6 +214,7 @@ def test_a_pattern_that_is_no_load_is_refused(prism: tuple[Structure, Any], patt
         ModelPath(prism[1], pattern)
 
 
+@pytest.mark.thorough
 def test_a_load_may_turn_back_where_a_cable_goes_slack(prism: tuple[Structure, Any]) -> None:
     """The stiffness jumps from positive to negative, without any zero between."""
     structure, model = prism

@@ -37,6 +37,7 @@ def tell(model: Any, force: float) -> Snap:
     return find_snap(model, found, 0 * load, load)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("make", "limit"),
     [

@@ -139,6 +139,7 @@ def bouncing_bar() -> CompiledModel:
     return build(structure.with_changes(radius=np.array([0, 0, RADIUS, RADIUS])), *CONTACT_QUANTITIES)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["auto", "rk54", "rk4", "scipy_dop853"])
 def test_the_first_of_many_contacts_between_two_samples_is_found(method: str) -> None:
     model = bouncing_bar()

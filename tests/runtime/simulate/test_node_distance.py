@@ -65,6 +65,7 @@ def build(structure: Structure, formulation: str, *quantities: str, **options: s
     return build_library(structure, request).load()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("method", "most"), [("rk54", 1e-6), ("auto", 2e-8)])
 def test_adaptive_steps_meet_their_tolerance(method: str, most: float) -> None:
     """rk54 keeps each step within the tolerance, auto the samples."""
@@ -75,6 +76,7 @@ def test_adaptive_steps_meet_their_tolerance(method: str, most: float) -> None:
     assert np.abs(found.node_position - exact.node_position).max() < most
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pairs", ["connected", "full"])
 @pytest.mark.parametrize("order", ["uvec321", "uvec123"])
 def test_trajectories_are_those_of_node_positions(pairs: str, order: str) -> None:
@@ -162,6 +164,7 @@ def test_an_anchored_net_moves_the_same_however_far_from_the_origin(method: str)
         np.testing.assert_array_equal(run.log.time, runs[0].log.time)
 
 
+@pytest.mark.thorough
 def test_events_of_a_free_net_are_as_sharp_however_far_from_the_origin() -> None:
     """The centre of mass is large there, and no margin of a cable depends on it."""
     runs = []
@@ -177,6 +180,7 @@ def test_events_of_a_free_net_are_as_sharp_however_far_from_the_origin() -> None
     np.testing.assert_allclose(runs[1].velocity, runs[0].velocity, rtol=0, atol=1e-10)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("held", ["xyz", "x", ""])
 def test_distances_of_bars_keep_their_digits_far_from_the_origin(held: str) -> None:
     position = np.array([[0, 0, 0], [1, 0, 0], [0.25, 0.5, -0.5], [0.25, 0.5, 0.5], [0, -1, 0.0]])
@@ -213,6 +217,7 @@ def test_far_from_the_origin_constraints_are_checked_as_near_it(is_free: bool) -
         simulate(model, 0.1, coordinate=state)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("pairs", ["connected", "full"])
 def test_linear_models_have_the_frequencies_of_node_positions(pairs: str) -> None:
     found = []
@@ -229,6 +234,7 @@ def test_linear_models_have_the_frequencies_of_node_positions(pairs: str) -> Non
     np.testing.assert_array_equal(derivative[: len(x) // 2], x[len(x) // 2 :])
 
 
+@pytest.mark.thorough
 def test_equilibria_are_found_in_node_positions() -> None:
     structure, _ = load_scene(EXAMPLES / "prism.toml")
     assert isinstance(structure, Structure)

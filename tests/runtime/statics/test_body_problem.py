@@ -145,6 +145,7 @@ def test_energy_of_an_undamped_system_is_conserved() -> None:
     assert np.ptp(motion.kinetic_energy) > 0.1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["scipy_dop853", "scipy_lsoda"])
 def test_the_c_loop_and_scipy_agree(method: str) -> None:
     system, _ = assemble_document(EVERYTHING)
@@ -204,6 +205,7 @@ def test_stiff_springs_approach_rigid_bars_as_one_over_their_stiffness() -> None
     assert errors[2] < 1e-4
 
 
+@pytest.mark.thorough
 def test_a_symmetrical_tower_stays_symmetrical() -> None:
     """SCS (21) to (25): released from a symmetrical configuration out of balance."""
     tower = example("svd_tower")

@@ -159,6 +159,7 @@ def icosahedron(seed: int, stiffness: float):
     return make_structure(place, members)
 
 
+@pytest.mark.thorough
 def test_free_icosahedron_balances_its_uneven_prestress() -> None:
     structure = icosahedron(1, 1e5)
     found = settle(structure)

@@ -31,6 +31,7 @@ def settle_turned(angle: float, anchored: dict[int, str]) -> tuple[Equilibrium, 
     return settled, again
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("angle", [25.0, 120.0, 179.0])
 def test_a_prism_on_a_smooth_table_may_slide_and_spin(angle: float) -> None:
     settled, _ = settle_turned(angle, TABLE)

@@ -184,6 +184,7 @@ def test_removing_the_name_is_noticed():
         build(changed("name", to=REMOVE))
 
 
+@pytest.mark.thorough
 def test_a_hundred_thousand_members_are_linear_in_time():
     count = 34_000
     nodes = {f"n{i}": {"position": [0.1 * i, i % 3, i % 7], "mass": 0.1} for i in range(count)}
