@@ -63,7 +63,8 @@ class ExtendedMotion:
     def fastest(self) -> tuple[float, float]:
         """Return the largest frequency [rad/s] and decay rate [1/s] with every member taut."""
         vector = self._vectors(self.structure.node_position.astype(np.longdouble)).astype(np.float64)
-        direction = vector / np.linalg.norm(vector, axis=1)[:, None]
+        length = np.linalg.norm(vector, axis=1)[:, None]
+        direction = np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
         rows = np.zeros((len(vector), self.structure.n_nodes * 3))
         for end, sign in ((0, 1.0), (1, -1.0)):
             for axis in range(3):
