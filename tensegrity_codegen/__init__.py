@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+    from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
@@ -38,12 +39,14 @@ __all__ = [
     "LinearModel",
     "ModelRequest",
     "Profile",
+    "Sensitivity",
     "Structure",
     "TensegrityError",
     "Trajectory",
     "__version__",
     "build_library",
     "compile_scene",
+    "equilibrium_sensitivity",
     "find_equilibrium",
     "linearize",
     "load_scene",
@@ -58,9 +61,11 @@ _HOME = {
     "LinearModel": "runtime.linear.linearize",
     "ModelRequest": "request",
     "Profile": "runtime.profiles.profile",
+    "Sensitivity": "runtime.sensitivity.record",
     "Structure": "structure.structure",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
+    "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
     "read_profile": "runtime.profiles.read_profile",

@@ -11,6 +11,7 @@ from tensegrity_codegen.runtime.accuracy.choice import integrators_for
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
 from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as _of_formulation
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
@@ -83,6 +84,10 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
     return Needs(equilibrium_quantities(structure, request))
 
 
+def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    return Needs((*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES))
+
+
 def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
     return Needs((*quantities, *(KINK_QUANTITIES if not structure.is_bar.all() else ())))
@@ -101,6 +106,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
     "simulate_batch": _simulate_batch,
     "equilibrium": _equilibrium,
+    "sensitivity": _sensitivity,
     "linearize": _linearize,
     "load_path": _load_path,
 }

@@ -26,6 +26,7 @@ __all__ = [
     "OutputError",
     "SceneError",
     "SceneSyntaxError",
+    "SingularStiffnessError",
     "StructureError",
     "TensegrityError",
     "UnknownKeyError",
@@ -206,6 +207,10 @@ class ConvergenceError(TensegrityError):
 
 class UnstableError(ConvergenceError):
     """A time integration or an equilibrium that is unstable."""
+
+
+class SingularStiffnessError(ConvergenceError):
+    """An equilibrium with a motion that nothing resists, where a regular stiffness is needed."""
 
 
 class InfeasibleError(ConvergenceError):

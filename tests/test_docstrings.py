@@ -27,6 +27,8 @@ MODULES = (
     "runtime.paths.continuation",
     "runtime.paths.model_path",
     "runtime.paths.snap",
+    "runtime.sensitivity.record",
+    "runtime.sensitivity.sensitivity",
     "runtime.profiles.profile",
     "runtime.profiles.read_profile",
     "runtime.simulate.motion_events",

@@ -1,0 +1,3 @@
+"""Sensitivities of equilibria: how nodes and tensions follow changes of rest lengths."""
+
+__all__: list[str] = []

@@ -1,0 +1,248 @@
+"""How an equilibrium follows changes of rest lengths, by the implicit function theorem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.sensitivity.bordered import factorise
+from tensegrity_codegen.runtime.sensitivity.columns import Columns, select_columns
+from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+from tensegrity_codegen.runtime.sensitivity.static_system import (
+    REST_LENGTH_QUANTITIES,
+    StaticSystem,
+    build_system,
+)
+from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem, equilibrium_quantities
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
+from tensegrity_codegen.runtime.statics.newton import Stability
+from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
+from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
+from tensegrity_codegen.runtime.statics.step import SINGULAR
+
+__all__ = ["Sensitivity", "equilibrium_sensitivity", "sensitivity_quantities"]
+
+FloatArray = NDArray[np.float64]
+
+NAMED = 3  # nodes of a motion without resistance that the error names
+
+
+def sensitivity_quantities(formulation: str) -> tuple[str, ...]:
+    """Return the quantities that equilibrium_sensitivity needs in a formulation.
+
+    Parameters
+    ----------
+    formulation : str
+        Name of the formulation.
+
+    Returns
+    -------
+    tuple of str
+        Names of quantities.
+    """
+    return (*equilibrium_quantities(formulation), *REST_LENGTH_QUANTITIES)
+
+
+def equilibrium_sensitivity(
+    model: Model,
+    equilibrium: Equilibrium | ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    *,
+    columns: Columns | None = None,
+    tolerance: float = 1e-6,
+) -> Sensitivity:
+    """Compute the derivatives of an equilibrium by rest lengths.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"sensitivity"``, see compile_scene.
+    equilibrium : Equilibrium or array_like, shape (n_coordinates,), optional
+        The equilibrium or its coordinates [m]; by default the positions of the scene.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene; those of the equilibrium.
+    columns : sequence of str or mapping, optional
+        Members; or name of an actuator -> its members, whose rest lengths change together; by default all
+        members, one column each.
+    tolerance : float
+        Largest node residual of an equilibrium, as part of the largest member force.
+
+    Returns
+    -------
+    Sensitivity
+        dq/drho, dt/drho and dr/drho, with their gauge.
+
+    Raises
+    ------
+    InvalidValueError
+        The state is no equilibrium, or an argument has a wrong shape or value.
+    SingularStiffnessError
+        A motion that is not rigid meets no resistance: a mechanism.
+    UnknownNameError, DuplicateNameError
+        A wrong column.
+    NonFiniteError
+        Forces or derivatives are not finite.
+    FormulationError
+        The model lacks a quantity.
+
+    Notes
+    -----
+    K dq = (df/drho) drho, dt = (dt/dq) dq + (dt/drho) drho with the tangent stiffness K, by one sparse
+    factorisation. Rigid motions that cost no force are held by orthogonality, rigid bars by their lengths
+    (docs/model.md).
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, equilibrium_sensitivity, find_equilibrium
+    >>> model = compile_scene("two_nodes.toml", for_=("equilibrium", "sensitivity"))
+    >>> found = equilibrium_sensitivity(model, find_equilibrium(model))
+    >>> found.node[1].round(9).tolist()  # a weight hangs lower by as much as its spring is longer
+    [[0.0], [0.0], [-1.0]]
+    """
+    if not 0 < tolerance < 1:
+        raise InvalidValueError(
+            "the tolerance is out of range", where="tolerance", given=tolerance, allowed="above 0, below 1"
+        )
+    problem = build_problem(model, arguments)
+    require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
+    names, chosen = select_columns(model.manifest.member_name, columns)
+    point = _find_point(problem, equilibrium)
+    system = build_system(problem, point)
+    _check_balance(problem, point, system, tolerance)
+    return _solve(problem, point, system, names, chosen)
+
+
+def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | None) -> Point:
+    if isinstance(equilibrium, Equilibrium):
+        equilibrium = equilibrium.coordinate
+    if equilibrium is None:
+        start = problem.model.nominal("coordinate").ravel()
+    else:
+        start = np.array(equilibrium, dtype=float)
+        check_shape(start, (problem.size,), "equilibrium")
+        check_finite(start, "equilibrium")
+    point = problem.find_point(problem.enter(start))
+    if point is None:
+        raise NonFiniteError(
+            "the forces at this state are not finite", where=problem.model.manifest.name,
+            hint="move coincident nodes apart",
+        )  # fmt: skip
+    return point
+
+
+def _distance_factor(problem: StaticProblem, point: Point) -> float:
+    """Return by how much rounding of positions exceeds that of lengths: far from the origin, more than 1."""
+    reach = float(np.abs(problem.node_position(point.coordinate)).max(initial=0.0))
+    return max(1.0, reach / point.longest) if point.longest else 1.0
+
+
+def _check_balance(problem: StaticProblem, point: Point, system: StaticSystem, tolerance: float) -> None:
+    """Raise InvalidValueError for a state that is no equilibrium."""
+    floor = problem.rounding_floor(system.stiffness, point) * _distance_factor(problem, point)
+    allowed = max(tolerance * point.largest_force, floor)
+    if point.node_force <= allowed:
+        return
+    raise InvalidValueError(
+        "the state is no equilibrium, and has no sensitivity",
+        where=problem.model.manifest.name,
+        given=f"a node residual of {point.node_force:.6g} N, with a largest member force of "
+        f"{point.largest_force:.6g} N",
+        allowed=f"at most {allowed:.3g} N",
+        hint="find the equilibrium first, with find_equilibrium, and pass it with the same arguments",
+    )
+
+
+def _solve(
+    problem: StaticProblem, point: Point, system: StaticSystem, names: tuple[str, ...], chosen: Any
+) -> Sensitivity:
+    far, size = _distance_factor(problem, point), float(abs(system.stiffness).sum(axis=0).max(initial=0.0))
+    position = problem.node_position(point.coordinate)
+    spread = float(np.linalg.norm(position - position.mean(axis=0)))
+    turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300) + EPSILON * far * size
+    rounding = SINGULAR * size + turned
+    motions = StaticProblem.rigid_motions(problem, point.coordinate)
+    if not isinstance(problem, BarProblem):
+        motions = problem.rigid_motions(point.coordinate)
+    gauge = find_neutral_motions(system.stiffness, motions, turned)
+    border = sparse.vstack([system.constraint, system.hold(gauge)], format="csc")
+    factors, is_regular = factorise(system.stiffness, border, gauge, max(rounding, 1e-300))
+    eigenvalue, direction = factors.find_softest()
+    if not is_regular or abs(eigenvalue) <= rounding:
+        raise _singular(problem, point, 0.0 if not is_regular else eigenvalue, rounding, direction)
+    force = np.asarray((system.force @ chosen).toarray())
+    kept = np.zeros((border.shape[0], len(names)))
+    kept[: len(system.bar)] = chosen[system.bar].toarray()
+    moved, pulls, refined = factors.solve(force, kept)
+    tension = np.asarray(system.by_place @ moved + sparse.diags_array(system.by_rest_length) @ chosen)
+    tension[system.bar] = pulls[: len(system.bar)]
+    manifest = problem.model.manifest
+    return Sensitivity(
+        coordinate=moved / system.scale[:, None],
+        tension=tension,
+        node=_node_velocities(problem, point, moved),
+        coordinate_name=manifest.coordinate_name,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+        column_name=names,
+        gauge=_name_gauge(problem, point, gauge, eigenvalue, direction),
+        gauge_motion=gauge / system.scale[:, None],
+        slack=_find_slack(problem, point, system),
+        smallest_eigenvalue=eigenvalue,
+        rounding=refined,
+        residual=point.node_force,
+        largest_force=point.largest_force,
+    )
+
+
+def _node_velocities(problem: StaticProblem, point: Point, moved: FloatArray) -> FloatArray:
+    """Return how nodes move along columns over the coordinates x, (n_nodes, 3, k)."""
+    if isinstance(problem, BarProblem):  # whose own directions keep the lengths of the bars
+        return StaticProblem.node_velocities(problem, point.coordinate, moved)
+    return problem.node_velocities(point.coordinate, moved)
+
+
+def _name_gauge(
+    problem: StaticProblem, point: Point, gauge: FloatArray, eigenvalue: float, direction: FloatArray
+) -> tuple[str, ...]:
+    if not gauge.shape[1]:
+        return ()
+    if isinstance(problem, BarProblem):
+        directions = problem.directions(point.coordinate)
+        gauge, direction = np.asarray(directions.T @ gauge), np.asarray(directions.T @ direction)
+    count = gauge.shape[1]
+    stability = Stability(abs(eigenvalue), direction, count, 0.0, eigenvalue, gauge)
+    return find_neutral(problem, point.coordinate, stability).names
+
+
+def _find_slack(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[str, ...]:
+    is_slack = (system.by_rest_length == 0.0) & (point.tension == 0.0)
+    is_slack[system.bar] = False
+    return tuple(problem.model.manifest.member_name[e] for e in np.flatnonzero(is_slack))
+
+
+def _singular(
+    problem: StaticProblem, point: Point, eigenvalue: float, rounding: float, direction: FloatArray
+) -> SingularStiffnessError:
+    """Return the error of a motion without resistance, with the nodes that move most in it."""
+    field = _node_velocities(problem, point, direction[:, None])[:, :, 0]
+    size = np.linalg.norm(field, axis=1)
+    largest = np.argsort(-size, kind="stable")[:NAMED]
+    unit = size.max(initial=0.0) or 1.0
+    names = problem.model.manifest.node_name
+    motion = {names[k]: [round(float(v), 6) + 0.0 for v in field[k] / unit] for k in largest if size[k] > 0}
+    return SingularStiffnessError(
+        f"nothing resists a motion of the nodes {', '.join(motion)}: the equilibrium has no sensitivity",
+        evidence={"smallest_eigenvalue": eigenvalue, "rounding": rounding, "motion": motion},
+        where=problem.model.manifest.name,
+        hint="prestress the structure, tighten slack cables, or add members that resist this motion",
+    )

@@ -1,0 +1,110 @@
+"""The equations of an equilibrium to first order: what one metre of rest length does to forces and tensions.
+
+    K dx + J^T dt_b = F drho        forces on the coordinates stay in balance
+    J dx            = dl_b          rigid bars keep their lengths, which may change themselves
+    dt = T dx + diag(s) drho        tensions of springs follow; those of rigid bars are unknowns
+
+K: tangent stiffness, with that of the forces in rigid bars; F = df/drho; T = dt/dx; s = dt/drho.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+
+__all__ = ["REST_LENGTH_QUANTITIES", "StaticSystem", "build_system"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+REST_LENGTH_QUANTITIES = (
+    "residual_rest_length_jacobian",
+    "tension_rest_length_derivative",
+    "tension_jacobian",
+)
+
+
+@dataclass(frozen=True)
+class StaticSystem:
+    """Matrices at one equilibrium, over the coordinates x of its static problem [m].
+
+    stiffness: K (n, n); constraint: J (n_bars, n); bar: their members; force: F (n, n_members); by_place:
+    T (n_members, n); by_rest_length: s (n_members,); scale: x = scale q of the model's coordinates q;
+    node_jacobian: (3 n_nodes, n) of bodies, None where coordinates are those of nodes.
+    """
+
+    stiffness: Any
+    constraint: Any
+    bar: IntArray
+    force: Any
+    by_place: Any
+    by_rest_length: FloatArray
+    scale: FloatArray
+    node_jacobian: Any = None
+
+    def hold(self, motions: FloatArray) -> Any:
+        """Return one row for each motion (n, k): the motion of the nodes along that of theirs, sparse."""
+        if self.node_jacobian is None:
+            return sparse.csc_array(motions.T)
+        return sparse.csc_array((self.node_jacobian @ motions).T @ self.node_jacobian)
+
+
+def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
+    """Return the first-order equations at an equilibrium.
+
+    Parameters
+    ----------
+    problem : StaticProblem
+        With the quantities of REST_LENGTH_QUANTITIES.
+    point : Point
+        The equilibrium, in the coordinates of the problem.
+
+    Returns
+    -------
+    StaticSystem
+        Sparse matrices; nothing is solved.
+
+    Raises
+    ------
+    NonFiniteError
+        A derivative is not finite there.
+    """
+    x = point.coordinate
+    scale = problem.scale if isinstance(problem, BodyProblem) else np.ones(len(x))
+    per_metre = sparse.diags_array(1.0 / scale)
+    force, slope, by_place = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
+    if isinstance(problem, BarProblem):
+        stiffness, constraint, bar = _with_bars(problem, point)
+    else:
+        stiffness, constraint = problem.stiffness(x), sparse.csc_array((0, len(x)))
+        bar = np.zeros(0, dtype=np.int64)
+    return StaticSystem(
+        sparse.csc_array(stiffness),
+        sparse.csc_array(constraint),
+        bar,
+        sparse.csc_array(per_metre @ force),
+        sparse.csc_array(by_place @ per_metre),
+        np.array(slope, dtype=float),
+        scale,
+        sparse.csc_array(problem.compute("node_jacobian", x) @ per_metre)
+        if isinstance(problem, BodyProblem)
+        else None,
+    )
+
+
+def _with_bars(problem: BarProblem, point: Point) -> tuple[Any, Any, IntArray]:
+    """Return K with d2l/dx2 = (I - u u^T) / l of each rigid bar times its tension, J and the bars."""
+    bars, x = problem.bars, point.coordinate
+    density = point.tension[bars.row] / bars.length
+    constraint = bars.jacobian(problem.node_position(x))
+    along = constraint.T @ sparse.diags_array(density) @ constraint
+    stiffness = problem.compute("tangent_stiffness", x) + bars.stiffness(density) - along
+    return stiffness, constraint, bars.row
