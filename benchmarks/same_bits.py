@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-SHIPPED = ("icosahedron", "lin_prism", "planar", "prism", "svd_tower", "tower", "two_nodes")
+SHIPPED = ("icosahedron", "lin_prism", "planar", "prism", "prism12", "svd_tower", "tower", "two_nodes")
 SHAPES = ("elastic", "rigid", "distances", "planar")
 EMITTERS = ("unrolled", "lanes", "table")
 METHODS = ("rk853", "rk54", "radau", "rk4", "auto")

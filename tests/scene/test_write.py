@@ -163,6 +163,7 @@ def test_there_are_examples():
         "icosahedron.toml",
         "planar.toml",
         "prism.toml",
+        "prism12.toml",
         "tower.toml",
         "two_nodes.toml",
     ]

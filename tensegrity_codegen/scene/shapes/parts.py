@@ -85,11 +85,16 @@ class Parts:
         return points, pairs, [name in bars for name in self.members]
 
     def document(
-        self, prestress: float | None, where: str, shares: Sequence[float] | None = None
+        self,
+        prestress: float | None,
+        where: str,
+        shares: Sequence[float] | None = None,
+        alike: Sequence[int] | None = None,
     ) -> dict[str, Any]:
         """Return the document; with `prestress` [N] every member carries its self-stress tension.
 
-        shares: tensions of all members over the largest one of a cable, where they are known already. Raises
+        shares: tensions of all members over the largest one of a cable, where they are known already; alike:
+        as for find_selfstress. Raises
         StructureError where the free structure has no unique self-stress with taut cables.
         """
         if prestress is not None:
@@ -97,7 +102,7 @@ class Parts:
             tension = (
                 [prestress * share for share in shares]
                 if shares is not None
-                else find_selfstress(points, pairs, is_bar, prestress, where)
+                else find_selfstress(points, pairs, is_bar, prestress, where, alike)
             )
             for member, value in zip(self.members.values(), tension, strict=True):
                 member["prestress"] = value

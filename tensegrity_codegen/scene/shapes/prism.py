@@ -10,6 +10,10 @@ Seen from above (p = 3); b1 is at angle 0, the rings run anticlockwise, the bott
 `twist` is the angle from b_i to t_i about +z. Equal and opposite moments of bars and verticals ask for
 sin(twist) = sin(twist - 360/p), hence twist = 90 + 180/p [deg] whatever the radii and the height: 150 deg
 for p = 3, where the verticals are turned by 30 deg. A negative twist gives the mirror image.
+
+With the opposite cables, opposite i from b_i to t_(i+1), the mirror image of the verticals, there are self-
+stresses with all cables in tension for every twist between 90 + 180/p and 270 - 180/p. The shape has the
+symmetrical one; the members of a kind have the same tension in it.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.scene.shapes.parts import (
     Anchored,
     Angle,
@@ -38,7 +43,7 @@ def selfstress_twist(bars: int) -> float:
 
 
 class PrismShape(ShapeModel):
-    """A prism: nodes b1.., t1..; members bar1.., bottom1.., top1.., vertical1.."""
+    """A prism: nodes b1.., t1..; members bar1.., bottom1.., top1.., vertical1.., opposite1.."""
 
     kind: Literal["prism"] = Field("prism", description="Name of the shape.")
     bars: int = Field(3, ge=3, le=1000, description="Number of bars.")
@@ -59,12 +64,29 @@ class PrismShape(ShapeModel):
     bottom_class: ClassName = Field("cable", description="Class of the bottom cables.")
     top_class: ClassName = Field("cable", description="Class of the top cables.")
     vertical_class: ClassName = Field("cable", description="Class of the cables between the rings.")
+    opposite_class: ClassName | None = Field(
+        None,
+        description="Class of the opposite cables, which mirror the verticals; none: there are none. "
+        "They need `twist`.",
+    )
     prestress: Positive | None = Field(
         None, description="Largest cable tension [N] of the self-stress that the members are given."
     )
 
     def expand(self, where: str) -> dict[str, Any]:
-        """Return the prism as a plain document; raises StructureError for an impossible `prestress`."""
+        """Return the prism as a plain document.
+
+        Raises StructureError for an impossible `prestress`, InvalidValueError for opposite cables without a
+        twist.
+        """
+        if self.opposite_class is not None and self.twist is None:
+            raise InvalidValueError(
+                "a prism with opposite cables has no default twist",
+                where=f"{where}.twist",
+                allowed="with a prestress, angles between "
+                f"{selfstress_twist(self.bars):g} and {360 - selfstress_twist(self.bars):g} deg",
+                hint="add 'twist'",
+            )
         parts = Parts(self.node_mass)
         numbers = range(1, self.bars + 1)
         for letter, points in zip("bt", self._rings(), strict=True):
@@ -81,7 +103,19 @@ class PrismShape(ShapeModel):
         for i in numbers:
             before = (i - 2) % self.bars + 1
             parts.add_cable(f"vertical{i}", self.vertical_class, (f"b{i}", f"t{before}"), "vertical_cables")
-        return parts.document(self.prestress, where)
+        if self.opposite_class is None:
+            return parts.document(self.prestress, where)
+        for i in numbers:
+            following = i % self.bars + 1
+            ends = (f"b{i}", f"t{following}")
+            parts.add_cable(f"opposite{i}", self.opposite_class, ends, "opposite_cables")
+        kinds = len(parts.members) // self.bars
+        try:
+            return parts.document(self.prestress, where, alike=[k for k in range(kinds) for _ in numbers])
+        except StructureError as error:
+            least = selfstress_twist(self.bars)
+            error.hint = f"choose a twist between {least:g} and {360 - least:g} deg; or {error.hint}"
+            raise
 
     def _rings(self) -> tuple[list[tuple[float, float, float]], list[tuple[float, float, float]]]:
         twist = selfstress_twist(self.bars) if self.twist is None else self.twist

@@ -35,12 +35,21 @@ def equilibrium_matrix(points: ArrayLike, pairs: ArrayLike) -> NDArray[np.float6
     return matrix.reshape(3 * len(position), len(ends))
 
 
-def selfstress_modes(points: ArrayLike, pairs: ArrayLike) -> NDArray[np.float64]:
-    """Return an orthonormal basis (n_modes, n_members) of the self-stresses of the free structure."""
+def selfstress_modes(
+    points: ArrayLike, pairs: ArrayLike, alike: Sequence[int] | None = None
+) -> NDArray[np.float64]:
+    """Return a basis (n_modes, n_members) of the self-stresses of the free structure, orthonormal.
+
+    alike: (n_members,), of those only in which members of the same number have the same tension; the basis
+    is then not orthonormal.
+    """
     matrix = equilibrium_matrix(points, pairs)
+    group = np.arange(matrix.shape[1]) if alike is None else np.asarray(alike, dtype=np.int64)
+    if alike is not None:
+        matrix = np.stack([matrix[:, group == k].sum(axis=1) for k in range(group.max() + 1)], axis=1)
     _, singular, right = np.linalg.svd(matrix)
     rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
-    modes: NDArray[np.float64] = right[rank:]
+    modes: NDArray[np.float64] = right[rank:][:, group]
     return modes
 
 
@@ -50,8 +59,13 @@ def find_selfstress(
     is_bar: Sequence[bool],
     prestress: float,
     where: str,
+    alike: Sequence[int] | None = None,
 ) -> list[float]:
     """Return the member tensions [N] of the only self-stress, its largest cable tension being `prestress`.
+
+    alike: (n_members,), a number for each member; members with the same number have the same tension in the
+    self-stresses that are looked for. With the orbits of a symmetry these are the symmetrical ones, and with
+    any self-stress that has all cables in tension there is a symmetrical one: the mean over the symmetry.
 
     Values are rounded to 13 significant digits, so that they do not depend on the linear algebra library.
     Raises StructureError unless there is exactly one self-stress and it has every cable in tension.
@@ -64,10 +78,11 @@ def find_selfstress(
             allowed=f"up to {MOST_MEMBERS} members",
             hint=_HINT,
         )
-    modes = selfstress_modes(points, pairs)
+    modes = selfstress_modes(points, pairs, alike)
     if len(modes) != 1:
+        kind = "independent" if alike is None else "independent symmetrical"
         raise StructureError(
-            f"the free structure has {len(modes)} independent self-stresses at this geometry",
+            f"the free structure has {len(modes)} {kind} self-stresses at this geometry",
             where=f"{where}.prestress",
             given=prestress,
             allowed="a geometry with exactly one self-stress (leave out `twist` for the default one)",

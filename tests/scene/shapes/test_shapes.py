@@ -207,3 +207,62 @@ def test_prestressed_shapes_assemble_into_equilibrium(shape):
     matrix = equilibrium_matrix(structure.node_position, structure.connectivity)
     assert np.abs(matrix @ tension).max() < 1e-9 * np.abs(tension).max()
     assert tension[~structure.is_bar].max() == pytest.approx(5.0)
+
+
+OPPOSITE = {
+    "kind": "prism",
+    "bottom_radius": 0.15,
+    "height": 0.3,
+    "opposite_class": "cable",
+    "prestress": 20.0,
+}
+
+
+@pytest.mark.parametrize("bars", [3, 4, 5, 6])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_prism_with_opposite_cables_has_prestress_between_two_twists(bars: int, side: int) -> None:
+    first, last = 90 + 180 / bars, 270 - 180 / bars
+    for twist in (first + 0.01, (first + 2 * last) / 3, last - 0.01):
+        document = expand_shape({**OPPOSITE, "bars": bars, "twist": side * twist})
+        tension = {name: member["prestress"] for name, member in document["members"].items()}
+        cables = [value for name, value in tension.items() if not name.startswith("bar")]
+        assert (len(cables), max(cables)) == (4 * bars, pytest.approx(20.0))
+        assert min(cables) > 0
+        check_balance(document)
+    for twist in (first - 0.01, first, last, last + 0.01):
+        with pytest.raises(StructureError, match="slack or without tension") as caught:
+            expand_shape({**OPPOSITE, "bars": bars, "twist": side * twist})
+        assert f"between {first:g} and {last:g} deg" in caught.value.hint
+
+
+def test_opposite_cables_mirror_the_verticals_and_have_a_group() -> None:
+    document = expand_shape({**OPPOSITE, "twist": 155, "top_radius": 0.1})
+    assert document["members"]["opposite1"]["nodes"] == ["b1", "t2"]
+    assert document["members"]["vertical1"]["nodes"] == ["b1", "t3"]
+    assert document["groups"]["opposite_cables"] == ["opposite1", "opposite2", "opposite3"]
+    mirrored = expand_shape({**OPPOSITE, "twist": 205, "top_radius": 0.1})
+    for one, other in (("opposite", "vertical"), ("bar", "bar"), ("top", "top"), ("bottom", "bottom")):
+        values = [
+            doc["members"][f"{name}1"]["prestress"] for doc, name in ((document, one), (mirrored, other))
+        ]
+        assert values[0] == pytest.approx(values[1], rel=1e-11)
+    check_balance(document)
+
+
+def test_a_twist_is_required_with_opposite_cables() -> None:
+    with pytest.raises(InvalidValueError, match="no default twist") as caught:
+        expand_shape(OPPOSITE)
+    assert caught.value.where == "shape.twist"
+
+
+def check_balance(document):
+    """Check that the stated tensions balance at every node."""
+    position = {name: np.array(node["position"]) for name, node in document["nodes"].items()}
+    force = {name: np.zeros(3) for name in position}
+    for member in document["members"].values():
+        first, second = member["nodes"]
+        vector = position[second] - position[first]
+        pull = member["prestress"] * vector / np.linalg.norm(vector)
+        force[first] += pull
+        force[second] -= pull
+    np.testing.assert_allclose(list(force.values()), 0.0, atol=1e-10)
