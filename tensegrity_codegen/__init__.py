@@ -22,6 +22,8 @@ if TYPE_CHECKING:
         load_scene,
     )
     from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.analysis.analyse import analyse
+    from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
+    "Analysis",
     "CompiledModel",
     "Equilibrium",
     "LinearModel",
@@ -44,6 +47,7 @@ __all__ = [
     "TensegrityError",
     "Trajectory",
     "__version__",
+    "analyse",
     "build_library",
     "compile_scene",
     "equilibrium_sensitivity",
@@ -56,6 +60,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "Analysis": "runtime.analysis.analysis",
     "CompiledModel": "runtime.model.model",
     "Equilibrium": "runtime.statics.equilibrium",
     "LinearModel": "runtime.linear.linearize",
@@ -65,6 +70,7 @@ _HOME = {
     "Structure": "structure.structure",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
+    "analyse": "runtime.analysis.analyse",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",

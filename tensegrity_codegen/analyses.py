@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -16,6 +17,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantitie
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["ANALYSES", "Needs", "equilibrium_quantities", "find_needs", "want_analyses"]
@@ -101,6 +103,12 @@ def _load_path(structure: Subject, request: ModelRequest, method: str, rtol: flo
     return Needs(quantities, parameters={"node_load": tuple(range(structure.n_nodes))})
 
 
+def _analyse(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    masses = () if isinstance(structure, Structure) and find_massless(structure).any() else ("mass_matrix",)
+    apart = ("bar_distance",) if structure.n_bar_pairs and math.isfinite(structure.limits.clearance) else ()
+    return Needs((*equilibrium_quantities(structure, request), "equilibrium_matrix", *masses, *apart))
+
+
 # The analyses by the names of their functions.
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
@@ -109,6 +117,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "sensitivity": _sensitivity,
     "linearize": _linearize,
     "load_path": _load_path,
+    "analyse": _analyse,
 }
 
 

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["InertiaPlan", "refuse_bare"]
+__all__ = ["InertiaPlan", "find_massless", "refuse_bare"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -101,6 +101,16 @@ class InertiaPlan:
         cut = np.flatnonzero(np.diff(label[large])) + 1
         groups = [item.tolist() for item in np.split(node[large], cut)] if len(large) else []
         return pair[alone], mass[alone], groups
+
+
+def find_massless(structure: Structure) -> NDArray[np.bool_]:
+    """Return which nodes are free to move and have no mass, neither their own nor of a bar, (n_nodes,)."""
+    mass = structure.node_mass.copy()
+    for end in (0, 1):
+        np.add.at(mass, structure.connectivity[:, end], structure.member_mass)
+    held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
+    massless: NDArray[np.bool_] = (mass == 0) & ~held
+    return massless
 
 
 def refuse_bare(structure: Structure, bare: Sequence[Any]) -> None:

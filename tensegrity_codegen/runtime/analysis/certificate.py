@@ -72,7 +72,20 @@ class Certificate:
 
 
 def check_balanced(rank: Rank, load: FloatArray) -> bool:
-    """Return whether some tensions, of either sign, balance a load (n_coordinates,) [N]."""
+    """Return whether some tensions, of either sign, balance a load.
+
+    Parameters
+    ----------
+    rank : Rank
+        That of the equilibrium matrix A.
+    load : ndarray, shape (n_coordinates,) [N]
+        Loads.
+
+    Returns
+    -------
+    bool
+        Whether A t = load has a solution, up to 1e-9 of the loads.
+    """
     return rank.find_tension(load)[1] <= BALANCED * float(np.linalg.norm(load))
 
 

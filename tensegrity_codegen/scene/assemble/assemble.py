@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
@@ -16,11 +15,12 @@ from tensegrity_codegen.scene.assemble.members import build_member_arrays
 from tensegrity_codegen.scene.assemble.nodes import build_node_arrays, spread_vectors
 from tensegrity_codegen.scene.assemble.targets import Targets, build_inputs, build_parameters
 from tensegrity_codegen.scene.checks.check import check_structure
-from tensegrity_codegen.scene.checks.geometry import check_freedom, find_fully_anchored
+from tensegrity_codegen.scene.checks.geometry import check_freedom
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.schema import ForceInput, Load, RestLengthInput, Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
+from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
 __all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble"]
@@ -177,15 +177,6 @@ def _choose_formulation(scene: Scene, structure: Structure) -> str:
 
 def _choose_quantities(structure: Structure, formulation: str) -> tuple[str, ...]:
     """Return what is wanted of a scene that says nothing: motion, or statics where a node has no mass."""
-    if not _massless(structure).any():
+    if not find_massless(structure).any():
         return DEFAULT_QUANTITIES
     return (find_formulation(formulation).massless_tension, *MASSLESS_QUANTITIES)
-
-
-def _massless(structure: Structure) -> NDArray[np.bool_]:
-    """Return which nodes are free to move and have no mass, neither their own nor of a bar."""
-    mass = structure.node_mass.copy()
-    for end in (0, 1):
-        np.add.at(mass, structure.connectivity[:, end], structure.member_mass)
-    massless: NDArray[np.bool_] = (mass == 0) & ~find_fully_anchored(structure.node_anchored, structure.axes)
-    return massless

@@ -1,0 +1,259 @@
+"""One configuration of a model: its matrices, forces and motions, the same for nodes and for bodies.
+
+Directions are those of the static problem: components of node positions [m], or coordinates of bodies scaled
+to metres, so that the equilibrium matrix has no unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["BodyConfiguration", "Configuration", "read_configuration"]
+
+FloatArray = NDArray[np.float64]
+Subject = Structure | BodySystem
+
+EPSILON = float(np.finfo(float).eps)
+NO_LOAD = 1e-12  # part of the forces from which loads are found that is rounding
+STEP = 1e-3  # of the extent: step of differences of fourth order
+
+
+class Configuration:
+    """A configuration of nodes.
+
+    Parameters
+    ----------
+    problem : StaticProblem
+        The model with its arguments.
+    point : Point
+        The configuration with its forces.
+    structure : Structure or BodySystem
+        What the model was made from.
+    """
+
+    def __init__(self, problem: StaticProblem, point: Point, structure: Subject) -> None:
+        self.problem = problem
+        self.structure = structure
+        self.point = point
+        self.manifest = problem.model.manifest
+        self.at = point.coordinate
+        self.position = problem.node_position(self.at)
+        self.length = np.array(problem.compute("member_length", self.at), dtype=float)
+        self.tension_only = np.asarray(structure.tension_only, dtype=bool)
+
+    @property
+    def tension(self) -> FloatArray:
+        """Present member tensions, (n_members,) [N]."""
+        return self.point.tension
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """Equilibrium matrix A = (dl/dx)^T, (n_directions, n_members)."""
+        return np.asarray(self.problem.compute("equilibrium_matrix", self.at).toarray())
+
+    @property
+    def rounding(self) -> float:
+        """Relative error of direction cosines of members due to rounding of positions."""
+        reach = float(np.abs(self.position).max(initial=0.0))
+        return EPSILON * max(1.0, reach / float(self.length.min(initial=np.inf)))
+
+    @cached_property
+    def load(self) -> FloatArray:
+        """Weight and loads along the directions, (n_directions,) [N]; exactly zero where there are none."""
+        residual = self.point.residual
+        load: FloatArray = residual + self.matrix @ self.tension
+        size = np.abs(self.matrix) @ np.abs(self.tension) + np.abs(residual)
+        none = np.linalg.norm(load) <= NO_LOAD * np.linalg.norm(size)
+        return np.zeros_like(load) if none else load
+
+    @cached_property
+    def parts(self) -> tuple[tuple[int, ...], ...]:
+        """Nodes of each part of the structure that no members join to the others."""
+        return find_parts(self.manifest)
+
+    @cached_property
+    def rigid_motions(self) -> FloatArray:
+        """Orthonormal rigid motions of each part that the supports allow, (n_directions, k)."""
+        return build_part_motions(self.manifest, self.position, self.parts)
+
+    def node_velocities(self, directions: FloatArray) -> FloatArray:
+        """Return how nodes move along directions (n_directions, k), (n_nodes, 3, k)."""
+        return StaticProblem.node_velocities(self.problem, self.at, directions)
+
+    def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return sum t_e d2l_e/dx2 along directions (n_directions, k), (k, k) [N/m]."""
+        across = self._across(directions)
+        weight = np.repeat(tension / self.length, 3)
+        flat = across.reshape(-1, across.shape[2])
+        return np.asarray(flat.T @ (weight[:, None] * flat))
+
+    def curvature(self, direction: FloatArray) -> FloatArray:
+        """Return d2l_e/ds2 of each member along one direction (n_directions,), (n_members,) [1/m]."""
+        across = self._across(direction[:, None])[:, :, 0]
+        return np.asarray(np.sum(across**2, axis=1) / self.length)
+
+    def load_stiffness(self, directions: FloatArray) -> FloatArray:
+        """Return the stiffness of loads along directions (n_directions, k), (k, k) [N/m]: none."""
+        return np.zeros((directions.shape[1], directions.shape[1]))
+
+    def _across(self, directions: FloatArray) -> FloatArray:
+        """Return the velocities of members' ends relative to each other, across the members, (m, 3, k)."""
+        ends = np.array(self.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+        unit = (self.position[ends[:, 0]] - self.position[ends[:, 1]]) / self.length[:, None]
+        velocity = self.node_velocities(directions)
+        change = velocity[ends[:, 0]] - velocity[ends[:, 1]]
+        along = np.einsum("ea,eak->ek", unit, change)
+        return np.asarray(change - unit[:, :, None] * along[:, None, :])
+
+
+class BodyConfiguration(Configuration):
+    """A configuration of bodies; second derivatives are differences of fourth order."""
+
+    @cached_property
+    def matrix(self) -> FloatArray:
+        """Equilibrium matrix of the tendons over x = s q, (n_coordinates, n_members)."""
+        return self._matrix_at(self.at)
+
+    @cached_property
+    def parts(self) -> tuple[tuple[int, ...], ...]:
+        """All nodes: bodies join them."""
+        return (tuple(range(len(self.position))),) if len(self.at) else ()
+
+    @cached_property
+    def rigid_motions(self) -> FloatArray:
+        """Orthonormal rigid motions of the whole system, (n_coordinates, k)."""
+        return self.problem.rigid_motions(self.at)
+
+    def node_velocities(self, directions: FloatArray) -> FloatArray:
+        """Return how nodes move along directions (n_coordinates, k) of x, (n_nodes, 3, k)."""
+        return self.problem.node_velocities(self.at, directions)
+
+    def geometric_stiffness(self, tension: FloatArray, directions: FloatArray) -> FloatArray:
+        """Return sum t_e d2l_e/dx2 along directions (n_coordinates, k), (k, k) [N/m]."""
+        return self._differentiate(lambda x: self._matrix_at(x) @ tension, directions)
+
+    def curvature(self, direction: FloatArray) -> FloatArray:
+        """Return d2l_e/ds2 of each member along one direction (n_coordinates,), (n_members,) [1/m]."""
+        return self._difference(lambda x: self._matrix_at(x).T @ direction, direction)
+
+    def load_stiffness(self, directions: FloatArray) -> FloatArray:
+        """Return the stiffness of weight and loads, which turn bodies, (k, k) [N/m]."""
+
+        def load(x: FloatArray) -> FloatArray:
+            residual, tension = self.problem.forces(x)
+            return np.asarray(-residual - self._matrix_at(x) @ tension)
+
+        if not self.load.any():
+            return super().load_stiffness(directions)
+        return self._differentiate(load, directions)
+
+    def _matrix_at(self, x: FloatArray) -> FloatArray:
+        scale = self.problem.scale  # type: ignore[attr-defined]
+        return np.asarray(self.problem.compute("equilibrium_matrix", x).toarray() / scale[:, None])
+
+    def _differentiate(self, function: Any, directions: FloatArray) -> FloatArray:
+        """Return the symmetric part of directions^T df/dx directions."""
+        columns = [self._difference(function, column) for column in directions.T]
+        matrix = directions.T @ np.array(columns).reshape(-1, len(directions)).T
+        return np.asarray((matrix + matrix.T) / 2)
+
+    def _difference(self, function: Any, direction: FloatArray) -> FloatArray:
+        """Return df/ds along a direction, by differences of fourth order."""
+        step = STEP * self.problem.extent(self.at, self.length) / float(np.abs(direction).max())
+        at = [np.asarray(function(self.at + k * step * direction)) for k in (-2, -1, 1, 2)]
+        return np.asarray((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step))
+
+
+def read_configuration(
+    model: Model, coordinate: ArrayLike | None, arguments: Mapping[str, Any] | None
+) -> Configuration:
+    """Return a configuration of a model.
+
+    Parameters
+    ----------
+    model : Model
+        With the quantities of an equilibrium, and `equilibrium_matrix`.
+    coordinate : array_like, shape (n_coordinates,), or None
+        Coordinates; None: those of the scene.
+    arguments : mapping or None
+        Inputs and parameters by name, where they differ from the scene.
+
+    Returns
+    -------
+    Configuration
+        The configuration; that of rigid bars has the nearest coordinates at which they keep their lengths.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError
+        A wrong shape, numbers that are not finite, or a member without length.
+    FormulationError
+        The model lacks a quantity.
+    """
+    problem = build_problem(model, arguments)
+    require_quantities(model, ("equilibrium_matrix",), "an analysis of tensions needs")
+    own = model.nominal("coordinate").ravel()
+    given = own if coordinate is None else np.array(coordinate, dtype=float)
+    check_shape(given, own.shape, "coordinate")
+    check_finite(given, "coordinate")
+    of_bodies = find_formulation(model.manifest.formulation).of_bodies
+    if not of_bodies:
+        _check_lengths(problem, given)
+    point = problem.find_point(problem.enter(given))
+    if point is None:
+        raise FormulationError(
+            "the forces in this configuration are not finite",
+            where=model.manifest.name,
+            given="a member without length, or a body at the pole of its angles",
+            allowed="finite lengths and forces",
+            hint="move coincident nodes apart, or give the body another polar_axis",
+        )
+    kind = BodyConfiguration if of_bodies else Configuration
+    return kind(problem, point, _find_structure(model))
+
+
+def _find_structure(model: Model) -> Subject:
+    """Return what a model was made from; raises FormulationError where it does not say."""
+    structure: Subject | None = getattr(model, "structure", None)
+    if structure is None:
+        raise FormulationError(
+            "the model does not know its structure, which says which members can go slack",
+            where=model.manifest.name,
+            given="a library that was loaded alone",
+            allowed="a model of compile_scene or build_library",
+            hint='compile_scene("scene.toml", for_="analyse")',
+        )
+    return structure
+
+
+def _check_lengths(problem: StaticProblem, coordinate: FloatArray) -> None:
+    """Raise InvalidValueError for a member whose two nodes coincide."""
+    manifest = problem.model.manifest
+    ends = problem.node_position(coordinate)[np.array(manifest.connectivity, dtype=np.int64).reshape(-1, 2)]
+    short = np.flatnonzero((ends[:, 0] == ends[:, 1]).all(axis=1))
+    if len(short):
+        member = int(short[0])
+        first, second = (manifest.node_name[node] for node in manifest.connectivity[member])
+        raise InvalidValueError(
+            "a member has no length",
+            where=f"{manifest.name}: members.{manifest.member_name[member]}",
+            given=f"nodes {first} and {second} at the same place",
+            allowed="two places",
+            hint="move one of the nodes",
+        )

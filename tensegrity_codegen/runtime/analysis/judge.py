@@ -1,0 +1,90 @@
+"""The verdict of an analysis in words: status, message, warnings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.configuration import Configuration
+from tensegrity_codegen.runtime.analysis.limit_words import describe_limits
+
+__all__ = ["judge"]
+
+
+def judge(found: Analysis, at: Configuration) -> Analysis:
+    """Return the analysis with its status, message and warnings."""
+    loaded = found.load_prestress
+    exists = found.prestress.is_found or (loaded is not None and loaded.is_found)
+    if not exists:
+        proof = found.certificate
+        status = "infeasible" if proof is not None and proof.is_verified else "undecided"
+        message = _describe_proof(found, at) if status == "infeasible" else UNDECIDED
+    elif not found.stability.is_stable:
+        status, message = "unstable", _describe_looseness(found)
+    elif found.is_balanced and found.stiffness.is_unstable:
+        status = "unstable"
+        message = (
+            "at the present tensions the structure is in an unstable equilibrium: the smallest eigenvalue of "
+            f"its stiffness is {found.smallest_eigenvalue:.6g}"
+        )
+    else:
+        status, message = "stable", _describe_tensions(found, at)
+    return replace(found, status=status, message=message, warnings=_find_warnings(found, at))
+
+
+UNDECIDED = (
+    "no tensions with every cable in tension exist beyond rounding, but the proof fails by rounding too: the "
+    "configuration is next to one where they exist"
+)
+
+
+def _describe_proof(found: Analysis, at: Configuration) -> str:
+    """Return which cables can only be slack."""
+    assert found.certificate is not None
+    names = [at.manifest.member_name[e] for e in found.certificate.shortening]
+    shown = ", ".join(names[:6]) + (f" and {len(names) - 6} others" if len(names) > 6 else "")
+    return (
+        f"no self-stress has every cable in tension: without loads {shown} can only be slack, since a motion "
+        f"shortens {'them' if len(names) > 1 else 'it'}, lengthens no cable and keeps the length of every bar"
+    )
+
+
+def _describe_looseness(found: Analysis) -> str:
+    value = found.stability.smallest_eigenvalue
+    kind = "no stiffness" if abs(value) < 1e-9 else f"a stiffness of {value:.3g} of the largest force density"
+    return f"the tensions found give a mechanism {kind}: they do not hold the shape"
+
+
+def _describe_tensions(found: Analysis, at: Configuration) -> str:
+    """Return what holds the structure."""
+    mechanisms = found.mechanism.shape[2]
+    held = (
+        f"; they stiffen {'all ' if mechanisms > 1 else 'the '}{mechanisms} mechanism{'s' * (mechanisms > 1)}"
+        if mechanisms
+        else "; there is no mechanism"
+    )
+    if not at.tension_only.any():
+        return f"no member needs to be in tension{held.replace('they stiffen', 'self-stresses stiffen')}"
+    if not found.prestress.is_found:
+        return f"the loads keep every cable in tension{held}"
+    return f"self-stresses exist with every cable in tension{held}"
+
+
+def _find_warnings(found: Analysis, at: Configuration) -> tuple[str, ...]:
+    """Return what a careful engineer would ask about, in sentences."""
+    said = [found.rank.warning] if found.rank.warning else []
+    if len(found.parts) > 1:
+        first = ", ".join(found.parts[0][:4])
+        said.append(
+            f"the structure has {len(found.parts)} parts that no members join, one of them with the nodes "
+            f"{first}; the rigid motions of each are counted apart"
+        )
+    if found.load_note:
+        said.append(f"{found.load_note}; the prestress is that without loads")
+    said += describe_limits(found, at)
+    if not found.is_balanced:
+        said.append(
+            f"the present forces are not in balance: the largest residual is {found.residual:.3g} N, the "
+            f"largest member force {found.largest_force:.3g} N"
+        )
+    return tuple(said)

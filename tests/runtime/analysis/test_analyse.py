@@ -1,0 +1,265 @@
+"""Analyses of whole structures: verdicts, stability, modes, and what must not matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.runtime.analysis.analyse import analyse
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tests.reference import ReferenceModel
+from tests.runtime.build import bar, cable, make_structure, prism
+from tests.runtime.rigid_reference import RigidReference
+
+DOWN = (0.0, 0.0, -10.0)
+HELD = dict.fromkeys(range(3), "xyz")
+
+
+def of(structure, **options):
+    return analyse(ReferenceModel(structure), **options)
+
+
+# --- verdicts --------------------------------------------------------------------------------------
+
+
+def test_a_prism_at_its_twist_is_stable() -> None:
+    found = of(prism())
+    assert found.status == "stable"
+    assert found.is_good
+    assert (found.rank.rank, len(found.rank.selfstress)) == (11, 1)
+    assert found.rigid_motion.shape == (6, 3, 6)
+    assert found.mechanism.shape == (6, 3, 1)
+    assert found.stability.smallest_eigenvalue > 0.1
+    assert found.certificate is None
+    assert found.load_prestress is None
+    assert found.members.worst is None
+
+
+@pytest.mark.parametrize("anchored", [{}, dict.fromkeys(range(3), "z")])
+def test_a_prism_at_another_twist_has_a_certificate_by_nodes(anchored) -> None:
+    structure = prism(160.0, anchored=anchored)
+    found = of(structure)
+    assert found.status == "infeasible"
+    assert not found.is_good
+    proof = found.certificate
+    assert proof is not None
+    assert proof.error < 1e-9
+    motion = found.certificate_displacement
+    assert motion is not None
+    vector = np.diff(structure.node_position[structure.connectivity], axis=1)[:, 0]
+    change = np.diff(motion[structure.connectivity], axis=1)[:, 0]
+    elongation = np.sum(vector * change, axis=1) / np.linalg.norm(vector, axis=1)
+    assert np.abs(elongation[structure.is_bar]).max() < 1e-9
+    shortening = -elongation[~structure.is_bar]
+    assert shortening.min() > -1e-9
+    if not anchored:
+        np.testing.assert_allclose(shortening, 1.0, atol=1e-9)
+
+
+def test_weight_keeps_a_pendulum_in_tension() -> None:
+    """One cable, no self-stress; the mass hangs 0.1 m lower than the cable is long."""
+    hanging = make_structure([[0, 0, 0], [0, 0, -1]], [cable(0, 1, 0.9)], anchored={0: "xyz"}, gravity=DOWN)
+    found = of(hanging)
+    assert found.status == "stable"
+    assert "loads keep every cable in tension" in found.message
+    assert found.is_balanced
+    assert found.load_prestress is not None
+    np.testing.assert_allclose(found.load_prestress.tension, [10.0])
+    assert found.certificate is not None  # without loads the cable can only be slack
+    assert (found.rigid_motion.shape[2], found.mechanism.shape[2]) == (2, 0)
+    pendulum = np.sqrt(10.0 / 1.0) / (2 * np.pi)
+    assert found.modes is not None
+    np.testing.assert_allclose(found.modes.frequency, [pendulum, pendulum, 10 / (2 * np.pi)], rtol=1e-9)
+
+
+def test_a_mass_above_its_support() -> None:
+    """On a bar it is unstable; on a cable there are no tensions at all."""
+    above = [[0, 0, 0], [0, 0, 1]]
+    found = of(make_structure(above, [bar(0, 1, 1.0001)], anchored={0: "xyz"}, gravity=DOWN))
+    assert found.status == "unstable"
+    assert found.stability.smallest_eigenvalue == pytest.approx(-1.0)
+    assert found.modes is not None
+    assert found.modes.growth_rate[:2] == pytest.approx([np.sqrt(10.0)] * 2, rel=1e-3)
+    found = of(make_structure(above, [cable(0, 1, 0.9)], anchored={0: "xyz"}, gravity=DOWN))
+    assert found.status == "infeasible"
+    assert found.load_certificate is not None
+    assert found.load_certificate.load_work > 0
+
+
+def test_a_compressed_chain_is_unstable_though_its_cable_is_tight() -> None:
+    structure = make_structure(
+        [[-1, 0, 0], [0, 0, 0], [1, 0, 0]],
+        [bar(0, 1, 1.0), bar(1, 2, 1.0), cable(0, 2, 1.9)],
+    )
+    found = of(structure)
+    assert found.prestress.is_found
+    assert found.status == "unstable"
+    assert found.stability.smallest_eigenvalue < -0.1
+
+
+def test_the_sign_of_bars_is_chosen_for_stability() -> None:
+    """A node in the middle of two bars between supports: stiff sideways in tension, not in compression."""
+    ends = dict.fromkeys((0, 2), "xyz")
+    line = [[-1, 0, 0], [0, 0, 0], [1, 0, 0]]
+    found = of(make_structure(line, [bar(0, 1, 1.0), bar(1, 2, 1.0)], anchored=ends))
+    assert found.status == "stable"
+    np.testing.assert_allclose(found.prestress.tension, [1.0, 1.0])
+    # Two such lines: one pair of signs out of four.
+    both = [*line, *np.add(line, [0, 0, 5]).tolist()]
+    members = [bar(i, j, 1.0) for i, j in ((0, 1), (1, 2), (3, 4), (4, 5))]
+    found = of(make_structure(both, members, anchored=dict.fromkeys((0, 2, 3, 5), "xyz")))
+    assert found.status == "stable"
+    assert found.prestress.tension.min() > 0
+    assert len(found.parts) == 1 or "parts that no members join" in found.warnings[0]
+
+
+def test_a_four_bar_linkage_is_not_held_by_anything() -> None:
+    corners = [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]]
+    sides = [bar(k, (k + 1) % 4, 1.0) for k in range(4)]
+    found = of(make_structure(corners, sides, axes="xz", anchored={0: "xz", 1: "xz"}))
+    assert found.status == "unstable"
+    assert found.mechanism.shape[2] == 1
+    assert "no stiffness" in found.message
+
+
+def test_a_triangle_of_bars_needs_no_prestress() -> None:
+    corners = [[0, 0, 0], [1, 0, 0], [0, 0, 1]]
+    members = [bar(0, 1, 1.0), bar(1, 2, 2**0.5), bar(2, 0, 1.0)]
+    for structure in (make_structure(corners, members, axes="xz"), make_structure(corners, members)):
+        found = of(structure)
+        assert found.status == "stable"
+        assert "no member needs to be in tension" in found.message
+
+
+def test_loads_that_nothing_holds_are_left_out() -> None:
+    found = of(prism(gravity=DOWN))
+    assert found.status == "stable"
+    assert "would move it as a whole" in found.load_note
+    found = of(prism(gravity=DOWN, anchored=HELD))
+    assert "push a mechanism" in found.load_note
+    assert found.status == "stable"
+
+
+def test_at_the_equilibrium_loads_are_balanced() -> None:
+    model = ReferenceModel(prism(gravity=(0.0, 0.0, -1.0), anchored=HELD))
+    settled = find_equilibrium(model, tolerance=1e-12)
+    found = analyse(model, coordinate=settled.coordinate)
+    assert found.is_balanced
+    assert found.status == "stable"
+    # Where the weight pushes the mechanism, the shape is not quite one with a self-stress.
+    assert found.rank.rank == 9
+    assert found.load_prestress is not None
+    assert found.load_prestress.is_found
+
+
+# --- odd structures --------------------------------------------------------------------------------
+
+
+def test_members_between_supports_only() -> None:
+    """They carry any tension without moving anything; the node between two others is held by both."""
+    members = [cable(0, 1, 0.9), cable(1, 2, 0.9), cable(2, 3, 1.4), cable(0, 3, 1.4)]
+    structure = make_structure([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 0, 1]], members, anchored=HELD)
+    found = of(structure)
+    assert (found.rank.rank, len(found.rank.selfstress)) == (2, 2)
+    assert found.status == "infeasible"
+    assert found.certificate.shortening == (2, 3)
+    straight = structure.with_changes(
+        connectivity=np.array([[0, 1], [1, 2], [0, 3], [3, 1]]),
+        node_position=np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0.3, 0, 0]]),
+    )
+    found = of(straight)
+    assert found.status == "stable"
+    assert (found.rank.rank, len(found.rank.selfstress), found.mechanism.shape[2]) == (1, 3, 2)
+    np.testing.assert_allclose(found.prestress.tension, 1.0)
+
+
+def test_one_cable_in_space() -> None:
+    found = of(make_structure([[0, 0, 0], [1, 0, 0]], [cable(0, 1, 0.9)]))
+    assert found.status == "infeasible"
+    assert found.certificate is not None
+    assert found.certificate.shortening == (0,)
+
+
+def test_parts_are_named() -> None:
+    structure = make_structure([[0, 0, 0], [1, 0, 0], [5, 0, 0], [6, 0, 0]], [bar(0, 1, 1.0), bar(2, 3, 1.0)])
+    found = of(structure)
+    assert found.parts == (("n0", "n1"), ("n2", "n3"))
+    assert (found.rigid_motion.shape[2], found.mechanism.shape[2]) == (10, 0)
+    assert any("2 parts that no members join" in text for text in found.warnings)
+
+
+def test_without_masses_there_are_no_modes() -> None:
+    found = of(prism(mass=0.0))
+    assert found.status == "stable"
+    assert found.modes is None
+
+
+def test_wrong_arguments_are_refused() -> None:
+    model = ReferenceModel(prism())
+    start = model.nominal("coordinate").ravel()
+    with pytest.raises(InvalidValueError, match="coordinate"):
+        analyse(model, coordinate=start[1:])
+    with pytest.raises(NonFiniteError, match="coordinate"):
+        analyse(model, coordinate=start * np.nan)
+    same = start.copy()
+    same[3:6] = same[:3]
+    with pytest.raises(InvalidValueError, match="n0 and n1 at the same place"):
+        analyse(model, coordinate=same)
+    with pytest.raises(InvalidValueError, match="rank_tolerance"):
+        analyse(model, rank_tolerance=float("nan"))
+    with pytest.raises(InvalidValueError, match="n_modes"):
+        analyse(model, n_modes=-1)
+
+
+# --- what must not matter --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("twist", [150.0, 160.0])
+@pytest.mark.parametrize(("shift", "size"), [(1000.0, 1.0), (0.0, 1e-3), (0.0, 1e3)])
+def test_place_and_size(twist, shift, size) -> None:
+    plain = prism(twist)
+    moved = plain.with_changes(
+        node_position=plain.node_position * size + shift, rest_length=plain.rest_length * size
+    )
+    one, other = of(plain), of(moved)
+    assert (one.status, one.rank.rank) == (other.status, other.rank.rank)
+    np.testing.assert_allclose(other.prestress.tension, one.prestress.tension, atol=1e-9)
+    assert (one.mechanism.shape, one.rigid_motion.shape) == (other.mechanism.shape, other.rigid_motion.shape)
+    if one.certificate is not None:
+        np.testing.assert_allclose(other.certificate.elongation, one.certificate.elongation, atol=1e-9)
+    assert other.smallest_eigenvalue == pytest.approx(one.smallest_eigenvalue, rel=1e-5)
+    np.testing.assert_allclose(other.modes.frequency, one.modes.frequency, rtol=1e-5)
+
+
+def test_order_and_direction_of_members_and_a_turn() -> None:
+    plain = prism(170.0, sides=4)
+    order = np.random.default_rng(1).permutation(plain.n_members)
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    other = plain.with_changes(
+        node_position=plain.node_position @ turn.T,
+        connectivity=plain.connectivity[order][:, ::-1],
+        **{
+            name: getattr(plain, name)[order]
+            for name in ("is_bar", "tension_only", "rest_length", "spring_constant", "axial_stiffness")
+        },
+        member_name=tuple(plain.member_name[e] for e in order),
+    )
+    one, two = of(plain), of(other)
+    assert one.status == two.status == "infeasible"
+    np.testing.assert_allclose(two.certificate.elongation, one.certificate.elongation[order], atol=1e-9)
+    np.testing.assert_allclose(two.modes.frequency, one.modes.frequency, rtol=1e-6)
+
+
+def test_rigid_bars_change_nothing_but_frequencies() -> None:
+    springs = prism(bar_stiffness=1e7)
+    stiff = np.where(springs.is_bar, 0.0, springs.spring_constant)
+    models = [RigidReference(springs.with_changes(spring_constant=stiff)), ReferenceModel(springs)]
+    rigid, found = (analyse(m, coordinate=find_equilibrium(m, tolerance=1e-12).coordinate) for m in models)
+    assert rigid.status == found.status == "stable"
+    assert rigid.rank.rank == found.rank.rank
+    assert rigid.rank.rank == 11
+    np.testing.assert_allclose(rigid.prestress.tension, found.prestress.tension, rtol=1e-5)
+    np.testing.assert_allclose(rigid.member_tension, found.member_tension, rtol=1e-4)
+    np.testing.assert_allclose(rigid.modes.frequency[:8], found.modes.frequency[:8], rtol=1e-3)
+    assert rigid.modes.n_total == found.modes.n_total - 3
