@@ -24,6 +24,7 @@ VERBS += [
     "report",
     "reproduce",
     "schema",
+    "sensitivity",
     "show",
     "simulate",
     "stability",
@@ -51,6 +52,7 @@ GOOD_CALLS = {
         "0.01",
     ],
     "schema": ["schema", "--out", "scene.json"],
+    "sensitivity": ["sensitivity", "two_nodes.toml"],
     "simulate": ["simulate", "two_nodes.toml", "--t-end", "0.1"],
     "stability": ["stability", "two_nodes.toml", "--t-end", "0.1", "--no-peers", "--limit", "10"],
 }

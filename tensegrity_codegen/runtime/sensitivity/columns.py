@@ -1,4 +1,4 @@
-"""Which changes of rest lengths the columns of a sensitivity stand for: members, or groups of members."""
+"""Which changes of rest lengths the columns of a sensitivity stand for: members, inputs or groups."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import numpy as np
 from scipy import sparse
 
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, check_choice
+from tensegrity_codegen.runtime.model.interface import Model
 
 __all__ = ["Columns", "select_columns"]
 
 Columns = Sequence[str] | Mapping[str, Sequence[str]]
 
 
-def select_columns(member_name: Sequence[str], columns: Columns | None) -> tuple[tuple[str, ...], Any]:
+def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ...], Any]:
     """Return names of columns, and which members each of them changes.
 
     Parameters
     ----------
-    member_name : sequence of str
-        Names of all members.
+    model : CompiledModel
+        Its members; and its inputs of kind rest_length, where it knows its structure.
     columns : sequence or mapping, optional
-        Members; or name of an actuator -> its members; by default all members.
+        Members and inputs; or name of a group -> its members; by default all members.
 
     Returns
     -------
@@ -35,41 +36,51 @@ def select_columns(member_name: Sequence[str], columns: Columns | None) -> tuple
     Raises
     ------
     UnknownNameError
-        No member of that name.
+        No member or input of that name.
     InvalidValueError
-        No columns, or an actuator without members.
+        No columns, or a group without members.
     DuplicateNameError
-        A column, or a member of an actuator, given twice.
+        A column, or a member of a group, given twice.
     """
+    member_name = model.manifest.member_name
     if columns is None:
         return tuple(member_name), sparse.eye_array(len(member_name), format="csc")
-    if isinstance(columns, str):
-        columns = (columns,)
-    groups = {k: _names(v) for k, v in columns.items()} if isinstance(columns, Mapping) else None
-    names = tuple(columns)
+    names = (columns,) if isinstance(columns, str) else tuple(columns)
     if not names:
         raise InvalidValueError(
-            "no columns are chosen", where="columns", given=columns, allowed="one or more members",
+            "no columns are chosen", where="columns", given=columns, allowed="one or more members or inputs",
             hint="None stands for all members",
         )  # fmt: skip
     _check_distinct(names, "columns")
-    known, rows, places = {name: k for k, name in enumerate(member_name)}, list[int](), list[int]()
-    for place, name in enumerate(names):
-        members = (name,) if groups is None else groups[name]
-        where = "columns" if groups is None else f"columns.{name}"
-        if not members:
-            raise InvalidValueError("an actuator without members", where=where, allowed="one or more members")
-        _check_distinct(members, where)
-        for member in members:
-            check_choice(member, known, "member", where)
-            rows.append(known[member])
-            places.append(place)
-    matrix = sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=(len(member_name), len(names)))
-    return names, matrix
+    if isinstance(columns, Mapping):
+        members = [_find_group(name, columns[name], member_name) for name in names]
+    else:
+        known = _find_inputs(model) | {name: (e,) for e, name in enumerate(member_name)}
+        for name in names:
+            check_choice(name, known, "member or input", "columns")
+        members = [known[name] for name in names]
+    rows = np.concatenate([np.array(item, dtype=np.int64) for item in members])
+    places = np.repeat(np.arange(len(names)), [len(item) for item in members])
+    shape = (len(member_name), len(names))
+    return names, sparse.csc_array((np.ones(len(rows)), (rows, places)), shape=shape)
 
 
-def _names(given: Sequence[str]) -> tuple[str, ...]:
-    return (given,) if isinstance(given, str) else tuple(given)
+def _find_inputs(model: Model) -> dict[str, tuple[int, ...]]:
+    """Return the members of each input that changes rest lengths; none where the structure is not known."""
+    structure = getattr(model, "structure", None)
+    inputs = () if structure is None else structure.inputs
+    return {item.name: tuple(item.targets) for item in inputs if item.kind == "rest_length"}
+
+
+def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:
+    where = f"columns.{name}"
+    members = (given,) if isinstance(given, str) else tuple(given)
+    if not members:
+        raise InvalidValueError("a group without members", where=where, allowed="one or more members")
+    _check_distinct(members, where)
+    for member in members:
+        check_choice(member, member_name, "member", where)
+    return tuple(member_name.index(member) for member in members)
 
 
 def _check_distinct(names: Sequence[str], where: str) -> None:

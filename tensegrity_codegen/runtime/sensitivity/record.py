@@ -19,7 +19,8 @@ FloatArray = NDArray[np.float64]
 class Sensitivity:
     """Derivatives of an equilibrium by rest lengths.
 
-    A column stands for one member, or for the members of one actuator, whose rest lengths change together.
+    A column stands for one member, or for the members of an input or actuator, whose rest lengths change
+    together.
     The column of a rigid bar is the derivative by the length that it keeps.
 
     Attributes

@@ -72,8 +72,8 @@ def equilibrium_sensitivity(
     arguments : mapping, optional
         Inputs and parameters by name, where they differ from the scene; those of the equilibrium.
     columns : sequence of str or mapping, optional
-        Members; or name of an actuator -> its members, whose rest lengths change together; by default all
-        members, one column each.
+        Names of members, and of inputs and actuators, which change the rest lengths of their members
+        together; or name of a group -> its members; by default all members.
     tolerance : float
         Largest node residual of an equilibrium, as part of the largest member force.
 
@@ -115,7 +115,7 @@ def equilibrium_sensitivity(
         )
     problem = build_problem(model, arguments)
     require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
-    names, chosen = select_columns(model.manifest.member_name, columns)
+    names, chosen = select_columns(model, columns)
     point = _find_point(problem, equilibrium)
     system = build_system(problem, point)
     _check_balance(problem, point, system, tolerance)

@@ -26,7 +26,7 @@ from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tests.body_scenes import assemble_document
 from tests.cases import thorough
@@ -305,6 +305,14 @@ def test_columns_are_members_or_actuators() -> None:
     expected = np.column_stack([whole.tension[:, 1] + whole.tension[:, 2], whole.tension[:, 3]])
     np.testing.assert_allclose(winch.tension, expected, atol=1e-8)
     assert winch.column_name == ("winch", "motor")
+    inputs = (
+        ActuatedInput("winch", "rest_length", (1, 2)),
+        ActuatedInput("push", "force", (0,), (1.0, 0.0, 0.0)),
+    )
+    _, driven = solve(structure.with_changes(inputs=inputs), columns=["winch", "e3"])
+    np.testing.assert_allclose(driven.tension, expected, atol=1e-8)
+    with pytest.raises(UnknownNameError):
+        solve(structure.with_changes(inputs=inputs), columns=["push"])
 
 
 def test_ranks_name_the_members_that_move_a_node_or_change_a_tension_most() -> None:

@@ -1,0 +1,173 @@
+"""`tensegrity-codegen sensitivity`: which rest length moves which node, and which tension."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.options import (
+    CompilerOption,
+    JsonOption,
+    OverwriteOption,
+    SceneArgument,
+    parse_loads,
+)
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.errors import check_choice
+from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.runtime.model.array_file import write_arrays
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["VERB"]
+
+SETTLED = 1e-10  # tolerance of the equilibrium
+
+ByOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--by",
+        help="Member, input or actuator whose rest lengths change; may be repeated; default: all members.",
+        show_default=False,
+    ),
+]
+NodeOption = Annotated[
+    list[str] | None,
+    typer.Option("--node", help="List what moves this node most; may be repeated.", show_default=False),
+]
+MemberOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--member", help="List what changes the tension of this member most; may be repeated.",
+        show_default=False,
+    ),
+]  # fmt: skip
+LoadOption = Annotated[
+    list[str] | None,
+    typer.Option("--load", help="Load NODE=fx,fy,fz [N] added to the scene's; may be repeated."),
+]
+
+
+def sensitivity(
+    scene: SceneArgument,
+    node: NodeOption = None,
+    member: MemberOption = None,
+    by: ByOption = None,
+    most: Annotated[int, typer.Option(min=1, help="Entries of each list.")] = 5,
+    load: LoadOption = None,
+    input: InputOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Write the derivatives of positions and tensions (.npz)."),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Find the equilibrium, and differentiate positions and tensions by the rest lengths.
+
+    Longer rest lengths are positive; pulling a cable in changes the signs. Of a structure that can slide or
+    turn freely, motions are relative to the mean of its nodes.
+
+    Example: tensegrity-codegen sensitivity prism.toml --node t1 --json
+    """
+    output = Output(json)
+    with output.guard(scene):
+        if out is not None:
+            check_ending(out, ".npz")
+            check_output(out, inputs=[scene], overwrite=overwrite)
+        subject, request = output.load(scene, settles=True)
+        _check_names(subject, node or [], member or [])
+        arguments: dict[str, Any] = {**read_inputs(input, subject, output)}
+        added = parse_loads(load or [], subject)
+        if added.any():
+            axes = list(subject.axes)
+            arguments["node_load"] = (subject.node_load + added)[:, axes]
+        found = _find(output, subject, request, arguments, columns=by or None, compiler=compiler)
+        if out is not None:
+            write_sensitivity(found, out)
+        _report(output, found, node or [], member or [], most, out)
+
+
+def _check_names(subject: Subject, nodes: list[str], members: list[str]) -> None:
+    """Raise UnknownNameError before the work begins."""
+    for name in nodes:
+        check_choice(name, subject.node_name, "node", "--node")
+    for name in members:
+        check_choice(name, subject.member_name, "member", "--member")
+
+
+def _find(
+    output: Output,
+    subject: Subject,
+    request: ModelRequest,
+    arguments: dict[str, Any],
+    *,
+    columns: list[str] | None,
+    compiler: str | None,
+) -> Sensitivity:
+    """Return the sensitivity at the equilibrium under these arguments."""
+    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
+    statics = with_statics(subject, request)
+    loads = {"node_load": tuple(range(subject.n_nodes))} if "node_load" in arguments else {}
+    wanted = statics.wanting(*find_needs("sensitivity", subject, statics).quantities, parameters=loads)
+    near, _ = move_near_origin(subject, request)
+    model = build_library(near, wanted, compiler=compiler).load()
+    start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
+    for text in start.warnings:
+        output.warn(text)
+    return equilibrium_sensitivity(model, start, arguments, columns=columns)
+
+
+def _report(
+    output: Output, found: Sensitivity, nodes: list[str], members: list[str], most: int, out: Path | None
+) -> None:
+    """Print what each column does most, and the lists that were asked for."""
+    from tensegrity_codegen.report.sensitivities import columns_table, list_columns, ranks_table
+
+    by_node = {name: {axis: found.rank_for_node(name, axis, most) for axis in "xyz"} for name in nodes}
+    by_member = {name: found.rank_for_tension(name, most) for name in members}
+    data = {
+        "status": "ok",
+        **found.as_evidence(),
+        "columns": list_columns(found),
+        "nodes": {name: {axis: dict(row) for axis, row in rows.items()} for name, rows in by_node.items()},
+        "members": {name: dict(row) for name, row in by_member.items()},
+        "out": None if out is None else str(out),
+    }
+    tables = [columns_table(found)] if not nodes and not members else []
+    for name, rows in by_node.items():
+        tables += [ranks_table(f"{name} along {axis}", "m/m", row) for axis, row in rows.items() if row]
+    tables += [ranks_table(f"tension of {name}", "N/m", row) for name, row in by_member.items()]
+    output.result(data, *tables, *_describe(found))
+
+
+def _describe(found: Sensitivity) -> list[str]:
+    lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
+    if found.gauge:
+        lines.append(f"free to {', '.join(found.gauge)}: motions are relative to the mean of the nodes")
+    if found.slack:
+        lines.append(f"slack, and without effect: {', '.join(found.slack)}")
+    return lines
+
+
+def write_sensitivity(found: Sensitivity, path: Path) -> None:
+    """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
+    arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
+    words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack")
+    arrays |= {name: np.array(getattr(found, name), dtype=str) for name in words}
+    write_arrays(path, arrays)
+
+
+VERB = Verb(sensitivity, order=75)
