@@ -148,7 +148,7 @@ def _distance_factor(problem: StaticProblem, point: Point) -> float:
 
 def _check_balance(problem: StaticProblem, point: Point, system: StaticSystem, tolerance: float) -> None:
     """Raise InvalidValueError for a state that is no equilibrium."""
-    floor = problem.rounding_floor(system.stiffness, point) * _distance_factor(problem, point)
+    floor = problem.rounding_floor(system.stiffness, point)
     allowed = max(tolerance * point.largest_force, floor)
     if point.node_force <= allowed:
         return

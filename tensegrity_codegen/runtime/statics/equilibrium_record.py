@@ -30,7 +30,8 @@ class Equilibrium:
     status : str
         ``"converged"``: the largest node residual is at most the tolerance times the largest member force
         (with unstressed members: at most 64 eps max(mu l)). ``"rounding_limited"``: a minimum whose residual
-        is larger due to rounding, but below 64 eps max(mu l). Not found: ``"unstable"`` (the forces balance
+        is larger due to rounding, but below 64 eps max(mu l), with l at least 1/16 of the distance from the
+        origin. Not found: ``"unstable"`` (the forces balance
         on a saddle of the energy), ``"no_equilibrium"`` (nothing balances the loads), ``"stalled"``,
         ``"iteration_limit"``, ``"work_limit"``, ``"at_pole"`` (a body reached the pole of its angles),
         ``"not_finite"``.

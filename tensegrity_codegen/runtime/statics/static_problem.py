@@ -29,6 +29,7 @@ EQUILIBRIUM_QUANTITIES = (
 )
 
 EPSILON = float(np.finfo(float).eps)
+FAR = 1 / 16  # of the distance from the origin: how it counts beside the length of members, for rounding
 
 
 @dataclass(frozen=True)
@@ -205,10 +206,11 @@ class StaticProblem:
         """Return the residual that rounding alone explains, 64 eps max(mu l) [N].
 
         The largest diagonal entry of the stiffness stands for the largest spring constant mu, the longest
-        member for l.
+        member for l; far from the origin, where positions are rounded more, l is a part of their size.
         """
         diagonal = np.abs(stiffness.diagonal())
-        return 64 * EPSILON * float(diagonal.max(initial=0.0)) * point.longest
+        reach = float(np.abs(self.node_position(point.coordinate)).max(initial=0.0))
+        return 64 * EPSILON * float(diagonal.max(initial=0.0)) * max(point.longest, FAR * reach)
 
 
 def _check_arguments(arguments: Mapping[str, Any]) -> None:

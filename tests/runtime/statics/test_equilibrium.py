@@ -310,3 +310,14 @@ def test_start_is_not_modified() -> None:
     start = np.array([1.0, 0, 0])
     settle(pendulum(gravity=DOWN), coordinate=start)
     assert start.tolist() == [1.0, 0, 0]
+
+
+@pytest.mark.parametrize("bar_stiffness", [1e6, 1e8])
+def test_far_from_the_origin_an_equilibrium_is_found_up_to_its_rounding(bar_stiffness: float) -> None:
+    """At 1,300 m positions are rounded to 1e-13 m, and forces of bars to that times their stiffness."""
+    near = prism(bar_stiffness=bar_stiffness)
+    far = near.with_changes(node_position=near.node_position + np.array([1000.0, -700.0, 400.0]))
+    found, moved = settle(near), settle(far)
+    assert moved.status in ("converged", "rounding_limited")
+    assert moved.residual < 4e-12 * 2 * bar_stiffness
+    np.testing.assert_allclose(moved.member_tension, found.member_tension, rtol=0, atol=1e-12 * bar_stiffness)
