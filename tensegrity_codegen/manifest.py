@@ -208,6 +208,9 @@ class Manifest:
     rigid_bar: tuple[str, ...] = ()  # members that keep constant lengths, in the order of their multipliers
     interfaces: tuple[str, ...] = ()  # ways to call the library besides its C functions: "casadi"
     parts: tuple[SourcePart, ...] = ()
+    driven: tuple[
+        str, ...
+    ] = ()  # arguments that can change with time in integrators, in the order of their places
     declarations: str = ""  # types and functions of the header, as C
 
     @cached_property

@@ -281,6 +281,13 @@ TOWER_API int tower_compute_cable_margin(
     double cable_margin[39]);
 
 
+/* Where each argument begins among the numbers that can change with time. */
+enum {
+  TOWER_PLACE_INPUT = 0,
+  TOWER_PLACE_REST_LENGTH = 2,
+  TOWER_PLACE_GRAVITY = 14
+};
+
 /* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
 enum {
   TOWER_EVENT_CABLE = 1,
@@ -297,6 +304,18 @@ typedef struct {
   int direction;
 } tower_event;
 
+/* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
+ * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
+typedef struct {
+  long long n_pieces;
+  int degree;
+  int n_values;              /* numbers that change; the others stay as they are given */
+  const int *place;          /* (n_values,): TOWER_PLACE_... of an argument and the index of a number in it */
+  const double *time;        /* (n_pieces + 1,) [s], rising; a run lies within */
+  const double *coefficient; /* (n_pieces, degree + 1, n_values) */
+  const int *is_kink;        /* (n_pieces + 1,): whether a value or its slope jumps there; NULL: everywhere */
+} tower_profile;
+
 /* How a run with error control goes; all zero before its first call. */
 typedef struct {
   long long n_accepted;    /* accepted steps */
@@ -310,6 +329,7 @@ typedef struct {
   long long most_events;
   long long n_events; /* number of events, also beyond most_events */
   int is_stopped;     /* 1 where an event of `stop` has ended the last call */
+  const tower_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
   int is_started; /* internal, from here on: kept between calls */
   int may_grow;
   int succession;
@@ -335,15 +355,17 @@ typedef struct {
  *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 51) is filled for each
  *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
  *   n_done: number of steps done by this call
- *   work: memory of 1614 doubles
+ *   work: memory of 1631 doubles
  * Stops with TOWER_NON_FINITE_RESULT after the step before the first non-finite state.
  *
  * tower_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
  * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
  * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
  * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
+ *
+ * tower_integrate_rk4_run also divides steps at the kinks of run->profile.
  */
-enum { TOWER_RK4_WORK = 1614 };
+enum { TOWER_RK4_WORK = 1631 };
 TOWER_API int tower_integrate_rk4(
     double time_start, double step, long long first_step, long long n_steps,
     double state[102],
@@ -351,7 +373,7 @@ TOWER_API int tower_integrate_rk4(
     const double rest_length[12],
     const double gravity[3],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, double work[1614]);
+    long long *n_done, double work[1631]);
 TOWER_API int tower_integrate_rk4_run(
     double time_start, double step, long long first_step, long long n_steps,
     double *time, double state[102],
@@ -359,7 +381,7 @@ TOWER_API int tower_integrate_rk4_run(
     const double rest_length[12],
     const double gravity[3],
     long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
-    long long *n_done, tower_run *run, double work[1614]);
+    long long *n_done, tower_run *run, double work[1631]);
 
 
 #ifdef __cplusplus

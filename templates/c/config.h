@@ -4,9 +4,11 @@
 #ifndef CONFIG_H
 #define CONFIG_H
 
+#include <limits.h>
 #include <math.h>
 #include <stddef.h>
 
+#include "profile.h"
 #include "run.h"
 #include "settings.h"
 
@@ -14,12 +16,6 @@
 #define TENSEGRITY_RESTRICT __restrict
 #else
 #define TENSEGRITY_RESTRICT restrict
-#endif
-
-#if WITH_FLOAT
-typedef float real;
-#else
-typedef double real;
 #endif
 
 enum {
@@ -30,24 +26,16 @@ enum {
   MOST_IN_SUCCESSION = 150, /* events, each within a thousandth of a step of the last one */
   N_MASSES = N,             /* entries of the mass matrix */
   AXES = WITH_AXES_3 ? 3 : 1,
-  N_RIGID = WITH_AXES_3 ? 6 : 1 /* rigid motions */
-};
-
-/* What functions return. */
-enum {
-  SCENE_OK,
-  SCENE_NON_FINITE_INPUT,
-  SCENE_NON_FINITE_RESULT,
-  SCENE_INVALID_ARGUMENT,
-  SCENE_NULL_POINTER,
-  SCENE_STEP_TOO_SMALL,
-  SCENE_UNSUPPORTED_MACHINE,
-  SCENE_TOO_MANY_EVENTS
+  N_RIGID = WITH_AXES_3 ? 6 : 1, /* rigid motions */
+  N_DRIVEN = 1                   /* numbers that can change with time */
 };
 
 /* What the functions take beside coordinate and velocity. */
 typedef struct {
   const real *stiffness;
+#if WITH_PROFILE
+  motion_profile *profile; /* NULL: the others are constant */
+#endif
 } motion_arguments;
 
 /* Accelerations at (coordinate, velocity). */
@@ -103,6 +91,9 @@ static inline void event_margins(
     double *margin)
 {
   (void)with;
+#if WITH_PROFILE
+  profile_set_time(time, with->profile);
+#endif
   margin[0] = run->watch & SCENE_EVENT_CABLE ? coordinate[0] : 1.0;
   margin[1] = 1.0;
   if ((run->watch & SCENE_EVENT_CONDITION) && run->condition != NULL) {

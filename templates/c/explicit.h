@@ -20,6 +20,9 @@ typedef struct {
 #if METHOD_KEEPS_ENERGY
   energy_memory energy;
 #endif
+#if WITH_PROFILE
+  real driven[N_DRIVEN];
+#endif
 } method_work;
 
 /* One integration: where it is, what it calls, samples to fill, counters and memory. */
@@ -102,6 +105,9 @@ static inline int method_pass(double root, double near, double left, const metho
   method_work *w = m->work;
   int k;
   motion_glide(h, m->state, w->lost, w->rates, w->change, w->trial);
+#if WITH_PROFILE
+  profile_set_time(t1, m->with->profile);
+#endif
 #if WITH_CONSTRAINTS
   motion_project(w->trial, w->trial + N, m->with, w->events.point);
 #endif
@@ -114,6 +120,9 @@ static inline int method_pass(double root, double near, double left, const metho
     m->state[k] = w->trial[k];
     w->lost[k] = w->change[k] - (w->trial[k] - w->old[k]);
   }
+#if WITH_PROFILE
+  profile_set_time(t1, m->with->profile);
+#endif
   motion_rate(m->state, m->with, w->rates);
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->events.point, m->to);
   event_follows(*m->time + root, *m->step, m->run);
@@ -246,6 +255,9 @@ static inline int method_begin(double time_end, const method_motion *m)
   for (k = 0; k < 2 * N; ++k) {
     w->lost[k] = (real)0.0;
   }
+#if WITH_PROFILE
+  profile_set_time(*m->time, m->with->profile);
+#endif
   motion_rate(m->state, m->with, w->rates);
   ++run->n_evaluations;
   if (!all_finite(w->rates, 2 * N)) {
@@ -283,6 +295,9 @@ static inline double method_attempt(double h, const method_motion *m)
     return INFINITY;
   }
 #endif
+#if WITH_PROFILE
+  profile_set_start(*m->time, m->with->profile);
+#endif
 #if METHOD_HAS_ERROR
   error = method_try((real)h, m->rtol, m->atol, m->state, m->with, w->lost, w->rates, w->change, w->trial);
 #else
@@ -295,6 +310,9 @@ static inline double method_attempt(double h, const method_motion *m)
   for (k = 0; k < 2 * N; ++k) {
     w->change[k] -= w->trial[k] - m->state[k];
   }
+#if WITH_PROFILE
+  profile_set_stage(h, m->with->profile);
+#endif
 #if WITH_CONSTRAINTS
   motion_project(w->trial, w->trial + N, m->with, w->spare);
 #endif
@@ -337,6 +355,9 @@ static inline void method_sample_step(double h, double t1, const method_motion *
     real *sample = to->state + *to->n_filled * 2 * N;
     method_interpolate((real)((motion_next_sample(to) - *m->time) / h), w->old, w->dense, sample);
 #if WITH_CONSTRAINTS
+#if WITH_PROFILE
+    profile_set_time(motion_next_sample(to), m->with->profile);
+#endif
     motion_project(sample, sample + N, m->with, w->spare);
 #endif
   }
@@ -424,9 +445,11 @@ static inline int method_trial(double time_end, const method_motion *m, int *is_
   h = is_last ? left : h;
   t1 = is_last ? time_end : *m->time + h;
 #if WITH_FLOAT
+#if METHOD_HAS_ERROR
   if (h < SMALLEST_STEP) {
     return SCENE_STEP_TOO_SMALL;
   }
+#endif
 #endif
   error = method_attempt(h, m);
 #if WITH_EVENTS
@@ -481,5 +504,64 @@ static inline int method_advance(double time_end, long long most_trials, const m
   }
   return status;
 }
+
+#if WITH_PROFILE
+/* Behind a kink of the profile: derivatives anew, and margins, of which some may have changed sides at a jump. */
+static inline int method_pass_kink(const method_motion *m)
+{
+  method_work *w = m->work;
+  profile_enter(*m->time, m->with->profile);
+  motion_rate(m->state, m->with, w->rates);
+  ++m->run->n_evaluations;
+  if (!all_finite(w->rates, 2 * N)) {
+    return SCENE_NON_FINITE_RESULT;
+  }
+#if WITH_EVENTS
+  m->run->ahead = 0.0;
+  m->run->cut = 0.0;
+  if (m->run->watch) {
+    if (!method_stand(m->run->pace, m, w->spare)) {
+      return SCENE_NON_FINITE_RESULT;
+    }
+    event_noise(m->state, m->run->loudness, m->run->pace, &w->events);
+    if (event_turn(*m->time, &w->events, w->events.first, m->run)) {
+      int is_over;
+      event_follows(*m->time, *m->step, m->run);
+      return method_after_crossing(m->run, &is_over);
+    }
+  }
+#endif
+  return SCENE_OK;
+}
+
+/* On to time_end, in at most so many trials, with steps that end at the kinks of the profile. */
+static inline int method_follow(double time_end, long long most_trials, const method_motion *m)
+{
+  const scene_run *run = m->run;
+  motion_profile *profile = m->with->profile;
+  const long long most = most_trials > LLONG_MAX - run->n_accepted - run->n_rejected
+      ? LLONG_MAX
+      : run->n_accepted + run->n_rejected + most_trials;
+  int status, is_over = 0;
+  if (profile == NULL) {
+    return method_advance(time_end, most_trials, m);
+  }
+  if (profile->high < 0) {
+    profile_enter(*m->time, profile);
+  }
+  do {
+    const double kink = profile_kink(profile);
+    status = method_advance(fmin(time_end, kink), most - run->n_accepted - run->n_rejected, m);
+    if (status == SCENE_OK && *m->time >= kink) {
+      status = method_pass_kink(m);
+    }
+#if WITH_EVENTS
+    is_over = run->is_stopped;
+#endif
+  } while (status == SCENE_OK && !is_over && *m->time < time_end && run->n_accepted + run->n_rejected < most);
+  return status;
+}
+
+#endif
 
 #endif

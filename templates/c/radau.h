@@ -34,6 +34,10 @@ static inline int radau_advance(
     for (k = 0; k < RADAU_COUNTS; ++k) {
       count[k] = 0;
     }
+#if WITH_PROFILE
+    profile_set_start(*time, run->with->profile);
+    profile_set_stage(0.0, run->with->profile);
+#endif
     radau_prepare(run);
     if (!all_finite(run->law, RADAU_LAW) || !all_finite(run->mass, RADAU_MASSES)) {
       return SCENE_NON_FINITE_RESULT;
@@ -95,6 +99,9 @@ static inline int radau_advance(
     is_whole = !is_last && !is_cut && !is_short;
 #else
     is_whole = !is_last;
+#endif
+#if WITH_PROFILE
+    profile_set_start(*time, run->with->profile);
 #endif
     radau_weigh(run, h, state);
     if (radau_factor_step(run, h) && radau_newton(run, h, state)) {

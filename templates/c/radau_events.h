@@ -1,7 +1,7 @@
 #ifndef RADAU_EVENTS_H
 #define RADAU_EVENTS_H
 #include "event_course.h"
-#include "radau_smooth.h"
+#include "radau_restart.h"
 #if WITH_EVENTS
 
 /* Far ahead of the motion: the third derivatives at the end of the last whole step carry it on over this part of
@@ -67,26 +67,6 @@ static inline double radau_event_search(
   return event_on_path(&path, 2, closely, run->with, events, m);
 }
 
-/* Go on behind an event, whose forces may have a kink or jump: smooth values anew, from nothing that was before. */
-static inline int radau_restart(radau_work *run, double glided, double step, const double *state)
-{
-  const double *q = state, *v = state + N;
-  int b;
-  radau_members(run, q, v, run->direction, run->gap, run->rate);
-  for (b = 0; b < N_TENSIONS; ++b) {
-    const double kappa = run->compliance[b];
-    const int resolved = radau_resolved * kappa > run->mobility[b] * step * step;
-    run->stage_tension[b] = resolved ? (run->gap[b] + run->lag[b] * run->rate[b]) / kappa
-                                     : run->tension[b] + glided * run->slope[b];
-    run->slope[b] = 0.0;
-    run->bend[b] = 0.0;
-  }
-  run->kept[0] = 0.0;
-  run->kept[8] = 0.0;
-  return radau_smooth(run, INFINITY, q, v, run->stage_tension, run->slope, run->bend) && radau_find_slopes(run, q)
-      && radau_smooth(run, step, q, v, run->stage_tension, run->slope, run->bend);
-}
-
 /* Samples on a glide that `path` describes, from the tensions at its start. */
 static inline void radau_sample_glide(
     const radau_work *run, const event_path *path, double t1, long long n_samples, const double *sample_time,
@@ -136,6 +116,9 @@ static inline int radau_event_pass(
   *time = t1;
   ++run->count[0];
   events->loudness = 1.0;
+#if WITH_PROFILE
+  profile_set_start(t1, run->with->profile);
+#endif
   return radau_restart(run, h, *step, state) && radau_stand(run, t1, state, events, m);
 }
 
@@ -155,6 +138,9 @@ static inline int radau_watch_on(
   event_taken(step, is_cut, is_landing, events);
   if (is_landing && event_turn(time, m, m->last, events)) {
     event_follows(time, step, events);
+#if WITH_PROFILE
+    profile_set_start(time, run->with->profile);
+#endif
     return radau_restart(run, 0.0, step, state) && radau_stand(run, time, state, events, m);
   }
   return is_whole || radau_stand(run, time, state, events, m);

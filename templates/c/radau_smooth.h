@@ -65,6 +65,9 @@ static inline int radau_find_slopes(radau_work *run, const double *q)
       place[k] = q[k] + t * (v[k] + 0.5 * t * a[k]);
       speed[k] = v[k] + t * a[k];
     }
+#if WITH_PROFILE
+    profile_set_stage(t, run->with->profile);
+#endif
     if (!radau_smooth(run, INFINITY, place, speed, run->stage_tension, run->slope, run->bend)) {
       return 0;
     }
@@ -75,6 +78,9 @@ static inline int radau_find_slopes(radau_work *run, const double *q)
   for (b = 0; b < N_TENSIONS; ++b) {
     run->slope[b] = 0.5 * (run->old_smooth[b] - run->tension[b]) / apart;
   }
+#if WITH_PROFILE
+  profile_set_stage(0.0, run->with->profile);
+#endif
   return 1;
 }
 
@@ -174,6 +180,9 @@ static inline int radau_finish(radau_work *run, double h, double pace, const dou
           + radau_curvature[2] * t[2 * N_TENSIONS]) / (h * h);
     }
   }
+#if WITH_PROFILE
+  profile_set_stage(h, run->with->profile);
+#endif
   if (!radau_smooth(
           run, fmax(h, pace), run->trial, run->trial + N, run->stage_tension + 2 * N_TENSIONS, run->slope, run->bend)) {
     radau_revert(run, h, state);

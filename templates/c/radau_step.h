@@ -191,6 +191,9 @@ static inline void radau_residual(radau_work *run, double h, const double *state
     for (k = 0; k < N; ++k) {
       run->point[k] = state[k] + run->increment[i * N + k];
     }
+#if WITH_PROFILE
+    profile_set_stage(radau_node[i] * h, run->with->profile);
+#endif
     radau_force(run->point, v, run->with, run->applied);
     radau_members(run, run->point, v, run->turned, gap, run->stage_rate);
     radau_pull(run->turned, tension, run->applied);

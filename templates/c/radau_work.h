@@ -26,6 +26,9 @@ typedef struct {
   double jerk[N], ahead[N];
   event_memory margins;
 #endif
+#if WITH_PROFILE
+  double driven[N_DRIVEN], law_later[RADAU_LAW], mass_later[RADAU_MASSES];
+#endif
   double rtol, atol, share;
   const motion_arguments *with;
   long long *count;

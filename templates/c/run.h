@@ -23,6 +23,20 @@ typedef struct {
 } scene_event;
 
 #endif
+#if WITH_PROFILE
+/* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
+ * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
+typedef struct {
+  long long n_pieces;
+  int degree;
+  int n_values;              /* numbers that change; the others stay as they are given */
+  const int *place;          /* (n_values,): SCENE_PLACE_... of an argument and the index of a number in it */
+  const double *time;        /* (n_pieces + 1,) [s], rising; a run lies within */
+  const double *coefficient; /* (n_pieces, degree + 1, n_values) */
+  const int *is_kink;        /* (n_pieces + 1,): whether a value or its slope jumps there; NULL: everywhere */
+} scene_profile;
+
+#endif
 /* How a run with error control goes; all zero before its first call. */
 typedef struct {
   long long n_accepted;    /* accepted steps */
@@ -37,6 +51,9 @@ typedef struct {
   long long most_events;
   long long n_events; /* number of events, also beyond most_events */
   int is_stopped;     /* 1 where an event of `stop` has ended the last call */
+#endif
+#if WITH_PROFILE
+  const scene_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
 #endif
 #if WITH_ENERGY
   int keeps_energy; /* 1: steps end at the energy of the start */

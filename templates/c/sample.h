@@ -39,6 +39,9 @@ static inline void motion_sample(
     real *sample = to->state + *to->n_filled * 2 * N;
     motion_interpolate(s, (real)h, old, state, state + N, a, sample);
 #if WITH_CONSTRAINTS
+#if WITH_PROFILE
+    profile_set_time(time, with->profile);
+#endif
     motion_project(sample, sample + N, with, spare);
 #endif
   }

@@ -2,12 +2,16 @@
 #ifndef SETTINGS_H
 #define SETTINGS_H
 
+#include <math.h>
+#include <stddef.h>
+
 #ifndef CONFIG_N
 #define CONFIG_N 15
 #endif
 #ifndef WITH_FLOAT
 #define WITH_FLOAT 0 /* 1: single precision */
 #endif
+#define WITH_PROFILE 1            /* arguments can change with time */
 #define WITH_EVENTS (!WITH_FLOAT) /* steps are cut at events */
 #define WITH_SWITCH_EVENTS 0      /* members whose law switches its slope are watched */
 #define WITH_SMOOTH_EVENTS 1      /* forces do not jump at them */
@@ -20,5 +24,23 @@
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
 #define WITH_BLOCKS 1      /* stiffness blocks are added to a matrix; else summed up before they are stored */
+
+#if WITH_FLOAT
+typedef float real;
+#else
+typedef double real;
+#endif
+
+/* What functions return. */
+enum {
+  SCENE_OK,
+  SCENE_NON_FINITE_INPUT,
+  SCENE_NON_FINITE_RESULT,
+  SCENE_INVALID_ARGUMENT,
+  SCENE_NULL_POINTER,
+  SCENE_STEP_TOO_SMALL,
+  SCENE_UNSUPPORTED_MACHINE,
+  SCENE_TOO_MANY_EVENTS
+};
 
 #endif

@@ -30,6 +30,9 @@ static inline double method_try(
   for (k = 0; k < 2 * N; ++k) {
     trial[k] = state[k] + (h * rates[k] + lost[k]);
   }
+#if WITH_PROFILE
+  profile_set_stage((double)h, with->profile);
+#endif
   motion_rate(trial, with, rates + 2 * N);
   for (k = 0; k < 2 * N; ++k) {
     change[k] = h * ((real)0.5 * rates[k] + (real)0.5 * rates[2 * N + k]) + lost[k];

@@ -10,6 +10,7 @@ from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.integrators.batch_integrators import with_batch
 from tensegrity_codegen.codegen.integrators.integrators import integrator_spec
+from tensegrity_codegen.codegen.integrators.profiles import find_driven
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
 from tensegrity_codegen.codegen.source_parts import list_parts
 from tensegrity_codegen.manifest import (
@@ -48,7 +49,8 @@ def describe(
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "input"}
     frame = model.frame
-    integrators = tuple(_integrator_spec(model, name, specs, request) for name in request.integrators)
+    driven = find_driven(model, specs) if request.integrators else ()
+    integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)
     return Manifest(
         abi_version=ABI_VERSION,
         name=model.name,
@@ -76,14 +78,19 @@ def describe(
         bar_pair=frame.find_bar_pair() if any(f.quantity.over_bar_pairs for f in functions) else (),
         solvers=tuple(solver_spec(model, name, specs) for name in request.solvers),
         interfaces=request.interfaces,
-        parts=list_parts(request, integrators, int(np.count_nonzero(model.subject.tension_only))),
+        driven=driven,
+        parts=list_parts(request, integrators, driven, int(np.count_nonzero(model.subject.tension_only))),
     )
 
 
 def _integrator_spec(
-    model: EmittedModel, name: str, functions: tuple[FunctionSpec, ...], request: ModelRequest
+    model: EmittedModel,
+    name: str,
+    functions: tuple[FunctionSpec, ...],
+    request: ModelRequest,
+    driven: tuple[str, ...],
 ) -> IntegratorSpec:
-    spec = integrator_spec(model, name, functions, request.events or (), request.keep)
+    spec = integrator_spec(model, name, functions, request.events or (), request.keep, driven)
     sizes = [model.arguments[argument].nominal.size for argument in spec.arguments]
     n = len(model.frame.coordinate_name)
     return with_batch(spec, n, sizes, request.batch_width, find_precision(request.precision))

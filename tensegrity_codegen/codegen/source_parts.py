@@ -12,7 +12,7 @@ __all__ = ["list_parts"]
 
 
 def list_parts(
-    request: ModelRequest, integrators: Sequence[IntegratorSpec], n_slack: int
+    request: ModelRequest, integrators: Sequence[IntegratorSpec], driven: Sequence[str], n_slack: int
 ) -> tuple[SourcePart, ...]:
     """Return the optional parts of a C source, with the reason for each that is there or not.
 
@@ -22,6 +22,8 @@ def list_parts(
         What is wanted of the structure.
     integrators : sequence of IntegratorSpec
         The integrators of the library, with the events that each can watch.
+    driven : sequence of str
+        The arguments that can change with time.
     n_slack : int
         Number of members that can go slack.
 
@@ -35,6 +37,7 @@ def list_parts(
         _batch_functions(request),
         _event_search(request, integrators, n_slack),
         _energy_correction(integrators),
+        _profiles(integrators, driven),
         _casadi_interface(request),
     )
 
@@ -69,6 +72,16 @@ def _energy_correction(integrators: Sequence[IntegratorSpec]) -> SourcePart:
     if names:
         return SourcePart("energy_correction", True, f"keep names energy, for {', '.join(names)}")
     return SourcePart("energy_correction", False, "keep does not name energy")
+
+
+def _profiles(integrators: Sequence[IntegratorSpec], driven: Sequence[str]) -> SourcePart:
+    if driven:
+        return SourcePart(
+            "profiles", True, f"integrators take inputs; {', '.join(driven)} can change with time"
+        )
+    if not integrators:
+        return SourcePart("profiles", False, "there is no integrator")
+    return SourcePart("profiles", False, "no motion depends on an input")
 
 
 def _casadi_interface(request: ModelRequest) -> SourcePart:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -63,6 +64,16 @@ class Tableau:
     def dense_title(self) -> str:
         """What dense output is called."""
         return f"a polynomial of order {self.dense_order}" if self.dense else "quintic Hermite interpolation"
+
+    @property
+    def nodes(self) -> tuple[float, ...]:
+        """Time of the state of each row, over the step."""
+        return tuple(round(math.fsum(row.values()), 15) for row in self.rows)
+
+    @property
+    def dense_nodes(self) -> tuple[float, ...]:
+        """Time of the state of each row of `dense_rows`, over the step."""
+        return tuple(round(math.fsum(row.values()), 15) for row in self.dense_rows)
 
     @property
     def stages(self) -> int:

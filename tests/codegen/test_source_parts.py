@@ -8,7 +8,7 @@ from tensegrity_codegen.request import ModelRequest
 
 
 def part(name: str, *integrators: IntegratorSpec, n_slack: int = 0) -> SourcePart:
-    (found,) = [item for item in list_parts(ModelRequest(()), integrators, n_slack) if item.name == name]
+    (found,) = [item for item in list_parts(ModelRequest(()), integrators, (), n_slack) if item.name == name]
     return found
 
 

@@ -14,6 +14,7 @@ from tensegrity_codegen.codegen.integrators.energy_keeping import (
     keeper_memory,
 )
 from tensegrity_codegen.codegen.integrators.events import events_context, watched_events
+from tensegrity_codegen.codegen.integrators.profiles import count_driven, driven_context
 from tensegrity_codegen.codegen.integrators.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.errors import FormulationError, suggest
@@ -47,8 +48,11 @@ def integrator_spec(
     functions: tuple[FunctionSpec, ...],
     events: tuple[str, ...],
     keep: tuple[str, ...] = (),
+    driven: tuple[str, ...] = (),
 ) -> IntegratorSpec:
     """Return what a library says of an integrator that watches these kinds of events, if it can.
+
+    driven: the arguments that can change with time, see find_driven.
 
     Raises FormulationError for an unknown one, and for a model that lacks the acceleration.
     """
@@ -58,7 +62,8 @@ def integrator_spec(
         )
     watched = watched_events(model, functions, events)
     if name == RADAU:
-        return radau_spec(name, model.name, model.subject, model.frame, functions, watched)
+        driven_size = count_driven(model, driven)
+        return radau_spec(name, model.name, model.subject, model.frame, functions, watched, driven_size)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
     if acceleration is None:
         raise FormulationError(
@@ -72,7 +77,8 @@ def integrator_spec(
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
-    work = _count_work(name, len(model.frame.coordinate_name), 8 * watched.memory, energy)
+    size = count_driven(model, driven)
+    work = _count_work(name, len(model.frame.coordinate_name), 8 * watched.memory, energy, size)
     return IntegratorSpec(
         name,
         f"{model.name}_integrate_{name}",
@@ -85,8 +91,11 @@ def integrator_spec(
     )
 
 
-def _count_work(name: str, n_coordinates: int, events: int, energy: int) -> int:
-    """Return the numbers in the work memory of an explicit method; events, energy: bytes of their own."""
+def _count_work(name: str, n_coordinates: int, events: int, energy: int, driven: int) -> int:
+    """Return the numbers in the work memory of an explicit method.
+
+    events, energy: bytes of their own; driven: numbers that can change with time.
+    """
     table = EXPLICIT[name]
     sizes = {
         "N": n_coordinates,
@@ -97,9 +106,11 @@ def _count_work(name: str, n_coordinates: int, events: int, energy: int) -> int:
         "event_memory": events,
         "METHOD_KEEPS_ENERGY": energy,
         "energy_memory": energy,
+        "WITH_PROFILE": driven,
+        "N_DRIVEN": driven,
     }
     structs = [("rk4_work", "rk4.h")] if name == "rk4" else []
-    structs += [("method_work", "explicit.h")] if name != "rk4" or events else []
+    structs += [("method_work", "explicit.h")] if name != "rk4" or events or driven else []
     return max(count_bytes(struct, file, sizes) for struct, file in structs) // 8
 
 
@@ -114,9 +125,11 @@ def integrator_context(
     """
     functions = {spec.quantity: spec for spec in manifest.functions}
     adaptive = [spec for spec in manifest.integrators if spec.name in TABLEAUS]
+    driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
+    counted = list(manifest.integrators) if driven else watching
     tried = [
-        spec for spec in manifest.integrators if spec in adaptive or (spec.name == "rk4" and spec.events)
+        spec for spec in manifest.integrators if spec in adaptive or (spec.name == "rk4" and spec in counted)
     ]
     integrators = [_context(spec, manifest, functions, arguments) for spec in manifest.integrators]
     passed = {name for spec in manifest.integrators for name in spec.arguments}
@@ -129,7 +142,8 @@ def integrator_context(
         "first_adaptive": adaptive[0].name if adaptive else "",
         "has_step_control": any(spec.name in (*TABLEAUS, RADAU) for spec in manifest.integrators),
         "first_trial": tried[0].name if tried else "",
-        "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *watching)), ""),
+        "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
+        "driven": driven,
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
         "events": events_context(manifest, watching[0], functions, reach) if watching else None,
     }
@@ -159,6 +173,7 @@ def motion_settings(context: Mapping[str, Any]) -> dict[str, bool]:
     """
     explicit, events, keeper = context["explicit"] or {}, context["events"] or {}, context["keeper"] or {}
     return {
+        "WITH_PROFILE": bool(context["driven"]),
         "WITH_EVENTS": bool(events),
         "WITH_SWITCH_EVENTS": any(kind["word"] == "switch" for kind in events.get("kinds", ())),
         "WITH_SMOOTH_EVENTS": bool(events.get("is_smooth")),
@@ -185,6 +200,7 @@ def _context(
             "symbol": spec.symbol,
             "work_size": spec.work_size,
             "arguments": [arguments[name] for name in spec.arguments],
+            "argument_name": spec.arguments,
             "saddle": radau_context(spec, manifest, functions),
             "batch": None,
         }
@@ -199,6 +215,7 @@ def _context(
         "symbol": spec.symbol,
         "work_size": spec.work_size,
         "arguments": [arguments[name] for name in spec.arguments],
+        "argument_name": spec.arguments,
         "kernel_arguments": kernel,
         "uses_velocity": "velocity" in kernel,
         "keeps_constraints": keeps_constraints,
@@ -229,6 +246,8 @@ def _tableau_context(table: Tableau) -> dict[str, Any]:
         "error_order": table.error_order,
         "rows": [_numbers(row) for row in table.rows],
         "errors": [_numbers(row) for row in table.errors],
+        "nodes": [repr(node) for node in table.nodes],
+        "dense_nodes": [repr(node) for node in table.dense_nodes],
         "dense_rows": [_numbers(row) for row in table.dense_rows],
         "dense": [_numbers(row) for row in table.dense],
     }

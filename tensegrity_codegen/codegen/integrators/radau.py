@@ -41,8 +41,11 @@ def radau_spec(
     frame: Frame,
     functions: Sequence[FunctionSpec],
     events: WatchedEvents,
+    driven: int = 0,
 ) -> IntegratorSpec:
-    """Return what a library says of the integrator; events: what it watches.
+    """Return what a library says of the integrator.
+
+    events: what it watches; driven: how many numbers can change with time.
 
     Raises FormulationError for a model without its functions.
     """
@@ -66,7 +69,7 @@ def radau_spec(
         argument for item in (*RADAU_QUANTITIES, *events.quantities) for argument in by_name[item].arguments
     }
     passed = tuple(item for item in ARGUMENTS if item in used - {"coordinate", "velocity"})
-    tables = radau_tables(members, frame, by_name, events.memory)
+    tables = radau_tables(members, frame, by_name, events.memory, driven)
     return IntegratorSpec(
         name,
         f"{model_name}_integrate_{name}",
@@ -80,11 +83,16 @@ def radau_spec(
 
 
 def radau_tables(
-    members: Sequence[int], frame: Frame | Manifest, functions: Mapping[str, FunctionSpec], margins: int
+    members: Sequence[int],
+    frame: Frame | Manifest,
+    functions: Mapping[str, FunctionSpec],
+    margins: int,
+    driven: int = 0,
 ) -> dict[str, Any]:
     """Return the tables that the template of the integrator reads, and the size of its work memory.
 
-    members: those with a multiplier; frame: of the model, or its manifest; margins: memory of events.
+    members: those with a multiplier; frame: of the model, or its manifest; margins: memory of events;
+    driven: numbers that can change with time.
     """
     place = {tuple(key): k for k, key in enumerate(frame.coordinate_node_axis)}
     axes, n = frame.axes, len(frame.coordinate_name)
@@ -110,6 +118,8 @@ def radau_tables(
         "RADAU_FACTOR_ROOM": max(factors, 1),
         "WITH_EVENTS": margins,
         "event_memory": 8 * margins,
+        "WITH_PROFILE": driven,
+        "N_DRIVEN": driven,
     }
     return {
         "axes": len(axes),

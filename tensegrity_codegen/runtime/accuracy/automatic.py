@@ -22,6 +22,7 @@ from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_s
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.scheduled import integrate_scheduled
 from tensegrity_codegen.runtime.accuracy.vibrations.jumps import bound_jumps
+from tensegrity_codegen.runtime.accuracy.vibrations.kinks import bound_kinks
 from tensegrity_codegen.runtime.accuracy.vibrations.vibration import Vibration
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
@@ -30,6 +31,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 
 __all__ = ["integrate_auto"]
 
@@ -45,11 +47,12 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     that of velocities too, but where radau runs: to its smooth motion vibrations of stiff members are added
     in closed form, and `evidence` says how far off these may be, vibration_error [m] and
     vibration_speed_error [m/s]; the message does so where the latter is more than the tolerance. Where radau
-    misses the tolerance the explicit method has its turn. With a schedule SciPy's methods run. Status
+    misses the tolerance the explicit method has its turn. SciPy's methods run with a schedule that the
+    library does not follow in C. Status
     "not_converged" where none meets it. Raises FormulationError where the library has no method with error
     control, and what the methods raise.
     """
-    if motion.schedule is not None:
+    if motion.schedule is not None and not follows_in_c(motion.schedule, motion.model.manifest):
         return integrate_scheduled(motion, options)
     choice = choose_method(motion, options)
     if options.control == "steps":
@@ -132,4 +135,5 @@ def _with_vibration(
     """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
     off = vibration.error(float(motion.sample_time[1]), motion.t_end)
     jumps = bound_jumps(motion.model, raw, raw.tension_member, frequency, motion.arguments)
-    return note_left_out(vibration.add_to(raw, motion.state), off + jumps)
+    kinks = bound_kinks(motion, raw, raw.tension_member)
+    return note_left_out(vibration.add_to(raw, motion.state), off + jumps + kinks)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import listen_to_members
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.runtime.profiles.laws import find_changing
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["Choice", "choose_method", "integrators_for"]
@@ -38,6 +40,7 @@ SAME = 1.5  # stiffness over that of cables, below which it is worth no word
 STIFF = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
 LARGEST = 2**62
 MOST_ROUND = 10  # times the estimate, that steps of a tightened run may be
+MOST_KNOTS = 9  # of a profile, at which rates are looked at
 FEWEST = 2_000  # steps that radau may take even where the explicit method needs no more
 
 
@@ -103,10 +106,27 @@ def choose_method(motion: Motion, options: RunOptions) -> Choice:
     offered = "radau" in specs and watched <= set(specs["radau"].events)
     if not offered or not explicit.name or options.keep:
         return _need(model, explicit if explicit.name else Choice("radau" if "radau" in specs else "", ""))
-    rates = find_rates(model, specs["radau"].tensions, motion.arguments)
+    if isinstance(motion.schedule, DrivenArguments) and (changed := find_changing(model, motion.schedule)):
+        return replace(explicit, why=f"{explicit.why}; the profile changes {changed[0]}, which radau holds")
+    rates = _find_rates(motion, specs["radau"].tensions)
     if rates is None:
         return explicit
     return _weigh(motion, options, rates, explicit)
+
+
+def _find_rates(motion: Motion, stiff: tuple[int, ...]) -> Rates | None:
+    """Return the rates at the start; with a profile the largest ones at some of its knots."""
+    first = find_rates(motion.model, stiff, motion.arguments)
+    if first is None or not isinstance(motion.schedule, DrivenArguments):
+        return first
+    times = motion.schedule.pieces.time
+    chosen = times[np.unique(np.linspace(0, len(times) - 1, MOST_KNOTS).astype(np.int64))]
+    cases = [{**motion.arguments, **motion.schedule(float(time))} for time in chosen]
+    found = [
+        first,
+        *(rates for case in cases if (rates := find_rates(motion.model, stiff, case)) is not None),
+    ]
+    return Rates(*(max(getattr(rates, item.name) for rates in found) for item in fields(Rates)))
 
 
 def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) -> Choice:

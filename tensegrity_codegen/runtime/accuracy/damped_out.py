@@ -12,6 +12,7 @@ from tensegrity_codegen.runtime.accuracy.error_control import CROWDED, Checks, t
 from tensegrity_codegen.runtime.accuracy.rounding import Rounding
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.vibrations.jumps import bound_jumps
+from tensegrity_codegen.runtime.accuracy.vibrations.kinks import bound_kinks
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import find_rates
 from tensegrity_codegen.runtime.accuracy.vibrations.vibration import find_vibration
 from tensegrity_codegen.runtime.integrate.event_log import Watch, choose_watch
@@ -73,7 +74,8 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_radau(motion, options.within(rtol, atol))
         jumps = bound_jumps(model, raw, stiff, rates.frequency, motion.arguments)
-        return note_left_out(raw, vibration.damped_out(atol + rtol * size) + jumps)
+        kinks = bound_kinks(motion, raw, stiff)
+        return note_left_out(raw, vibration.damped_out(atol + rtol * size) + jumps + kinks)
 
     rounding = Rounding(lambda: rates.frequency, model.manifest.is_centre)
     checks = Checks(left_out=find_left_out, trust=trust, resolves_left_out=True, rounding=rounding)

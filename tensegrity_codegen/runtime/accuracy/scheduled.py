@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 
 __all__ = ["integrate_scheduled"]
 
-WHY = "the methods in C hold parameters and inputs constant, so a schedule runs through SciPy"
+WHY = "methods in C take values over time from a Profile of inputs only, so this schedule runs through SciPy"
 MANY_STEPS = 20_000  # of an explicit method, from which on SciPy's implicit one has its turn first
 
 

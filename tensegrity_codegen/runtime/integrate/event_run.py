@@ -30,10 +30,13 @@ class EventRun:
         self.watch = choose_watch(bound.spec, self.manifest, motion.watch)
         self.raised: list[BaseException] = []
         self.has_events = bool(bound.spec.events)
-        # rk4 and radau without events are called without counters, and their header may not declare them.
-        is_counted = self.has_events or find_method(bound.spec.name).kind == "adaptive"
-        counts: Any = ffi.new("integrator_run *") if is_counted else None
+        # rk4 and radau without events or profiles are called without counters, which their header may lack.
+        is_adaptive = find_method(bound.spec.name).kind == "adaptive"
+        self.is_counted = self.has_events or is_adaptive or bool(self.manifest.driven)
+        counts: Any = ffi.new("integrator_run *") if self.is_counted else None
         self.counts = counts
+        if bound.knots is not None:
+            self.counts.profile = bound.knots.struct
         if not self.has_events:
             return
         self.rows = np.empty(MOST_LOGGED if self.watch.kinds else 0, dtype=EVENT_ROW)

@@ -13,6 +13,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import raise_for_status
+from tensegrity_codegen.runtime.profiles.knots import KnotsInC, follows_in_c
 
 __all__ = ["BoundIntegrator", "find_integrator"]
 
@@ -33,6 +34,10 @@ class BoundIntegrator:
         n_states = 2 * len(model.manifest.coordinate_name)
         self.name, self.spec, self.ffi = name, spec, model.library.ffi
         self.call = model.library.symbol(spec.symbol if name == "rk4" else f"{spec.symbol}_run")
+        schedule = motion.schedule
+        self.knots: KnotsInC | None = None  # where arguments follow a profile
+        if follows_in_c(schedule, model.manifest):
+            self.knots = KnotsInC(self.ffi, model.manifest, schedule)
         self.state = to_sized(state, (n_states,), "state").copy()
         self.sample_time = np.array(sample_time, dtype=np.float64)
         self.samples = np.empty((len(sample_time), n_states))

@@ -27,7 +27,8 @@ class Motion:
     state (n_states,), for a batch (n_batch, n_states): coordinates, then velocities; sample_time (n_t,) [s]:
     from 0 up; arguments: run-time parameters and inputs by name, the scene's where they are missing;
     progress: called with the fraction done; watch: events at which steps are cut, None: cables that go slack
-    or taut; schedule: arguments that change with time, for "auto" and SciPy's methods.
+    or taut; schedule: arguments that change with time, whose values at 0 are in `arguments` where it is bound
+    to knots (DrivenArguments).
     """
 
     model: CompiledModel

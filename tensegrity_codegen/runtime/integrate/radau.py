@@ -33,7 +33,9 @@ def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) 
 
 def listen_to_members(motion: Motion) -> dict[str, float]:
     """Return the amplitudes with which stiff members vibrate at the start, see integrate_radau."""
-    run = _Run(replace(motion, sample_time=np.array([0.0, 1.0])), RunOptions("radau", 1e-3, 1e-3), 0.0)
+    run = _Run(
+        replace(motion, sample_time=np.array([0.0, motion.t_end])), RunOptions("radau", 1e-3, 1e-3), 0.0
+    )
     run.advance(0)
     return run.vibrations()
 
@@ -56,7 +58,7 @@ class _Run(CRun):
     def advance(self, count: int) -> None:
         """Try so many steps."""
         bound, options = self.bound, self.options
-        watched = (self.events.counts,) if bound.spec.events else ()
+        watched = (self.events.counts,) if self.events.is_counted else ()
         told = (bound.pointer(bound.tensions), bound.n_sampled, self.quiet, self.count, self.vibration)
         head = (self.motion.t_end, options.rtol, options.absolute, count, self.time, self.step)
         self.call(head, (*told, *watched))

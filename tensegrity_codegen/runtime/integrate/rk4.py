@@ -35,7 +35,7 @@ class _Run(CRun):
         times = self.bound.sample_time
         times[-1] = min(times[-1], round(motion.t_end / self.step) * self.step)
         self.n_done = self.bound.ffi.new("long long *", 0)
-        self.is_watching = bool(self.events.watch.kinds)
+        self.is_watching = bool(self.events.watch.kinds) or self.bound.knots is not None
         if self.is_watching:
             self.bound.call = motion.model.library.symbol(f"{self.bound.spec.symbol}_run")
 

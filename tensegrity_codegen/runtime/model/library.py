@@ -14,7 +14,12 @@ from tensegrity_codegen.precision import find_precision
 __all__ = ["LoadedLibrary"]
 
 # The same names for the types of every library.
-TYPES = {"run": "integrator_run", "event": "integrator_event", "equilibrium_report": "equilibrium_report"}
+TYPES = {
+    "run": "integrator_run",
+    "event": "integrator_event",
+    "profile": "integrator_profile",
+    "equilibrium_report": "equilibrium_report",
+}
 
 
 class LoadedLibrary:

@@ -37,8 +37,12 @@ class DrivenArguments:
 
     def __call__(self, time: float) -> dict[str, FloatArray]:
         """Return the arguments that change, by name, at a time [s]."""
+        return self.put(self.pieces.at(time))
+
+    def put(self, values: FloatArray) -> dict[str, FloatArray]:
+        """Return the arguments that change, by name, with these values (n_values,)."""
         found = {name: array.copy() for name, array in self.base.items()}
-        for (name, k), value in zip(self.place, self.pieces.at(time), strict=True):
+        for (name, k), value in zip(self.place, values, strict=True):
             found[name].reshape(-1)[k] = value
         return found
 

@@ -20,7 +20,7 @@ class Pieces:
 
     time (n_pieces + 1,) [s]: breakpoints, rising; coefficient (n_pieces, degree + 1, n_values): of the powers
     of the time since the start of the piece, the constant one first; is_kink (n_pieces + 1,): breakpoints at
-    which a value or its slope jumps.
+    which the polynomial is another one, so that steps of a method end there.
     """
 
     time: FloatArray
@@ -30,7 +30,11 @@ class Pieces:
     def at(self, time: float) -> FloatArray:
         """Return the values (n_values,) at a time [s]; at a jump those after it."""
         piece = int(np.searchsorted(self.time[1:-1], time, side="right"))
-        since, rows = time - self.time[piece], self.coefficient[piece]
+        return self.polynomial(piece, time - float(self.time[piece]))
+
+    def polynomial(self, piece: int, since: float) -> FloatArray:
+        """Return the values (n_values,) of one piece, a time [s] after its start."""
+        rows = self.coefficient[piece]
         value = rows[-1]
         for row in rows[-2::-1]:
             value = row + since * value
@@ -62,9 +66,11 @@ def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
     ends = [0, *(np.flatnonzero(np.diff(time) == 0.0) + 1).tolist(), len(time)]
     stretches = [slice(a, b) for a, b in pairwise(ends)]
     parts = [_build_spline(time[part], value[part]) for part in stretches]
-    jumps = np.zeros(len(time) - len(parts) - 1, dtype=bool)
+    coefficient = np.ascontiguousarray(np.concatenate(parts))
+    jumps = np.zeros(len(coefficient) - 1, dtype=bool)
     jumps[np.cumsum([len(part) for part in parts[:-1]], dtype=np.int64) - 1] = True
-    return Pieces(np.unique(time), np.ascontiguousarray(np.concatenate(parts)), _frame(jumps))
+    bends = (coefficient[1:, 3] != coefficient[:-1, 3]).any(axis=1)
+    return Pieces(np.unique(time), coefficient, _frame(jumps | bends))
 
 
 def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:

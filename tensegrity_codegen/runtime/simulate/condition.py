@@ -19,6 +19,7 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFi
 from tensegrity_codegen.manifest import FunctionSpec
 from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.integrate.event_log import Condition
+from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.simulate.condition_text import (
@@ -69,9 +70,15 @@ def is_comparison(text: str) -> bool:
     return isinstance(parse_condition(text), ast.Compare)
 
 
-def build_condition(text: str, model: CompiledModel, arguments: Mapping[str, Any] | None = None) -> Condition:
+def build_condition(
+    text: str,
+    model: CompiledModel,
+    arguments: Mapping[str, Any] | None = None,
+    schedule: Schedule | None = None,
+) -> Condition:
     """Return (time, coordinate, velocity) -> the value of an expression over the model's quantities.
 
+    schedule: arguments that change with time.
     Raises InvalidValueError for what is no such expression or is no single number, UnknownNameError for
     unknown names, FormulationError for quantities that the model lacks. The function returned raises
     NonFiniteError where its value is not finite although coordinates and velocities are.
@@ -95,6 +102,7 @@ def build_condition(text: str, model: CompiledModel, arguments: Mapping[str, Any
 
     def condition(time: float, coordinate: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
         state = {"coordinate": coordinate, "velocity": velocity, **given}
+        state |= schedule(time) if schedule else {}
         values = {"time": time, **{name: model.compute(name, **state) for name in wanted}}
         if translator.places:
             values[POSITION] = place_nodes(model, coordinate, given.get("anchor_position"), arguments=given)

@@ -16,7 +16,9 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
-from tensegrity_codegen.runtime.profiles.driven import bind_profile
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
+from tensegrity_codegen.runtime.profiles.knots import follows_in_c
+from tensegrity_codegen.runtime.profiles.laws import check_laws
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 
@@ -86,14 +88,6 @@ def read_schedule(
             given=schedule,
             allowed="a Profile, or a function time [s] -> arguments by name",
         )
-    if not find_method(options.method).takes_schedule:
-        raise InvalidValueError(
-            "this method holds parameters and inputs constant",
-            where="schedule",
-            given=options.method,
-            allowed=", ".join(list_methods("takes_schedule")),
-            hint='method="auto" chooses one of these and checks its error',
-        )
     if options.keep:
         raise InvalidValueError(
             "energy cannot be kept constant while parameters or inputs change with time",
@@ -109,9 +103,33 @@ def read_schedule(
             "anchor positions cannot change during a motion", where="schedule", given="anchor_position"
         )
     if isinstance(schedule, Profile):
-        return bind_profile(model, schedule, arguments, t_end)
+        bound = bind_profile(model, schedule, arguments, t_end)
+        _check_method(model, options.method, bound)
+        return bound
+    _check_method(model, options.method, schedule)
     base = arguments.get(INPUT)
     return lambda time: merge_inputs(manifest, schedule(time), base)
+
+
+def _check_method(model: CompiledModel, method: str, schedule: Schedule) -> None:
+    """Raise InvalidValueError for a method that cannot follow this schedule."""
+    if find_method(method).takes_schedule:
+        return
+    if not follows_in_c(schedule, model.manifest):
+        is_profile = isinstance(schedule, DrivenArguments)
+        raise InvalidValueError(
+            "this library's motions take no values over time"
+            if is_profile
+            else "this method holds parameters and inputs constant, unless they follow a Profile",
+            where="schedule",
+            given=method,
+            allowed=", ".join(list_methods("takes_schedule")),
+            hint="state what changes under [[inputs]] in the scene, and build again"
+            if is_profile
+            else 'method="auto" chooses one of these and checks its error',
+        )
+    if method == "radau":
+        check_laws(model, schedule)
 
 
 def _read(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:

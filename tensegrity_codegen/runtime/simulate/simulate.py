@@ -17,7 +17,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.profiles.driven import check_not_constant
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
+from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.given import check_arguments, find_start, read_schedule
 from tensegrity_codegen.runtime.simulate.motion_events import stop_at_contact
@@ -76,8 +77,8 @@ def simulate(
     arguments : mapping, optional
         Values of run-time parameters and inputs by name, where they differ from the scene.
     schedule : Profile or callable, optional
-        Values that change with time: knots of a `Profile`, or a function time [s] -> such a mapping. For
-        ``"auto"`` and SciPy methods.
+        Values that change with time: knots of a `Profile`, which all methods in C follow where accelerations
+        depend on inputs, or a function time [s] -> such a mapping, for ``"auto"`` and SciPy methods.
     until_contact : bool
         Whether to stop at the first contact of bars; needs ``bar_distance`` and ``bar_distance_jacobian``.
     condition : str or callable, optional
@@ -134,6 +135,7 @@ def simulate(
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model, given)
     drive = read_schedule(model, schedule, options, given, t_end)
+    given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
     state = find_start(model, coordinate, velocity, given)
     watch = watch_condition(model, options.method, condition, until_condition, given, drive)
     motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, drive)
@@ -145,7 +147,8 @@ def _run(
     motion: Motion, options: RunOptions, until_contact: bool, condition: str | Condition | None
 ) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
     """Return the samples of a motion, and what ended it before its time: a contact or the condition."""
-    if until_contact and motion.schedule is None and watches_contact(motion.model, options.method):
+    in_c = motion.schedule is None or follows_in_c(motion.schedule, motion.model.manifest)
+    if until_contact and in_c and watches_contact(motion.model, options.method):
         return stop_at_watched_contact(motion, options)
     if until_contact:
         # What a longer fixed step makes of bars that go through each other says nothing.

@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 
@@ -31,7 +32,7 @@ def watch_condition(
     """Return what the integrator shall watch: a condition, if there is one, and the cables if it knows them.
 
     is_end: whether the condition ends the run. Raises InvalidValueError for a method that watches none, as
-    those are that follow a schedule, and what build_condition raises.
+    those are that follow a schedule unless it is a profile in C, and what build_condition raises.
     """
     if condition is None:
         return None
@@ -42,15 +43,15 @@ def watch_condition(
             given=method,
             allowed=", ".join(list_methods("finds_events")),
         )
-    if schedule is not None:
+    if schedule is not None and not follows_in_c(schedule, model.manifest):
         raise InvalidValueError(
-            "a run with a schedule uses SciPy, which does not monitor conditions",
+            "a run with this schedule uses SciPy, which does not monitor conditions",
             where="condition",
             given="schedule and condition",
             allowed="one of them",
-            hint="evaluate the condition at the samples of the run",
+            hint="make the schedule a Profile of inputs, or evaluate the condition at the samples of the run",
         )
-    call = build_condition(condition, model, arguments) if isinstance(condition, str) else condition
+    call = build_condition(condition, model, arguments, schedule) if isinstance(condition, str) else condition
     known = next((spec.events for spec in model.manifest.integrators if METHODS[spec.name].finds_events), ())
     kinds = (*(kind for kind in known if kind in JUMP_KINDS), "condition")
     return Watch(kinds, ("condition",) if is_end else (), call)

@@ -109,7 +109,8 @@ def _evaluate_samples(
         rows.append(row)
     found = dict(zip(names, (np.array(column) for column in zip(*rows, strict=True)), strict=True))
     if raw.tension is not None:
-        found = put_own_tensions(model, raw.state, raw.tension, raw.tension_member, found, arguments)
+        given = {**arguments, **(schedule(0.0) if schedule else {})}  # their laws do not change with time
+        found = put_own_tensions(model, raw.state, raw.tension, raw.tension_member, found, given)
     return raw, found
 
 

@@ -42,6 +42,8 @@ def test_sizes_are_those_of_the_compiler(n: int, tmp_path: Path) -> None:
         "METHOD_DENSE": 3,
         "METHOD_HAS_DENSE": 1,
         "METHOD_KEEPS_ENERGY": 1,
+        "WITH_PROFILE": 1,
+        "N_DRIVEN": 1,
     }
     events = count_bytes("event_memory", "events.h", sizes)
     sizes["event_memory"] = events

@@ -29,7 +29,7 @@ int main(void)
   static real state[2 * N], sample[5][2 * N];
   const real stiffness = 4;
   const double at[5] = {0.0, 0.25, 0.5, 0.75, 1.0};
-  const motion_arguments with = {&stiffness};
+  const motion_arguments with = {&stiffness, NULL};
   long long n_filled = 0, n_done = 0;
   const motion_samples to = {5, at, &sample[0][0], &n_filled};
   scene_run run;

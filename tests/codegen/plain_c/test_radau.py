@@ -27,7 +27,7 @@ int main(void)
   static radau_work work;
   double state[2] = {1.2, 0.0}, sample[3][2], tension[3], vibration[3], time = 0.0, step = 0.0;
   const double stiffness = STIFFNESS, at[3] = {0.0, 0.5, 1.0};
-  const motion_arguments with = {&stiffness};
+  const motion_arguments with = {&stiffness, NULL};
   long long n_sampled = 0, count[RADAU_COUNTS] = {0};
   int k, status;
   memset(&work, 255, sizeof work); /* NAN: nothing may be read before it is written */
