@@ -79,3 +79,30 @@ def test_a_scene_without_inputs_and_an_unknown_kind(run: Run, two_nodes: Path, f
     ended = run("simulate", two_nodes, *WORDS, "--profile-kind", "cubik")
     assert ended.code == 2
     assert "linear, cubic" in ended.err
+
+
+def test_an_input_with_a_constant_value_too_is_refused(run: Run, scene: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,0\n1,0\n")
+    ended = run("simulate", scene, *WORDS, "--profile", table, "--input", "motor=0.1", "--out", "a.npz")
+    assert ended.code == 2
+    assert "a profile and a constant value" in ended.err
+    assert not (folder / "a.npz").exists()
+
+
+def test_a_settled_start_has_the_first_values_of_the_profile(run: Run, scene: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,-0.3\n1,-0.3\n")
+    ended = run("simulate", scene, *WORDS, "--settle", "--profile", table, "--out", "a.npz")
+    assert ended.code == 0
+    with np.load("a.npz") as file:
+        np.testing.assert_allclose(file["node_position"][:, 1, 2], -(0.9 - 0.3 + 0.0981), atol=1e-7)
+
+
+def test_until_sees_the_inputs_of_the_profile(run: Run, scene: Path, folder: Path) -> None:
+    table = write(folder / "pull.csv", "time,motor\n0,0\n1,-0.5\n")
+    words = ["--profile", table, "--until", 'member_tension["s1"] > 14', "--rtol", 1e-9, "--json"]
+    ended = run("simulate", scene, *WORDS, *words, "--out", "a.npz")
+    assert ended.code == 0
+    assert ended.data["events"][0]["kind"] == "condition"
+    with np.load("a.npz") as file:
+        assert file["member_tension"][-1, 0] == pytest.approx(14.0, abs=1e-5)
+        assert file["member_tension"][-1, 0] > file["member_tension"][-2, 0]

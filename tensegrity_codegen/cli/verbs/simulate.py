@@ -91,8 +91,10 @@ def simulate(
     other.
 
     With --input an input or actuator has a constant value from the start on; with --settle also in the
-    equilibrium. With --profile inputs change with time: a CSV file with the header time,motor (names of
-    inputs) and rows from 0 to --t-end or later. Two rows with the same time are a jump.
+    equilibrium, and so do the first values of a profile.
+
+    With --profile inputs change with time: a CSV file with the header time,motor (names of inputs) and rows
+    from 0 to --t-end or later. Two rows with the same time are a jump.
 
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
@@ -179,7 +181,10 @@ def _build(
 
     structure, request = output.load(scene, settles=asked.settle)
     given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
-    given["schedule"] = read_schedule(asked.profile, asked.profile_kind, structure)
+    schedule = read_schedule(asked.profile, asked.profile_kind, structure)
+    given["schedule"] = schedule
+    at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}
+    settled_with = given["arguments"] | at_start
     if asked.settle and isinstance(structure, Structure) and not has_statics(request):
         structure = settle_structure(
             structure,
@@ -187,14 +192,14 @@ def _build(
             compiler=compiler,
             flags=flags,
             warn=output.warn,
-            arguments=given["arguments"],
+            arguments=settled_with,
         )
         asked = replace(asked, settle=False)
     wanted = _require(structure, request, asked)
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     if not asked.settle:
         return built, {"coordinate": None, **given}
-    found = find_equilibrium(built.load(), arguments=given["arguments"])
+    found = find_equilibrium(built.load(), arguments=settled_with)
     for text in found.warnings:
         output.warn(text)
     return built, {"coordinate": found.coordinate, **given}
