@@ -88,6 +88,10 @@ def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
     if kind in ("string_pattern_mismatch", "name_keyword", "name_of_file"):
         problem = "not a valid name" if kind == "string_pattern_mismatch" else detail["msg"]
         allowed = FILE_NAME_RULE if kind == "name_of_file" else NAME_RULE
+        if "[.]" in str(context.get("pattern", "")):
+            return InvalidNameError(
+                "not the name of a point", where=place, given=given, allowed='"body.point"', hint="rename it"
+            )
         return InvalidNameError(problem, where=place, given=given, allowed=allowed, hint="rename it")
     if kind == "unknown_name":
         hint = suggest(str(given)[:80], context["known"])

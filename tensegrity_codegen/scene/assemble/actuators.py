@@ -149,13 +149,13 @@ def _find_each_once(
     for name in names:
         for row in find(name):
             if row in source:
-                again = "twice" if name == source[row] else f"by {source[row]!r} and by {name!r}"
+                by = "" if name == source[row] else f", by {source[row]!r} and by {name!r}"
                 raise DuplicateNameError(
-                    f"{row_name[row]!r} is listed more than once: {again}",
+                    f"{row_name[row]!r} is listed twice{by}",
                     where=key_path(where, *place),
                     given=list(names),
                     allowed="each member or node once, by its own name or by one group or class",
-                    hint=f"remove {name!r}",
+                    hint="remove one of the two" if by else f"remove one {name!r}",
                 )
             source[row] = name
     if not source:

@@ -111,7 +111,11 @@ class _MemberValues:
             if bad.any():
                 name = self.member_name[int(rows[np.argmax(bad)])]
                 raise InvalidValueError(
-                    f"{problem}: {name}", where=place, given=value, allowed=allowed, hint=hint
+                    f"{problem}: {name}",
+                    where=place,
+                    given="true" if value is True else value,
+                    allowed=allowed,
+                    hint=hint,
                 )
 
     def check_order(self) -> None:

@@ -52,7 +52,12 @@ def test_actuators_of_tendons():
     ("change", "error", "key", "words"),
     [
         ({"members": ["abb"]}, UnknownNameError, "members", "'ab'"),
-        ({"members": ["ab", "strings"]}, DuplicateNameError, "members", "'ab' and by 'strings'"),
+        (
+            {"members": ["ab", "strings"]},
+            DuplicateNameError,
+            "members",
+            "'ab' is listed twice, by 'ab' and by 'strings'",
+        ),
         ({"members": ["ab", "ab"]}, DuplicateNameError, "members", "twice"),
         ({"members": []}, InvalidValueError, "members", "at least 1"),
         ({"members": 3}, InvalidValueError, "members", "a list"),
