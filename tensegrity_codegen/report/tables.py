@@ -15,10 +15,12 @@ from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
+    "add_row",
     "candidates_table",
     "functions_table",
     "left_out_table",
     "members_table",
+    "new_table",
     "nodes_table",
     "run_table",
 ]
@@ -48,19 +50,19 @@ RUN_ROWS = {
 
 def functions_table(manifest: Manifest) -> Table:
     """Return a table of the emitted functions: arguments, shape, unit, operations."""
-    table = _table(
+    table = new_table(
         f"{manifest.name}: functions", "quantity", "arguments", "shape", "unit", operations="right"
     )
     for item in manifest.functions:
-        _add(
+        add_row(
             table, item.quantity, ", ".join(item.arguments) or "none", _shape(item.shape), item.unit,
             f"{item.operations:,}",
         )  # fmt: skip
     for integrator in manifest.integrators:
         arguments = ", ".join(integrator.arguments) or "none"
-        _add(table, f"integrate_{integrator.name}", arguments, "", "", "")
+        add_row(table, f"integrate_{integrator.name}", arguments, "", "", "")
     for solver in manifest.solvers:
-        _add(table, f"find_{solver.name}", ", ".join(solver.arguments) or "none", "", "", "")
+        add_row(table, f"find_{solver.name}", ", ".join(solver.arguments) or "none", "", "", "")
     return table
 
 
@@ -90,10 +92,10 @@ class Candidate(Protocol):
 
 def candidates_table(rows: Sequence[Candidate]) -> Table:
     """Return a table of what was measured, the fastest first, those without a time last."""
-    table = _table("candidates", "emitter", "compiler", "flags", ns="right")
+    table = new_table("candidates", "emitter", "compiler", "flags", ns="right")
     for row in sorted(rows, key=lambda row: float("inf") if row.total is None else row.total):
         time = row.problem if row.total is None else f"{row.total:,.1f}"
-        _add(table, row.emitter, row.compiler, row.flags, time)
+        add_row(table, row.emitter, row.compiler, row.flags, time)
     return table
 
 
@@ -111,13 +113,13 @@ def left_out_table(manifest: Manifest) -> Table:
 
     Object bytes are marked with "~" where they were estimated from the operations.
     """
-    table = _table(
+    table = new_table(
         f"{manifest.name}: left out", "what, and why",
         functions="right", arguments="right", operations="right", object_bytes="right",
     )  # fmt: skip
     for item in manifest.left_out:
         sign = "" if item.measured else "~"
-        _add(
+        add_row(
             table, f"{item.what}\n{item.why}", f"{item.functions:,}", f"{item.arguments:,}",
             f"{item.operations:,}", f"{sign}{item.object_bytes:,}",
         )  # fmt: skip
@@ -131,7 +133,7 @@ def nodes_table(structure: Structure, node_position: FloatArray) -> Table:
     The distance moved counts from the structure's stated positions.
     """
     letters = ["xyz"[axis] for axis in structure.axes]
-    table = _table(
+    table = new_table(
         f"{structure.name}: nodes", "node", **{f"{letter} [m]": "right" for letter in letters},
         **{"moved [m]": "right", "held": "left"},
     )  # fmt: skip
@@ -139,7 +141,7 @@ def nodes_table(structure: Structure, node_position: FloatArray) -> Table:
     for n, name in enumerate(structure.node_name):
         held = "".join("xyz"[axis] for axis in structure.axes if structure.node_anchored[n, axis])
         places = [f"{node_position[n, axis]:.6f}" for axis in structure.axes]
-        _add(table, name, *places, f"{moved[n]:.3g}", held)
+        add_row(table, name, *places, f"{moved[n]:.3g}", held)
     return table
 
 
@@ -148,7 +150,7 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
 
     The strain is (l - rho) / rho, from the stated rest lengths rho.
     """
-    table = _table(
+    table = new_table(
         f"{structure.name}: members", "member", "class", "nodes",
         **{"rest\nlength\n[m]": "right", "length\n[m]": "right", "strain\n[%]": "right"},
         **{"tension\n[N]": "right"}, state="left",
@@ -157,7 +159,7 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
     states = _states(structure, member_tension)
     for e, name in enumerate(structure.member_name):
         nodes = "–".join(structure.node_name[n] for n in structure.connectivity[e])
-        _add(
+        add_row(
             table, name, structure.member_class[e] or ("bar" if structure.is_bar[e] else "cable"), nodes,
             f"{structure.rest_length[e]:.5f}", f"{member_length[e]:.5f}", f"{strain[e]:+.2f}",
             f"{member_tension[e]:+.5g}", states[e],
@@ -167,7 +169,7 @@ def members_table(structure: Structure, member_length: FloatArray, member_tensio
 
 def run_table(summary: Mapping[str, Any]) -> Table:
     """Return a table of the facts about a run that `Trajectory.summary` gives, without the unknown ones."""
-    table = _table("", "fact", "value")
+    table = new_table("", "fact", "value")
     table.show_header = False
     for key, value in summary.items():
         name, unit = RUN_ROWS.get(key, (key.replace("_", " "), ""))
@@ -176,11 +178,11 @@ def run_table(summary: Mapping[str, Any]) -> Table:
         text = (
             f"{value:.6g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value
         )
-        _add(table, name, f"{text} {unit}".rstrip())
+        add_row(table, name, f"{text} {unit}".rstrip())
     return table
 
 
-def _table(title: str, *texts: str, **columns: str) -> Table:
+def new_table(title: str, *texts: str, **columns: str) -> Table:
     """Return an empty table with text columns, then columns by name -> alignment."""
     table = Table(
         title=Text(title) if title else None,
@@ -197,7 +199,7 @@ def _table(title: str, *texts: str, **columns: str) -> Table:
     return table
 
 
-def _add(table: Table, *cells: str) -> None:
+def add_row(table: Table, *cells: str) -> None:
     """Add a row of plain texts, in which square brackets mean themselves."""
     table.add_row(*(Text(cell) for cell in cells))
 

@@ -13,6 +13,7 @@ from tests.cli.conftest import Run
 FILES = {
     "simulate": (("simulate", "prism.toml", "--t-end", 0.01, "--samples", 3), "a.npz"),
     "linearize": (("linearize", "prism.toml"), "a.npz"),
+    "analyse": (("analyse", "prism.toml"), "a.npz"),
     "show": (("show", "prism.toml"), "a.png"),
     "show-svg": (("show", "prism.toml"), "a.svg"),
     "show-pdf": (("show", "prism.toml"), "a.pdf"),

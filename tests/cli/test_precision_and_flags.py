@@ -68,7 +68,7 @@ def test_a_wrong_word_of_the_scene_is_refused(run: Run, key: str, word: str, kno
 
 
 @pytest.mark.parametrize(
-    "verb", [("simulate", "--t-end", "0.1"), ("equilibrium",), ("linearize",), ("sensitivity",)]
+    "verb", [("simulate", "--t-end", "0.1"), ("equilibrium",), ("linearize",), ("sensitivity",), ("analyse",)]
 )
 def test_analyses_say_that_they_need_double_precision(run: Run, verb: tuple[str, ...]) -> None:
     ended = run(verb[0], scene_with('precision = "single"'), *verb[1:])

@@ -92,8 +92,6 @@ def analyse(
     tensions = _find_tensions(at, rank, motions)
     stiffness = find_stability(at.problem, at.point)
     modes = find_modes(at, stiffness.neutral, n_modes) if model.has("mass_matrix") else None
-    proof = tensions.certificate
-    displacement = None if proof is None else at.node_velocities(proof.displacement[:, None])[:, :, 0]
     names = at.manifest.node_name
     found = Analysis(
         status="",
@@ -112,9 +110,10 @@ def analyse(
         load_prestress=tensions.load_prestress,
         load=at.load,
         load_note=tensions.load_note,
-        certificate=proof,
+        certificate=tensions.certificate,
         load_certificate=tensions.load_certificate,
-        certificate_displacement=displacement,
+        certificate_displacement=_move_nodes(at, tensions.certificate),
+        load_certificate_displacement=_move_nodes(at, tensions.load_certificate),
         stability=tensions.stability,
         smallest_eigenvalue=stiffness.told_eigenvalue,
         stiffness=stiffness,
@@ -182,6 +181,11 @@ def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
     if np.linalg.norm(motions.rigid.T @ at.load) > HELD * size:
         return "nothing holds the structure against its loads, which would move it as a whole"
     return "the loads push a mechanism, so that no tensions balance them in exactly this configuration"
+
+
+def _move_nodes(at: Configuration, proof: Certificate | None) -> FloatArray | None:
+    """Return the displacements of the nodes in a certificate, (n_nodes, 3)."""
+    return None if proof is None else at.node_velocities(proof.displacement[:, None])[:, :, 0]
 
 
 def _find_bar_distance(at: Configuration) -> FloatArray | None:

@@ -56,8 +56,8 @@ class Analysis:
         Why the loads were left out, or an empty text.
     certificate, load_certificate : Certificate or None
         Displacements which prove that there are no tensions without, and with loads.
-    certificate_displacement : ndarray, shape (n_nodes, 3), or None
-        Displacements of the nodes in `certificate`.
+    certificate_displacement, load_certificate_displacement : ndarray, shape (n_nodes, 3), or None
+        Displacements of the nodes in them.
     stability : PrestressStability
         Stiffness that the tensions found give to the mechanisms.
     smallest_eigenvalue : float
@@ -93,6 +93,7 @@ class Analysis:
     certificate: Certificate | None
     load_certificate: Certificate | None
     certificate_displacement: FloatArray | None
+    load_certificate_displacement: FloatArray | None
     stability: PrestressStability
     smallest_eigenvalue: float
     stiffness: Stability

@@ -59,7 +59,7 @@ def _describe_tensions(found: Analysis, at: Configuration) -> str:
     """Return what holds the structure."""
     mechanisms = found.mechanism.shape[2]
     held = (
-        f"; they stiffen {'all ' if mechanisms > 1 else 'the '}{mechanisms} mechanism{'s' * (mechanisms > 1)}"
+        f"; they stiffen {f'all {mechanisms} mechanisms' if mechanisms > 1 else 'the only mechanism'}"
         if mechanisms
         else "; there is no mechanism"
     )
