@@ -81,7 +81,10 @@ class SymmetricTower:
         check_kind(system)
         self.scene_force = float(system.node_load[:, 2].sum())
         self.system = system.with_changes(
-            node_load=np.zeros((system.n_nodes, 3)), loads=(), inputs=make_inputs(self._top, system)
+            node_load=np.zeros((system.n_nodes, 3)),
+            loads=(),
+            inputs=make_inputs(self._top, system),
+            actuators=(),
         )
         group = {name: [k for k, c in enumerate(system.member_class) if c == name] for name in GROUPS}
         self.restricted = RestrictedBodies(self.system, ("alpha", "delta", "Z"), self._family, group)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import name_list
+from tensegrity_codegen.structure.bar_distance import compute_bar_distance
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure
@@ -15,6 +16,7 @@ from tensegrity_codegen.structure.structure import Structure
 __all__ = ["warn_of_limits", "warn_of_ranges"]
 
 ROUNDING = 1e-9  # relative excess that is no warning
+MOST_PAIRS = 200_000  # of bars whose distances are compared
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -56,7 +58,7 @@ def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
     found = [
         _sentence(structure, problem, value, least, unit, known) for problem, value, least, unit in compared
     ]
-    return [text for text in (*found, _without_section(structure)) if text]
+    return [text for text in (*found, _warn_of_clearance(subject), _without_section(structure)) if text]
 
 
 def _sentence(
@@ -75,6 +77,21 @@ def _sentence(
         for e in rows
     ]
     return f"members start {problem}: {name_list(shown, most=3)}"
+
+
+def _warn_of_clearance(subject: Structure | BodySystem) -> str:
+    """Return which bars are nearer to each other than the clearance."""
+    clearance = subject.limits.clearance
+    if not math.isfinite(clearance) or not 0 < subject.n_bar_pairs <= MOST_PAIRS:
+        return ""
+    pairs, distance = compute_bar_distance(subject)
+    shown = [
+        f"{pairs[k][0]} and {pairs[k][1]} ({distance[k]:.4g} m, by {clearance - distance[k]:.3g} m)"
+        for k in np.argsort(distance).tolist()
+        if distance[k] < clearance - ROUNDING * max(clearance, 1e-3)
+    ]
+    text = f"bars start nearer to each other than the clearance of {clearance:g} m"
+    return f"{text}: {name_list(shown, most=3)}" if shown else ""
 
 
 def _without_section(structure: Structure) -> str:

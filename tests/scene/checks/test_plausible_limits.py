@@ -66,3 +66,14 @@ def test_tendons_are_compared_too():
     assert any(
         text.startswith("members start below their least tension: t1") for text in find_body_warnings(system)
     )
+
+
+def test_bars_nearer_than_the_clearance():
+    lower = {"class": "strut", "nodes": ["a", "b"]}
+    nodes = {**ROUND["nodes"], "d": {"position": [1.8, 0, 1.5], "mass": 0.1}}
+    members = {**ROUND["members"], "ab": lower, "cd": {"class": "strut", "nodes": ["c", "d"]}}
+    document = {**ROUND, "nodes": nodes, "members": members}
+    for clearance, expected in ((1.47, []), (1.5, ["ab and cd (1.48 m, by 0.02 m)"])):
+        structure, _ = build({**document, "limits": {"clearance": clearance}})
+        found = [text.partition(": ")[2] for text in find_warnings(structure) if "clearance" in text]
+        assert found == expected
