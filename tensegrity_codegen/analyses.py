@@ -87,7 +87,8 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    return Needs((*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES))
+    extension = () if structure.is_bar.all() else ("member_extension",)
+    return Needs((*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES, *extension))
 
 
 def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

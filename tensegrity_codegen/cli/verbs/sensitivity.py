@@ -127,7 +127,13 @@ def _find(
     start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
     for text in start.warnings:
         output.warn(text)
-    return equilibrium_sensitivity(model, start, arguments, columns=columns)
+    found = equilibrium_sensitivity(model, start, arguments, columns=columns)
+    if found.one_sided:
+        output.warn(
+            f"at rest length: {', '.join(found.one_sided)}; the stiffness jumps there, and the derivatives "
+            "hold on one side only"
+        )
+    return found
 
 
 def _report(
@@ -165,7 +171,7 @@ def _describe(found: Sensitivity) -> list[str]:
 def write_sensitivity(found: Sensitivity, path: Path) -> None:
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
     arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
-    words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack")
+    words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack", "one_sided")
     arrays |= {name: np.array(getattr(found, name), dtype=str) for name in words}
     write_arrays(path, arrays)
 

@@ -40,6 +40,9 @@ class Sensitivity:
         mean of the nodes does not slide, and they do not turn on the whole.
     slack : tuple of str
         Slack cables: the structure does not follow changes of their rest lengths.
+    one_sided : tuple of str
+        Cables at their rest lengths, which go slack or taut with the smallest change: the derivatives hold on
+        one side only.
     smallest_eigenvalue : float
         Eigenvalue of the stiffness nearest zero, without the gauge and within rigid bars [N/m]; negative
         where the equilibrium is unstable.
@@ -59,6 +62,7 @@ class Sensitivity:
     gauge: tuple[str, ...]
     gauge_motion: FloatArray
     slack: tuple[str, ...]
+    one_sided: tuple[str, ...]
     smallest_eigenvalue: float
     rounding: float
     residual: float
@@ -125,5 +129,13 @@ class Sensitivity:
 
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready."""
-        names = ("gauge", "slack", "smallest_eigenvalue", "rounding", "residual", "largest_force")
+        names = (
+            "gauge",
+            "slack",
+            "one_sided",
+            "smallest_eigenvalue",
+            "rounding",
+            "residual",
+            "largest_force",
+        )
         return {name: getattr(self, name) for name in names}

@@ -22,7 +22,7 @@ from tensegrity_codegen.runtime.sensitivity.static_system import (
     build_system,
 )
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
-from tensegrity_codegen.runtime.statics.equilibrium import build_problem, equilibrium_quantities
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import Stability
@@ -30,27 +30,12 @@ from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
 from tensegrity_codegen.runtime.statics.step import SINGULAR
 
-__all__ = ["Sensitivity", "equilibrium_sensitivity", "sensitivity_quantities"]
+__all__ = ["Sensitivity", "equilibrium_sensitivity"]
 
 FloatArray = NDArray[np.float64]
 
+AT_REST_LENGTH = 1e-9  # extension over length up to which a cable may go slack or taut
 NAMED = 3  # nodes of a motion without resistance that the error names
-
-
-def sensitivity_quantities(formulation: str) -> tuple[str, ...]:
-    """Return the quantities that equilibrium_sensitivity needs in a formulation.
-
-    Parameters
-    ----------
-    formulation : str
-        Name of the formulation.
-
-    Returns
-    -------
-    tuple of str
-        Names of quantities.
-    """
-    return (*equilibrium_quantities(formulation), *REST_LENGTH_QUANTITIES)
 
 
 def equilibrium_sensitivity(
@@ -197,6 +182,7 @@ def _solve(
         gauge=_name_gauge(problem, point, gauge, eigenvalue, direction),
         gauge_motion=gauge / system.scale[:, None],
         slack=_find_slack(problem, point, system),
+        one_sided=_find_one_sided(problem, point, system),
         smallest_eigenvalue=eigenvalue,
         rounding=refined,
         residual=point.node_force,
@@ -228,6 +214,22 @@ def _find_slack(problem: StaticProblem, point: Point, system: StaticSystem) -> t
     is_slack = (system.by_rest_length == 0.0) & (point.tension == 0.0)
     is_slack[system.bar] = False
     return tuple(problem.model.manifest.member_name[e] for e in np.flatnonzero(is_slack))
+
+
+def _find_one_sided(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[str, ...]:
+    """Return the cables at their rest lengths; none where the model does not compute extensions."""
+    model = problem.model
+    if not model.has("member_extension"):
+        return ()
+    extension, length = (
+        np.array(problem.compute(name, point.coordinate)) for name in ("member_extension", "member_length")
+    )
+    is_near = np.abs(extension) <= AT_REST_LENGTH * length
+    is_near[system.bar] = False
+    structure = getattr(model, "structure", None)
+    if structure is not None:
+        is_near &= structure.tension_only
+    return tuple(model.manifest.member_name[e] for e in np.flatnonzero(is_near))
 
 
 def _singular(

@@ -264,6 +264,17 @@ def test_slack_cables_are_named_and_have_no_effect() -> None:
     np.testing.assert_allclose(found.coordinate[:, :-1], plain.coordinate, rtol=0, atol=1e-10)
 
 
+def test_cables_at_their_rest_lengths_are_named() -> None:
+    """An unloaded node between two springs, with a cable of exactly its length beside them."""
+    members = [spring(0, 1, 1.0), spring(1, 2, 1.0), cable(0, 1, 1.0), cable(0, 1, 1.5), cable(0, 1, 0.9)]
+    ends = {0: "xyz", 1: "yz", 2: "xyz"}
+    place = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+    found = refused(make_structure(place, members[:4], anchored=ends, axes="x"))
+    assert (found.slack, found.one_sided) == (("e2", "e3"), ("e2",))
+    _, found = solve(make_structure(place, members[3:] + members[:2], anchored=ends, axes="x"))
+    assert (found.slack, found.one_sided) == (("e0",), ())
+
+
 def test_planar_structures_have_one_turn() -> None:
     """A crossed square of bars and cables in the plane x, z."""
     corner = [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]]
