@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.runtime.planning.plan import plan
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
     from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
@@ -41,6 +43,7 @@ __all__ = [
     "Equilibrium",
     "LinearModel",
     "ModelRequest",
+    "PlanResult",
     "Profile",
     "Sensitivity",
     "Structure",
@@ -54,6 +57,7 @@ __all__ = [
     "find_equilibrium",
     "linearize",
     "load_scene",
+    "plan",
     "read_profile",
     "simulate",
     "simulate_batch",
@@ -65,6 +69,7 @@ _HOME = {
     "Equilibrium": "runtime.statics.equilibrium",
     "LinearModel": "runtime.linear.linearize",
     "ModelRequest": "request",
+    "PlanResult": "runtime.planning.outcome",
     "Profile": "runtime.profiles.profile",
     "Sensitivity": "runtime.sensitivity.record",
     "Structure": "structure.structure",
@@ -74,6 +79,7 @@ _HOME = {
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
+    "plan": "runtime.planning.plan",
     "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",

@@ -23,6 +23,7 @@ from tensegrity_codegen.structure.structure import Structure
 __all__ = ["ANALYSES", "Needs", "equilibrium_quantities", "find_needs", "want_analyses"]
 
 BATCH_WIDTH = 8  # motions side by side where the request names no number
+MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
 BATCH_METHOD = "rk853"  # of batches, where no method is named
 
 
@@ -110,6 +111,16 @@ def _analyse(structure: Subject, request: ModelRequest, method: str, rtol: float
     return Needs((*equilibrium_quantities(structure, request), "equilibrium_matrix", *masses, *apart))
 
 
+def _plan(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    quantities = (*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES, "member_extension")
+    if isinstance(structure, Structure):
+        quantities += ("equilibrium_matrix",)
+    count = structure.n_bar_pairs
+    if count and (count <= MOST_PAIRS or math.isfinite(structure.limits.clearance)):
+        quantities += ("bar_distance",)
+    return Needs(quantities)
+
+
 # The analyses by the names of their functions.
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
@@ -119,6 +130,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "linearize": _linearize,
     "load_path": _load_path,
     "analyse": _analyse,
+    "plan": _plan,
 }
 
 

@@ -7,9 +7,10 @@ from typing import Any
 
 from tensegrity_codegen.errors import MissingExtraError
 
-__all__ = ["import_extra", "name_install", "require_plot"]
+__all__ = ["CONTROL", "import_extra", "name_install", "require_plot"]
 
-PLOT = "plot"
+PLOT, CONTROL = "plot", "control"
+WORK = {PLOT: "pictures need", CONTROL: "plans need"}
 
 
 def name_install(extra: str) -> str:
@@ -17,8 +18,8 @@ def name_install(extra: str) -> str:
     return f"pip install '.[{extra}]' in a checkout of tensegrity_codegen"
 
 
-def import_extra(name: str) -> Any:
-    """Return the module `name` of the extra `plot`; raises MissingExtraError if it cannot be imported."""
+def import_extra(name: str, extra: str = PLOT) -> Any:
+    """Return the module `name` of an extra; raises MissingExtraError if it cannot be imported."""
     try:
         importlib.import_module(
             name.partition(".")[0]
@@ -27,8 +28,8 @@ def import_extra(name: str) -> Any:
     except ImportError as error:
         package = (error.name or name).partition(".")[0].replace("PIL", "pillow")
         raise MissingExtraError(
-            f"pictures need the package {package!r}, which is not installed",
-            hint=name_install(PLOT),
+            f"{WORK[extra]} the package {package!r}, which is not installed",
+            hint=name_install(extra),
         ) from error
 
 

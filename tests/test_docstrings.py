@@ -34,6 +34,9 @@ MODULES = (
     "runtime.paths.continuation",
     "runtime.paths.model_path",
     "runtime.paths.snap",
+    "runtime.planning.infeasible",
+    "runtime.planning.outcome",
+    "runtime.planning.plan",
     "runtime.sensitivity.record",
     "runtime.sensitivity.sensitivity",
     "runtime.profiles.profile",
@@ -122,7 +125,7 @@ def test_raised_errors_exist(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name, item in PUBLIC.items() if ">>>" in (item.__doc__ or "")])
 def test_the_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for scene in ("prism", "two_nodes"):
+    for scene in ("prism", "prism12", "two_nodes"):
         shutil.copy(ROOT / f"tensegrity_codegen/scene/examples/{scene}.toml", tmp_path)
     monkeypatch.chdir(tmp_path)
     text = inspect.cleandoc(PUBLIC[name].__doc__ or "")

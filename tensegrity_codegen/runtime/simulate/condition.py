@@ -32,7 +32,7 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
     shorten_part,
 )
 
-__all__ = ["build_condition", "find_quantities", "is_comparison"]
+__all__ = ["Expression", "build_condition", "build_expression", "find_quantities", "is_comparison"]
 
 # The names that the entries of a quantity can be asked for by.
 NAMED = {"n_members": "member_name", "n_coordinates": "coordinate_name", "n_bar_pairs": "bar_pair_name"}
@@ -70,6 +70,80 @@ def is_comparison(text: str) -> bool:
     return isinstance(parse_condition(text), ast.Compare)
 
 
+@dataclass(frozen=True)
+class Expression:
+    """An expression over the quantities of a model, a single number.
+
+    Attributes
+    ----------
+    text : str
+        As it was written.
+    quantities : tuple of str
+        Names of the quantities that it needs.
+    """
+
+    text: str
+    quantities: tuple[str, ...]
+    model: CompiledModel
+    whole: _Part
+    places: bool
+
+    def evaluate(self, arguments: Mapping[str, Any], time: float = 0.0) -> float:
+        """Return the value, which may be not finite.
+
+        Parameters
+        ----------
+        arguments : mapping
+            All run-time arguments that differ from the scene, "coordinate" among them.
+        time : float
+            The time [s].
+
+        Returns
+        -------
+        float
+            The value.
+        """
+        values = self._values(arguments, time)
+        with np.errstate(all="ignore"):
+            return float(self.whole.evaluate(values))
+
+    def find_not_finite(self, arguments: Mapping[str, Any], time: float = 0.0) -> str:
+        """Return the text of the innermost part whose value is not finite."""
+        with np.errstate(all="ignore"):
+            return self.whole.find_not_finite(self._values(arguments, time)).text
+
+    def _values(self, arguments: Mapping[str, Any], time: float) -> dict[str, Any]:
+        values = {name: self.model.compute(name, **arguments) for name in self.quantities}
+        if self.places:
+            rest = {
+                name: value for name, value in arguments.items() if name not in ("coordinate", "velocity")
+            }
+            anchors = rest.get("anchor_position")
+            values[POSITION] = place_nodes(self.model, arguments["coordinate"], anchors, arguments=rest)
+        return {"time": time, **values}
+
+
+def build_expression(text: str, model: CompiledModel) -> Expression:
+    """Return an expression over the model's quantities; raises as `build_condition`."""
+    wanted = find_quantities(text)
+    for name in wanted:
+        if not model.has(name) or model.function(name).spec.pattern is not None:
+            raise FormulationError(
+                "the model has no such function for a condition",
+                where=WHERE,
+                given=name,
+                hint="build the model with this quantity; sparse matrices cannot be part of a condition",
+            )
+    translator = _Translator(model)
+    whole = translator.build(_difference(parse_condition(text)))
+    if whole.shape:
+        raise InvalidValueError(
+            "the condition is not a single number", where=WHERE, given=f"{text!r}, shape {whole.shape}",
+            hint='name an entry, as in member_length["c1"] or member_length[0]',
+        )  # fmt: skip
+    return Expression(text, wanted, model, whole, translator.places)
+
+
 def build_condition(
     text: str,
     model: CompiledModel,
@@ -83,33 +157,14 @@ def build_condition(
     unknown names, FormulationError for quantities that the model lacks. The function returned raises
     NonFiniteError where its value is not finite although coordinates and velocities are.
     """
-    wanted = find_quantities(text)
-    for name in wanted:
-        if not model.has(name) or model.function(name).spec.pattern is not None:
-            raise FormulationError(
-                "the model has no such function for a condition",
-                where=WHERE,
-                given=name,
-                hint="build the model with this quantity; sparse matrices cannot be part of a condition",
-            )
-    translator, given = _Translator(model), dict(arguments or {})
-    whole = translator.build(_difference(parse_condition(text)))
-    if whole.shape:
-        raise InvalidValueError(
-            "the condition is not a single number", where=WHERE, given=f"{text!r}, shape {whole.shape}",
-            hint='name an entry, as in member_length["c1"] or member_length[0]',
-        )  # fmt: skip
+    expression, given = build_expression(text, model), dict(arguments or {})
 
     def condition(time: float, coordinate: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
         state = {"coordinate": coordinate, "velocity": velocity, **given}
         state |= schedule(time) if schedule else {}
-        values = {"time": time, **{name: model.compute(name, **state) for name in wanted}}
-        if translator.places:
-            values[POSITION] = place_nodes(model, coordinate, given.get("anchor_position"), arguments=given)
-        with np.errstate(all="ignore"):
-            value = float(whole.evaluate(values))
-            if not np.isfinite(value) and np.isfinite(coordinate).all() and np.isfinite(velocity).all():
-                raise _not_finite(text, whole.find_not_finite(values).text, time)
+        value = expression.evaluate(state, time)
+        if not np.isfinite(value) and np.isfinite(coordinate).all() and np.isfinite(velocity).all():
+            raise _not_finite(text, expression.find_not_finite(state, time), time)
         return value
 
     return condition

@@ -1,0 +1,185 @@
+"""Limits of a plan, and how far an equilibrium is from each of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.planning.actuation import Actuation
+from tensegrity_codegen.runtime.planning.plan_point import PlanPoint
+from tensegrity_codegen.runtime.planning.slopes import Slopes
+from tensegrity_codegen.structure.limits import Limits
+
+__all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins"]
+
+FloatArray = NDArray[np.float64]
+
+WITHIN = 5e-7  # of the size of a limit: excess that counts as none
+LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
+LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero
+
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """What every equilibrium of a plan satisfies; infinities stand for no limit.
+
+    Attributes
+    ----------
+    least_tension, most_tension : ndarray, shape (n_members,) [N]
+        Bounds of the member tensions.
+    yield_force : ndarray, shape (n_members,) [N]
+        Largest force in tension and compression, from the yield stress.
+    buckling : ndarray, shape (n_members,) [N m2]
+        pi^2 E I over the safety factor: the compression is at most this over the squared length.
+    clearance : float [m]
+        Least distance between bars.
+    least_stiffness : float [N/m]
+        Least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable.
+    least_change, most_change : ndarray, shape (n_actuators,) [m]
+        Range of the actuators' inputs.
+    """
+
+    least_tension: FloatArray
+    most_tension: FloatArray
+    yield_force: FloatArray
+    buckling: FloatArray
+    clearance: float
+    least_stiffness: float
+    least_change: FloatArray
+    most_change: FloatArray
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins to all limits, positive inside; one row each.
+
+    Attributes
+    ----------
+    kind : tuple of str
+        "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
+    index : ndarray of int, shape (n,)
+        Member, pair of bars, eigenvalue or actuator.
+    value : ndarray, shape (n,) [N, m, N/m]
+        Margins.
+    size : ndarray, shape (n,)
+        Size of each limit, for tolerances.
+    slope : ndarray, shape (n, n_actuators) or None
+        Derivatives of the margins with respect to the inputs.
+    """
+
+    kind: tuple[str, ...]
+    index: NDArray[np.int64]
+    value: FloatArray
+    size: FloatArray
+    slope: FloatArray | None = None
+
+    @property
+    def excess(self) -> FloatArray:
+        """How far each limit is exceeded, as a part of its size; negative inside."""
+        return np.asarray(-self.value / self.size)
+
+
+def build_limits(model: CompiledModel, actuation: Actuation, limits: Limits | None = None) -> PlanLimits:
+    """Return the limits of a structure and of its actuators, as bounds of forces and inputs.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure.
+    actuation : Actuation
+        The actuators.
+    limits : Limits, optional
+        By default those of the structure.
+
+    Returns
+    -------
+    PlanLimits
+        The limits.
+    """
+    structure = model.structure
+    assert structure is not None
+    limits = (limits or structure.limits).for_members(len(structure.member_name))
+    area = np.where(structure.section_area > 0, structure.section_area, math.inf)
+    flexural = math.pi**2 * structure.mu * structure.rest_length * structure.gyration_square
+    with np.errstate(divide="ignore", invalid="ignore"):
+        buckling = np.where(limits.buckling > 0, flexural / limits.buckling, math.inf)
+    return PlanLimits(
+        np.array(limits.least_tension),
+        np.array(limits.most_tension),
+        limits.yield_stress * area,
+        buckling,
+        limits.clearance,
+        max(limits.least_stiffness, 0.0),
+        actuation.least_change,
+        actuation.most_change,
+    )
+
+
+def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = None) -> Margins:
+    """Return the margins of an equilibrium to all limits that exist.
+
+    Parameters
+    ----------
+    limits : PlanLimits
+        The limits.
+    at : PlanPoint
+        The equilibrium.
+    slopes : Slopes, optional
+        Its derivatives, for those of the margins.
+
+    Returns
+    -------
+    Margins
+        One row for each limit.
+    """
+    tension, load, count = at.tension, limits.buckling / at.length**2, len(at.change)
+    clearance = np.full(at.distance.shape, limits.clearance)
+    stiff = np.full(at.eigenvalue.shape, limits.least_stiffness)
+    rows = [
+        ("least_tension", tension - limits.least_tension, limits.least_tension),
+        ("most_tension", limits.most_tension - tension, limits.most_tension),
+        ("yield", limits.yield_force - tension, limits.yield_force),
+        ("yield", limits.yield_force + tension, limits.yield_force),
+        ("buckling", tension + load, load),
+        ("clearance", at.distance - clearance, clearance),
+        ("range", at.change - limits.least_change, limits.least_change),
+        ("range", limits.most_change - at.change, limits.most_change),
+        ("least_stiffness", at.eigenvalue - stiff, stiff),
+    ]
+    sloping: list[FloatArray | None] = [None] * len(rows)
+    if slopes is not None:
+        curve = np.where(np.isfinite(limits.buckling), -2 * limits.buckling / at.length**3, 0.0)
+        bent = slopes.tension + curve[:, None] * slopes.length
+        own, pulled = np.eye(count), slopes.tension
+        soft = slopes.eigenvalue if len(slopes.eigenvalue) else np.zeros((len(stiff), count))
+        sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, own, -own, soft]
+    force = max(at.point.largest_force, 1e-300)
+    least = {"clearance": at.point.longest, "range": at.point.longest, "least_stiffness": LEAST_STIFFNESS}
+    return _stack(rows, sloping, {kind: LEAST_SIZE * least.get(kind, force) for kind, *_ in rows})
+
+
+def _stack(
+    rows: list[tuple[str, FloatArray, FloatArray]], sloping: list[FloatArray | None], least: dict[str, float]
+) -> Margins:
+    """Return the finite rows, one after the other."""
+    kinds: list[str] = []
+    index, value, size, slope = [], [], [], []
+    for (kind, margin, limit), derivative in zip(rows, sloping, strict=True):
+        kept = np.flatnonzero(np.isfinite(margin))
+        kinds += [kind] * len(kept)
+        index.append(kept)
+        value.append(margin[kept])
+        size.append(np.maximum(np.abs(limit[kept]), least[kind]))
+        if derivative is not None:
+            slope.append(derivative[kept])
+    return Margins(
+        tuple(kinds),
+        np.concatenate(index).astype(np.int64),
+        np.concatenate(value),
+        np.concatenate(size),
+        np.concatenate(slope) if slope else None,
+    )

@@ -1,0 +1,225 @@
+"""The path of a plan: steps by programs, Newton's method, a check of every limit, corrections.
+
+Each step goes from one equilibrium within all limits to the next. Where the equilibrium that a step leads to
+violates a limit, or misses the target, further programs at the same progress correct it; where they do not,
+the step is shortened. Only equilibria within all limits are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import NonFiniteError, SingularStiffnessError
+from tensegrity_codegen.runtime.planning.limits import WITHIN, Margins, PlanLimits, compute_margins
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.runtime.planning.slopes import Slopes, compute_slopes
+from tensegrity_codegen.runtime.planning.step_problem import Program, Step
+from tensegrity_codegen.runtime.planning.targets.targets import Targets
+
+__all__ = ["Path", "PathPoint", "Progress"]
+
+FloatArray = NDArray[np.float64]
+Progress = Callable[[int, float], None]
+
+EXACT = 1e-8  # of the change of the targets: error that counts as none
+END = 1e-9  # progress this near to 1 is 1
+MOST_CORRECTIONS = 8
+LEAST_SHARE = 0.1  # of the progress of a step that its corrections leave
+SHRINK, GROW = 0.4, 2.0
+LARGEST_CHANGE = 1.0  # of the longest member: of an input in all steps together
+SMALLEST_CHANGE = 1e-6  # of the largest change: shorter steps are not tried
+UNIT = 1e-3  # of the longest member: scale of changes
+LEAST_PROGRESS = 1e-6  # of a step that counts at all
+LAST, DEAD = 8, 1e-4  # the last steps together make less progress than this: it has died out
+REACH = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
+SOFT = 3.0  # steps after which the smallest eigenvalue could reach its limit
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """A stored point: the equilibrium, progress, values of the targets, margins, and what bound the step.
+
+    binding: rows of `margins` that limited the step to this point; multiplier: their multipliers.
+    """
+
+    at: PlanPoint
+    progress: float
+    target: FloatArray
+    margins: Margins
+    binding: NDArray[np.int64]
+    multiplier: FloatArray
+
+
+class Path:
+    """The moving state of one plan.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model and its actuators.
+    limits : PlanLimits
+        The limits.
+    targets : Targets
+        Targets bound to the model.
+    start : PlanPoint
+        An equilibrium within all limits.
+    steps : int
+        Number of steps where nothing limits them.
+    least_progress : float
+        Progress, as part of that of a step which nothing limits, below which the path ends.
+    """
+
+    def __init__(
+        self,
+        plan_model: PlanModel,
+        limits: PlanLimits,
+        targets: Targets,
+        start: PlanPoint,
+        steps: int,
+        least_progress: float,
+    ) -> None:
+        self.model, self.limits, self.targets = plan_model, limits, targets
+        self.first = targets.evaluate(plan_model.problem(start.change), start.coordinate)
+        self.goal = targets.near(targets.goal, self.first)
+        self.direction = self.goal - self.first
+        none = np.zeros(0)
+        margins = compute_margins(limits, start)
+        self.points = [PathPoint(start, 0.0, self.first, margins, none.astype(np.int64), none)]
+        self.unit = UNIT * start.point.longest
+        self.most_radius = self.radius = LARGEST_CHANGE * start.point.longest / steps
+        self.most_pace = self.pace = 1.0 / steps
+        self.least_progress = least_progress
+        self.slopes = self._find_slopes(start, start)
+        self.failure = ""  # why the last step was shortened
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the targets are reached."""
+        size = np.maximum(np.abs(self.first), np.abs(self.goal))
+        at_start = bool(np.all(np.abs(self.direction) <= EXACT * np.maximum(size, self.unit)))
+        return at_start or self.points[-1].progress >= 1.0
+
+    def advance(self) -> bool:
+        """Make one step, or shorten the next one; return whether the path can go on."""
+        here = self.points[-1]
+        ask = min(self.pace, 1.0 - here.progress)
+        program = self._build_program(here.at, here.target, here.progress)
+        step = program.find_step(ask) or program.find_furthest(0.0, ask)
+        if step is None:
+            return self._shorten("no step satisfies the limits to first order")
+        if step.progress < LEAST_PROGRESS:
+            self.failure = "the limits leave no progress"
+            return False
+        reached = self._reach(here, step)
+        if reached is None:
+            return self._shorten(self.failure)
+        self.points.append(reached)
+        share = self.radius / self.most_radius
+        self.radius = min(GROW * self.radius, self.most_radius)
+        self.pace = min(GROW * self.pace, self.most_pace)
+        return not self._is_slow(reached.progress - here.progress, ask, share)
+
+    def find_bound(self) -> Step | None:
+        """Return the step of most progress at the last point, of the limits linearised."""
+        self.radius = self.most_radius
+        here = self.points[-1]
+        return self._build_program(here.at, here.target, here.progress).find_bound()
+
+    def _is_slow(self, made: float, ask: float, share: float) -> bool:
+        """Return whether the limits leave too little progress; share: of the largest radius, in the step."""
+        if self.is_done:
+            return False
+        if made < self.least_progress * min(ask, share * self.most_pace):
+            self.failure = f"the limits leave {made:.3g} of the way for a step of {self.most_radius:.3g} m"
+            return True
+        self.failure = "progress has died out"
+        ago = self.points[max(len(self.points) - 1 - LAST, 0)].progress
+        return len(self.points) > LAST and self.points[-1].progress - ago < DEAD
+
+    def _shorten(self, why: str) -> bool:
+        self.failure = why
+        self.radius *= SHRINK
+        self.pace *= SHRINK
+        return self.radius > SMALLEST_CHANGE * self.most_radius
+
+    def _build_program(self, at: PlanPoint, target: FloatArray, progress: float) -> Program:
+        margins = compute_margins(self.limits, at, self.slopes)
+        defect = self.first + progress * self.direction - target
+        return Program(margins, self.slopes, defect, self.direction, self.radius, self.unit)
+
+    def _reach(self, here: PathPoint, step: Step) -> PathPoint | None:
+        """Return the point that a step leads to, after corrections; None where it cannot be kept."""
+        progress = here.progress + step.progress
+        progress = 1.0 if progress > 1.0 - END else progress
+        at, before = self._follow(here.at, step.change), self.slopes
+        if at is None:
+            return None
+        try:
+            self.slopes = self._find_slopes(at, here.at)
+            reached = self._correct(at, progress, here, step)
+        except (SingularStiffnessError, NonFiniteError):
+            self.failure, reached = "a motion of the structure meets no resistance", None
+        if reached is None:
+            self.slopes = before
+        return reached
+
+    def _correct(self, at: PlanPoint, progress: float, here: PathPoint, step: Step) -> PathPoint | None:
+        """Return the point within all limits near an equilibrium, by programs with the same slopes."""
+        least = here.progress + LEAST_SHARE * step.progress
+        for _ in range(MOST_CORRECTIONS):
+            found = self.targets.evaluate(self.model.problem(at.change), at.coordinate)
+            wanted = self.first + progress * self.direction
+            target = self.targets.near(found, wanted)
+            margins = compute_margins(self.limits, at)
+            if self._is_inside(margins) and self._is_exact(target - wanted) and self._is_stable(at):
+                return PathPoint(at, progress, target, margins, step.binding, step.multiplier)
+            program = self._build_program(at, target, progress)
+            better = program.find_step(0.0) or program.find_furthest(min(least - progress, 0.0), 0.0)
+            if better is None:
+                self.failure = f"the limits are exceeded beyond the step: {self._name_worst(margins)}"
+                return None
+            progress += better.progress
+            moved = self._follow(at, better.change)
+            if moved is None:
+                return None
+            at = moved
+        self.failure = "the corrections of the step do not converge"
+        return None
+
+    def _name_worst(self, margins: Margins) -> str:
+        return margins.kind[int(margins.excess.argmax())]
+
+    def _follow(self, at: PlanPoint, change: FloatArray) -> PlanPoint | None:
+        """Return the equilibrium after a change of the inputs, None where it is not found."""
+        moved = self.slopes.coordinate @ change
+        carried = self.model.problem(at.change + change).carry(at.coordinate, moved)
+        reach = REACH * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest
+        found = None if carried is None else self.model.find_point(at.change + change, carried[0], reach)
+        if found is None:
+            self.failure = "no equilibrium is found near the step"
+        return found
+
+    def _find_slopes(self, at: PlanPoint, before: PlanPoint) -> Slopes:
+        return compute_slopes(self.model, at, self.targets, with_stiffness=self._is_soft(at, before))
+
+    def _is_soft(self, at: PlanPoint, before: PlanPoint) -> bool:
+        """Return whether the smallest eigenvalue could come to its limit within the next steps."""
+        if len(at.eigenvalue) == 0:
+            return False
+        if at is before:
+            return self.limits.least_stiffness > 0
+        fallen = float(before.eigenvalue[0] - at.eigenvalue[0])
+        return float(at.eigenvalue[0]) - self.limits.least_stiffness < SOFT * fallen
+
+    def _is_inside(self, margins: Margins) -> bool:
+        return float(margins.excess.max(initial=-1.0)) <= WITHIN
+
+    def _is_exact(self, defect: FloatArray) -> bool:
+        return bool(np.all(np.abs(defect) <= EXACT * float(np.abs(self.direction).max())))
+
+    def _is_stable(self, at: PlanPoint) -> bool:
+        return len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > 0.0

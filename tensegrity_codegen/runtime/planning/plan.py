@@ -1,0 +1,227 @@
+"""Plans: rest lengths that move a structure through stable equilibria within limits to a target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, StructureError, UnstableError
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.planning.actuation import Actuation, find_actuation
+from tensegrity_codegen.runtime.planning.infeasible import (
+    find_contradiction,
+    find_fixed_shape,
+    find_shape_certificate,
+)
+from tensegrity_codegen.runtime.planning.limits import WITHIN, PlanLimits, build_limits, compute_margins
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.planning.path import Path, Progress
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
+from tensegrity_codegen.runtime.planning.record_plan import describe_margin, record_infeasible, record_path
+from tensegrity_codegen.runtime.planning.start import Start, find_start
+from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
+from tensegrity_codegen.runtime.planning.targets.targets import Targets, bind_targets
+from tensegrity_codegen.runtime.planning.timing import check_duration, compute_times
+from tensegrity_codegen.structure.limits import Limits
+
+__all__ = ["plan"]
+
+FloatArray = NDArray[np.float64]
+
+FIXED = 1e-7  # of the slope of a target: what a rigid motion may change it by
+
+
+def plan(
+    model: CompiledModel,
+    targets: Mapping[str, float | Sequence[float]] | Sequence[str] | str,
+    *,
+    actuators: Sequence[str] | None = None,
+    limits: Limits | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    steps: int = 20,
+    least_progress: float = 0.4,
+    max_steps: int = 200,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> PlanResult:
+    """Plan changes of rest lengths that move a structure to a target through stable equilibria within limits.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"plan"``, see compile_scene.
+    targets : mapping of str to float, or str, or sequence of str
+        Target and value, or texts ``"TARGET=VALUE"``: an expression over quantities, such as ``top.z`` or
+        ``member_length["c1"]``, or a shape parameter, such as ``twist`` [deg]; see docs/planning.md.
+    actuators : sequence of str, optional
+        Names of the actuators that move; by default all of the scene.
+    limits : Limits, optional
+        By default those of the scene.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
+    steps : int
+        Number of steps where nothing limits them.
+    least_progress : float
+        The path ends where limits leave less progress in a step than this part of 1/steps; 0: where they
+        leave none.
+    max_steps : int
+        Largest number of steps and attempts.
+    duration : float, optional
+        Time of the whole plan [s]; by default the shortest that the rates of the actuators permit.
+    progress : callable, optional
+        Called with the number of steps and the progress from 0 to 1.
+
+    Returns
+    -------
+    PlanResult
+        The path, and its status: found, infeasible or blocked.
+
+    Raises
+    ------
+    StructureError
+        No actuators.
+    UnknownNameError, InvalidValueError, NonFiniteError
+        A wrong target, actuator or argument; a start outside the limits.
+    UnstableError, ConvergenceError
+        No stable equilibrium to start from.
+    MissingExtraError
+        DAQP is not installed.
+
+    Notes
+    -----
+    docs/planning.md has the equations.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, plan
+    >>> model = compile_scene("prism12.toml", for_="plan")
+    >>> found = plan(model, {"twist": 160.0})
+    >>> found.status, found.n_steps
+    ('found', 20)
+    """
+    _check_options(steps, max_steps, least_progress, duration)
+    require_solver()
+    texts = read_targets(targets)
+    actuation = find_actuation(model, actuators)
+    bound = bind_targets(texts, model)
+    plan_model = PlanModel(model, actuation, arguments)
+    bounds = build_limits(model, actuation, limits)
+    start = find_start(plan_model)
+    if start.certificate is not None:
+        return record_infeasible(plan_model, bound, start.certificate, start.message)
+    assert start.at is not None
+    _check_start(plan_model, bounds, start.at)
+    _check_held(plan_model, bound, start.at)
+    proof = _find_proof(plan_model, bounds, bound, start.at)
+    if proof is not None:
+        return record_infeasible(plan_model, bound, *proof)
+    path = Path(plan_model, bounds, bound, start.at, steps, least_progress)
+    _follow(path, max_steps, progress)
+    return _record(plan_model, path, start, actuation, duration)
+
+
+def _follow(path: Path, max_steps: int, progress: Progress | None) -> None:
+    """Take steps until the path is done or blocked, or has taken as many as allowed."""
+    for _ in range(max_steps):
+        if path.is_done:
+            return
+        can_go_on = path.advance()
+        if progress is not None:
+            progress(len(path.points) - 1, path.points[-1].progress)
+        if not can_go_on:
+            return
+    if not path.is_done:
+        path.failure = f"{max_steps} steps and attempts are used up (max_steps)"
+
+
+def _record(
+    plan_model: PlanModel, path: Path, start: Start, actuation: Actuation, duration: float | None
+) -> PlanResult:
+    change = np.array([point.at.change for point in path.points])
+    time = compute_times(change, actuation.rate, duration)
+    return record_path(plan_model, path, time, start.warnings)
+
+
+def _find_proof(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> tuple[Any, str] | None:
+    """Return the proof that no plan exists, and a sentence; None where there is none."""
+    contradiction = find_contradiction(plan_model, limits, targets)
+    if contradiction is not None:
+        return contradiction, contradiction.message
+    problem = plan_model.problem(start.change)
+    shape = find_fixed_shape(problem, targets, start.coordinate, start.neutral)
+    if shape is None:
+        return None
+    certificate, _ = find_shape_certificate(plan_model, problem, shape)
+    if certificate is None:
+        return None
+    return certificate, (
+        "the targets fix the whole shape, and at that shape no tensions with all cables in tension are in "
+        "balance"
+    )
+
+
+def _check_options(steps: int, max_steps: int, least_progress: float, duration: float | None) -> None:
+    for name, value in (("steps", steps), ("max_steps", max_steps)):
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise InvalidValueError(
+                "not a number of steps", where=name, given=value, allowed="a whole number, 1 or more"
+            )
+    if not 0 <= least_progress < 1:
+        raise InvalidValueError(
+            "not a part of a step", where="least_progress", given=least_progress, allowed="from 0 to below 1"
+        )
+    check_duration(duration)
+
+
+def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> None:
+    """Raise where the start violates limits, or is unstable."""
+    if len(at.eigenvalue) and at.eigenvalue[0] <= 0:
+        raise UnstableError(
+            "the start is an unstable equilibrium",
+            where=plan_model.model.manifest.name,
+            evidence={"smallest_eigenvalue": float(at.eigenvalue[0])},
+            hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
+        )
+    margins = compute_margins(limits, at)
+    outside = [int(k) for k in np.argsort(-margins.excess) if margins.excess[k] > WITHIN]
+    if outside:
+        shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
+        more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
+        raise StructureError(
+            f"the start is outside the limits: {shown}{more}",
+            where=f"{plan_model.model.manifest.name}: limits",
+            allowed="a start within all limits",
+            hint="change the rest lengths or the prestress of the scene, or the limits",
+        )
+
+
+def _check_held(plan_model: PlanModel, targets: Targets, at: PlanPoint) -> None:
+    """Raise InvalidValueError for targets that rigid motions of the whole structure change."""
+    if at.neutral.shape[1] == 0:
+        return
+    problem = plan_model.problem(at.change)
+    motion = problem.node_velocities(at.coordinate, at.neutral)
+    scale = plan_model.directions(at, at.neutral)
+
+    def move(column: int, step: float) -> tuple[Any, FloatArray]:
+        return problem, at.coordinate + step * scale[:, column]
+
+    step = 1e-6 * at.point.longest
+    slope = np.abs(targets.slopes(at.position, motion, move, step))
+    size = np.abs(targets.evaluate(problem, at.coordinate)) / at.point.longest
+    for name, unit, row, value in zip(targets.names, targets.units, slope, size, strict=True):
+        per_length = 180 / np.pi / at.point.longest if unit == "deg" else 1.0
+        if row.max() > 1e-5 * max(per_length, value):
+            raise InvalidValueError(
+                "the target changes when the structure moves as a whole, which nothing prevents",
+                where=f"target {name}",
+                given=f"{at.neutral.shape[1]} free rigid motions",
+                allowed="targets that depend on the shape only, or a structure that is held",
+                hint="anchor nodes, or use height, twist, tilt, lengths, distances or tensions",
+            )

@@ -1,0 +1,202 @@
+"""Records of plans, made from paths and proofs."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.planning.infeasible import Contradiction
+from tensegrity_codegen.runtime.planning.limits import Margins, PlanLimits
+from tensegrity_codegen.runtime.planning.outcome import Binding, Block, PlanResult
+from tensegrity_codegen.runtime.planning.path import Path
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.runtime.planning.targets.targets import Targets
+
+__all__ = ["describe_margin", "record_infeasible", "record_path"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
+SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
+NAMED = 6  # limits that a message names
+WORDS = {
+    "least_tension": "least tension",
+    "most_tension": "largest tension",
+    "yield": "yield stress",
+    "buckling": "buckling",
+    "clearance": "clearance",
+    "range": "range of rest lengths",
+    "least_stiffness": "smallest eigenvalue of the stiffness",
+}
+
+
+def describe_margin(
+    plan_model: PlanModel, limits: PlanLimits, at: PlanPoint, margins: Margins, row: int
+) -> str:
+    """Return a limit that is exceeded: which, of what, by how much."""
+    kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
+    name = _name(plan_model, kind, int(margins.index[row]))
+    return f"{WORDS[kind]}{' of ' + name if name else ''}: exceeded by {-margins.value[row]:.6g} {unit}"
+
+
+def record_infeasible(
+    plan_model: PlanModel, targets: Targets, proof: Certificate | Contradiction, message: str
+) -> PlanResult:
+    """Return the record of a plan that provably does not exist.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+    targets : Targets
+        The targets.
+    proof : Certificate or Contradiction
+        The proof.
+    message : str
+        A sentence.
+
+    Returns
+    -------
+    PlanResult
+        Of status ``"infeasible"``, with arrays of no rows.
+    """
+    manifest = plan_model.model.manifest
+    count, members, pairs = len(plan_model.columns), len(manifest.member_name), len(manifest.bar_pair)
+    none = np.zeros(0)
+    return PlanResult(
+        status="infeasible",
+        message=message,
+        progress=none,
+        target_name=targets.names,
+        target_unit=targets.units,
+        target=np.zeros((0, len(targets.names))),
+        goal=targets.goal,
+        actuator_name=plan_model.actuation.names,
+        change=np.zeros((0, count)),
+        rest_length=np.zeros((0, count)),
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+        bar_pair_name=manifest.bar_pair_name,
+        node_position=np.zeros((0, len(manifest.node_name), 3)),
+        member_tension=np.zeros((0, members)),
+        bar_distance=np.zeros((0, pairs)),
+        smallest_eigenvalue=none,
+        residual=none,
+        binding=(),
+        certificate=proof,
+    )
+
+
+def record_path(
+    plan_model: PlanModel, path: Path, time: FloatArray | None, warnings: tuple[str, ...]
+) -> PlanResult:
+    """Return the record of a path, found or blocked.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+    path : Path
+        The path.
+    time : ndarray, shape (n_steps,) [s], optional
+        Times of its points.
+    warnings : tuple of str
+        What to check.
+
+    Returns
+    -------
+    PlanResult
+        Of status ``"found"`` or ``"blocked"``.
+    """
+    manifest, points = plan_model.model.manifest, path.points
+    change = np.array([point.at.change for point in points])
+    block = None if path.is_done else _find_block(plan_model, path)
+    lowest = [float(p.at.eigenvalue[0]) if len(p.at.eigenvalue) else np.inf for p in points]
+    return PlanResult(
+        status="found" if block is None else "blocked",
+        message=_describe_found(path) if block is None else _describe_block(path, block),
+        progress=np.array([point.progress for point in points]),
+        target_name=path.targets.names,
+        target_unit=path.targets.units,
+        target=np.array([point.target for point in points]),
+        goal=path.goal,
+        actuator_name=plan_model.actuation.names,
+        change=change,
+        rest_length=plan_model.actuation.rest_length + change,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+        bar_pair_name=manifest.bar_pair_name,
+        node_position=np.array([point.at.position for point in points]),
+        member_tension=np.array([point.at.tension for point in points]),
+        bar_distance=np.array([point.at.distance for point in points]),
+        smallest_eigenvalue=np.array(lowest),
+        residual=np.array([point.at.point.node_force for point in points]),
+        binding=tuple(
+            _bindings(plan_model, point.margins, point.binding, point.multiplier) for point in points
+        ),
+        time=time,
+        block=block,
+        warnings=warnings,
+    )
+
+
+def _find_block(plan_model: PlanModel, path: Path) -> Block:
+    """Return where a path ends, with the limits that bind there by the program of most progress."""
+    last = path.points[-1]
+    bound = path.find_bound()
+    if bound is None:
+        return Block(last.progress, last.target, float("nan"), (), path.failure)
+    weight = bound.multiplier * last.margins.size[bound.binding]
+    order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SAME), kind="stable")
+    binding = _bindings(plan_model, last.margins, bound.binding[order], bound.multiplier[order])
+    return Block(last.progress, last.target, bound.progress, binding, path.failure)
+
+
+def _bindings(
+    plan_model: PlanModel, margins: Margins, rows: IntArray, multiplier: FloatArray
+) -> tuple[Binding, ...]:
+    found = []
+    for row, value in zip(rows, multiplier, strict=True):
+        kind = margins.kind[row]
+        name = _name(plan_model, kind, int(margins.index[row]))
+        unit = UNITS.get(kind, "N")
+        found.append(Binding(kind, name, float(margins.value[row]), unit, float(value)))
+    return tuple(found)
+
+
+def _name(plan_model: PlanModel, kind: str, index: int) -> str:
+    """Return the member, pair of bars or actuator of a limit."""
+    manifest = plan_model.model.manifest
+    if kind == "clearance":
+        return " and ".join(manifest.bar_pair[index])
+    if kind == "range":
+        return plan_model.actuation.names[index]
+    return "" if kind == "least_stiffness" else manifest.member_name[index]
+
+
+def _describe_found(path: Path) -> str:
+    return f"a path of {len(path.points) - 1} steps reaches the target; every point is within all limits"
+
+
+def _describe_block(path: Path, block: Block) -> str:
+    """Return where a path ends and what binds, and that this proves nothing about other paths."""
+    parts = [
+        f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
+        for name, unit, value, goal in zip(
+            path.targets.names, path.targets.units, block.target, path.goal, strict=True
+        )
+    ]
+    names: dict[str, list[str]] = {}
+    for item in block.binding[:NAMED]:
+        names.setdefault(WORDS[item.limit], []).append(item.name)
+    bound = "; ".join(
+        f"{kind} of {', '.join(n for n in who if n)}".removesuffix(" of ") for kind, who in names.items()
+    )
+    more = len(block.binding) - NAMED
+    what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
+    return (
+        f"blocked at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
+        "Another path may exist"
+    )

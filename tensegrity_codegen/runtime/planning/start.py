@@ -1,0 +1,95 @@
+"""Where a plan starts: the scene's equilibrium, or the proof that there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import StructureError
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.planning.infeasible import find_shape_certificate
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
+__all__ = ["Start", "find_start"]
+
+FloatArray = NDArray[np.float64]
+
+NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
+
+
+@dataclass(frozen=True)
+class Start:
+    """The equilibrium that a plan starts from, or why there is none; and what to check."""
+
+    at: PlanPoint | None
+    certificate: Certificate | None = None
+    message: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+def find_start(plan_model: PlanModel) -> Start:
+    """Return the equilibrium that a plan starts from.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+
+    Returns
+    -------
+    Start
+        The equilibrium at the stated positions if they are one. Else, without loads, the proof that no
+        tensions make them one, if there is such a proof; else the equilibrium that find_equilibrium finds.
+
+    Raises
+    ------
+    ConvergenceError, UnstableError
+        No stable equilibrium is found.
+    StructureError
+        The stiffness at the start is singular.
+    """
+    model, change = plan_model.model, plan_model.start
+    problem = plan_model.problem(change)
+    stated = problem.enter(model.nominal("coordinate").ravel())
+    point = problem.find_point(stated)
+    longest = 1.0 if point is None else point.longest
+    near = None if point is None else plan_model.find_point(change, stated, NEAR * longest)
+    if point is not None and (near is None or not _is_taut(plan_model, near)):
+        certificate, loaded = find_shape_certificate(plan_model, problem, stated)
+        if certificate is not None and (not loaded or near is not None):
+            message = (
+                "at the stated shape no tensions with all cables in tension are in balance, whatever "
+                "the rest lengths: no plan starts from it"
+            )
+            return Start(None, certificate, message)
+    if near is not None:
+        return Start(near)
+    arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
+    found = find_equilibrium(model, arguments=arguments)
+    at = plan_model.find_point(change, problem.enter(found.coordinate), NEAR * longest)
+    if at is None:
+        raise StructureError(
+            "the stiffness of the start is singular",
+            where=model.manifest.name,
+            given=f"smallest eigenvalue {found.smallest_eigenvalue:.3g} N/m",
+            allowed="a stable equilibrium",
+            hint="anchor nodes, or give the structure prestress",
+        )
+    text = (
+        "the stated positions are no equilibrium: the plan starts from the equilibrium that is found, where "
+        f"node {found.changed_node} is {found.change:.3g} m away"
+    )
+    return Start(at, warnings=(text, *found.warnings))
+
+
+def _is_taut(plan_model: PlanModel, at: PlanPoint) -> bool:
+    """Return whether all cables are in tension."""
+    structure = plan_model.model.structure
+    cables = (
+        np.zeros(len(at.tension), dtype=bool) if structure is None else np.asarray(structure.tension_only)
+    )
+    return bool(np.all(at.tension[cables] > 0.0))

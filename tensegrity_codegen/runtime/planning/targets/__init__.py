@@ -1,0 +1,1 @@
+"""Targets of plans: their texts, shape parameters, values and derivatives."""

@@ -1,0 +1,227 @@
+"""Plans that are refused: paths that are blocked, proofs that there is no plan, and wrong input."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import (
+    FormulationError,
+    InvalidValueError,
+    StructureError,
+    UnknownNameError,
+)
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.planning.infeasible import Contradiction
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.planning.plan import plan
+from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
+from tests.runtime.planning.structures import CLASSES, actuate, assemble, build_prism, compile_plan, limit
+
+PRISM = build_prism(155.0)
+OPPOSITE = [f"opposite{i}" for i in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledModel:
+    return compile_plan(limit(actuate(PRISM)))
+
+
+def find_blocked(structure: Any, target: str, **options: Any) -> PlanResult:
+    found = plan(compile_plan(structure), target, **options)
+    assert found.status == "blocked"
+    assert found.block is not None
+    assert "Another path may exist" in found.message
+    return found
+
+
+def names(found: PlanResult, limit: str) -> list[str]:
+    assert found.block is not None
+    return sorted(item.name for item in found.block.binding if item.limit == limit)
+
+
+# --- blocked ---------------------------------------------------------------------------------------
+
+
+def test_the_twist_to_179_degrees_is_blocked_by_the_bars() -> None:
+    found = find_blocked(limit(actuate(PRISM)), "twist=179")
+    assert 174.0 < found.target[-1, 0] < 175.0
+    assert names(found, "clearance") == ["bar1 and bar2", "bar1 and bar3", "bar2 and bar3"]
+    assert found.bar_distance[-1].min() == pytest.approx(0.002, rel=1e-6)
+
+
+def test_the_verticals_alone_are_blocked_by_the_least_tension() -> None:
+    found = find_blocked(limit(actuate(PRISM, "vertical")), "twist=165")
+    assert 158.0 < found.target[-1, 0] < 159.0
+    assert names(found, "least_tension") == OPPOSITE
+    assert found.block is not None
+    assert abs(found.block.least_progress) < 1e-6
+    assert all(item.multiplier > 0 for item in found.block.binding)
+
+
+def test_the_largest_tension_blocks_the_way_to_150_5_degrees() -> None:
+    structure = limit(actuate(PRISM), most=30.0)
+    found = find_blocked(structure, "twist=150.5")
+    assert found.target[-1, 0] > 150.5
+    assert names(found, "least_tension") == OPPOSITE
+    # Patience finds a way past it, by another height and other radii, with steps that make little progress.
+    patient = plan(compile_plan(structure), "twist=150.5", least_progress=0.0)
+    assert patient.status == "found"
+    cable = ~structure.is_bar
+    assert patient.member_tension[:, cable].max() <= 30.0 * (1 + 1e-6)
+    assert patient.member_tension[:, cable].min() >= 1.0 - 1e-6
+
+
+def test_the_range_of_the_actuators_blocks_the_way_to_170_degrees() -> None:
+    found = find_blocked(limit(actuate(PRISM, within=0.01)), "twist=170")
+    assert 162.0 < found.target[-1, 0] < 163.5
+    assert {name.rstrip("123") for name in names(found, "range")} >= {"pull_opposite", "pull_vertical"}
+    assert np.abs(found.change).max() <= 0.01 * (1 + 1e-6)
+
+
+def test_the_multiplier_is_the_progress_for_a_unit_of_the_limit() -> None:
+    structure = actuate(PRISM, "vertical")
+    found = find_blocked(limit(structure), "twist=165")
+    assert found.block is not None
+    gained = 0.01 * sum(item.multiplier for item in found.block.binding)
+    eased = find_blocked(limit(structure, least=0.99), "twist=165")
+    assert eased.progress[-1] - found.progress[-1] == pytest.approx(gained, rel=0.01)
+
+
+# --- infeasible ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tension", [5.0, 0.0])
+def test_a_prism_of_9_cables_at_160_degrees_has_no_plan(tension: float) -> None:
+    shape = {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "twist": 160.0}
+    classes = {**CLASSES, "cable": {**CLASSES["cable"], "prestress": tension}}
+    structure = limit(actuate(assemble({"name": "prism", "classes": classes, "shape": shape})))
+    found = plan(compile_plan(structure), "twist=165")
+    assert found.status == "infeasible"
+    assert isinstance(found.certificate, Certificate)
+    matrix = equilibrium_matrix(structure.node_position, structure.connectivity)
+    elongation = matrix.T @ found.certificate.displacement
+    np.testing.assert_allclose(elongation[~structure.is_bar], -1.0, atol=1e-9)
+    assert np.abs(elongation[structure.is_bar]).max() < 1e-9
+
+
+def test_targets_that_fix_a_shape_without_prestress_have_no_plan() -> None:
+    shape = {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "anchor_bottom": True}
+    structure = assemble({"name": "held", "classes": CLASSES, "shape": {**shape, "prestress": 20.0}})
+    turned = assemble({"name": "held", "classes": CLASSES, "shape": {**shape, "twist": 160.0}})
+    targets = {
+        f"t{i}.{axis}": float(turned.node_position[2 + i, "xyz".index(axis)])
+        for i in (1, 2, 3)
+        for axis in "xyz"
+    }
+    found = plan(compile_plan(limit(actuate(structure))), targets)
+    assert found.status == "infeasible"
+    assert isinstance(found.certificate, Certificate)
+    assert found.certificate.is_verified
+
+
+@pytest.mark.parametrize(
+    ("target", "limit_name", "given", "allowed"),
+    [
+        ('member_length["opposite1"]=0.5', "most_tension", 130.4, 30.0),
+        ('rest_length("opposite1")=0.5', "range", 0.5, 0.3696),
+        ('member_tension["opposite1"]=0.5', "least_tension", 0.5, 1.0),
+        ('bar_distance["bar1_bar2"]=0.001', "clearance", 0.001, 0.002),
+    ],
+)
+def test_limits_of_one_member_contradict_a_target(
+    target: str, limit_name: str, given: float, allowed: float
+) -> None:
+    model = compile_plan(limit(actuate(PRISM, within=0.01), most=30.0))
+    if "bar_distance" in target:
+        target = target.replace("bar1_bar2", model.manifest.bar_pair_name[0])
+    found = plan(model, target)
+    assert found.status == "infeasible"
+    proof = found.certificate
+    assert isinstance(proof, Contradiction)
+    assert proof.limit == limit_name
+    assert proof.given == pytest.approx(given, rel=1e-3)
+    assert proof.allowed == pytest.approx(allowed, rel=1e-3)
+    assert f"{proof.allowed:.6g}" in found.message
+
+
+# --- wrong input -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("target", "error", "part"),
+    [
+        ("twst=160", UnknownNameError, "did you mean 'twist'"),
+        ("t9.z=0.3", UnknownNameError, "t9"),
+        ('member_length["oposite1"]=0.3', UnknownNameError, "oposite1"),
+        ('rotation("q*")=0,0,5', UnknownNameError, "q*"),
+        ("twist=abc", InvalidValueError, "twist=abc"),
+        ("twist=nan", InvalidValueError, "twist=nan"),
+        ("twist", InvalidValueError, "twist"),
+        ("twist=160mm", InvalidValueError, "mm"),
+        ("tilt=1,2,3", InvalidValueError, "2 numbers"),
+        ("twist([t1, t2, t3], [b1, b2])=160", InvalidValueError, "on a line"),
+        ("height([t1], [b1, b1, b2])=1", InvalidValueError, "twice"),
+        ("past_edge(b1)=1", InvalidValueError, "two nodes"),
+        ("centre_of_mass.x=0.1", FormulationError, "mass"),
+        ("twist - height=1", InvalidValueError, "by itself"),
+        ("t1.z=0.35", InvalidValueError, "as a whole"),
+        ('rotation("t*")=0,0,5', InvalidValueError, "as a whole"),
+    ],
+)
+def test_a_wrong_target_is_named(
+    target: str, error: type[Exception], part: str, model: CompiledModel
+) -> None:
+    with pytest.raises(error) as caught:
+        plan(model, target)
+    assert part in str(caught.value)
+    assert caught.value.exit_code == 2  # type: ignore[attr-defined]
+
+
+def test_a_target_given_twice_is_refused(model: CompiledModel) -> None:
+    with pytest.raises(InvalidValueError, match="given twice"):
+        plan(model, ["twist=160", "twist = 161"])
+
+
+def test_no_actuators() -> None:
+    with pytest.raises(StructureError, match="no actuators") as caught:
+        plan(compile_plan(limit(PRISM)), "twist=160")
+    assert "[[actuators]]" in str(caught.value)
+
+
+@pytest.mark.parametrize(("chosen", "part"), [(["pull_top9"], "unknown"), (["pull_top1"] * 2, "twice")])
+def test_wrong_names_of_actuators(chosen: list[str], part: str, model: CompiledModel) -> None:
+    with pytest.raises((UnknownNameError, InvalidValueError), match=part):
+        plan(model, "twist=160", actuators=chosen)
+
+
+@pytest.mark.parametrize(
+    ("structure", "part"),
+    [
+        (limit(actuate(PRISM), least=5.0), "least tension of opposite1: exceeded by 2.54072 N"),
+        (limit(actuate(PRISM), most=19.0), "largest tension of vertical1: exceeded by 1 N"),
+        (limit(actuate(PRISM), clearance=0.05), "clearance of bar1 and bar2: exceeded by 0.00946"),
+    ],
+)
+def test_a_start_outside_the_limits_is_refused_with_the_amount(structure: Any, part: str) -> None:
+    with pytest.raises(StructureError, match="the start is outside the limits") as caught:
+        plan(compile_plan(structure), "twist=160")
+    assert part.split(" of ")[0] in str(caught.value)
+    assert part.split(": ")[1] in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "options", [{"steps": 0}, {"max_steps": 1.5}, {"duration": -1.0}, {"least_progress": 1.0}]
+)
+def test_wrong_options(options: dict[str, Any], model: CompiledModel) -> None:
+    with pytest.raises(InvalidValueError, match=next(iter(options))):
+        plan(model, "twist=160", **options)
+
+
+def test_a_duration_that_the_rates_do_not_permit() -> None:
+    model = compile_plan(limit(actuate(PRISM, rate=0.001)))
+    with pytest.raises(InvalidValueError, match="more time"):
+        plan(model, "twist=157", duration=0.5)
