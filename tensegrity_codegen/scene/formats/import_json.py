@@ -26,6 +26,7 @@ from tensegrity_codegen.errors import (
     suggest,
 )
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.formats.control_sections import CONTROL_SECTIONS, rename_control
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, read_text, scene_name
 from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
@@ -35,7 +36,7 @@ __all__ = ["FORMAT", "import_json"]
 
 LARGEST_JSON = 32 * 2**20  # bytes
 MOST_VALUES = 4_000_000  # of one file
-SECTIONS = ("name", "gravity", "nodes", "members", "anchors", "loads")
+SECTIONS = ("name", "gravity", "nodes", "members", "anchors", "loads", *CONTROL_SECTIONS)
 NODE_KEYS = ("name", "position", "velocity", "mass", "anchored")
 NUMBERS = (*POSITIVE, "damping", "prestress")
 MEMBER_KEYS = ("name", "from", "to", "kind", *NUMBERS, "tension_only")
@@ -78,6 +79,8 @@ def import_json(
     document["members"] = _read_members(members, member_names, node_names)
     loads = _read_loads(content.get("loads"), node_names)
     document |= {"loads": loads} if loads else {}
+    control = {key: content[key].value for key in CONTROL_SECTIONS if key in content}
+    document |= rename_control(control, node_names, member_names)
     defaults = note_defaults(document["members"].values())
     return ImportResult(document, (*notes, *node_notes, *member_notes, *defaults))
 

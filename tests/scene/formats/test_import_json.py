@@ -237,3 +237,58 @@ def test_a_file_that_is_too_large_is_refused(load: Load, monkeypatch: pytest.Mon
     monkeypatch.setattr(module, "LARGEST_JSON", 100)
     with pytest.raises(SceneSyntaxError, match="too large"):
         load(BY_NAME)
+
+
+CONTROL: dict[str, Any] = {
+    "actuators": [{"name": "m", "members": ["bc", "ca"], "rate": 0.1, "range": [0.5, 2]}],
+    "sensors": [{"kind": "member_length", "members": "all"}, {"kind": "node_position", "nodes": "b"}],
+    "limits": {"least_tension": 1, "members": {"ca": {"most_tension": 20}}},
+}
+
+
+def assemble_json(path: Path, content: dict[str, Any]) -> Any:
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return assemble(parse_scene(import_json(path).document, str(path)), str(path))[0]
+
+
+def test_actuators_sensors_and_limits_by_name_and_by_number(tmp_path: Path) -> None:
+    by_name = assemble_json(tmp_path / "frame.json", BY_NAME | CONTROL)
+    assert [item.name for item in by_name.actuators] == ["m"]
+    assert by_name.limits.most_tension[2] == 20
+    numbered: dict[str, Any] = {
+        "gravity": BY_NAME["gravity"],
+        "nodes": list(BY_NAME["nodes"].values()),
+        "members": [
+            {**member, "from": "abc".index(member["from"]), "to": "abc".index(member["to"])}
+            for member in BY_NAME["members"].values()
+        ],
+        "anchors": [0],
+        "actuators": [{**CONTROL["actuators"][0], "members": [1, 2]}],
+        "sensors": [CONTROL["sensors"][0], {"kind": "node_position", "nodes": [1]}],
+        "limits": {"least_tension": 1, "members": {"2": {"most_tension": 20}}},
+    }
+    by_number = assemble_json(tmp_path / "frame.json", numbered)
+    assert by_number.actuators == by_name.actuators
+    assert by_number.sensors == by_name.sensors
+    assert by_number.limits == by_name.limits
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "where"),
+    [
+        ({"actuators": [{"name": "m", "members": [7]}]}, InvalidValueError, "actuators[0].members[0]"),
+        ({"actuators": [{"name": "m", "members": ["cab"]}]}, UnknownNameError, "actuators[0].members"),
+        ({"actuators": {"name": "m"}}, InvalidValueError, "actuators"),
+        ({"sensors": [{"kind": "node_position", "nodes": ["z"]}]}, UnknownNameError, "sensors[0].nodes"),
+        ({"sensors": [{"kind": "node_position", "nodes": [[1]]}]}, InvalidValueError, "sensors[0].nodes[0]"),
+        ({"limits": {"members": {"cab": {}}}}, UnknownNameError, "limits.members.cab"),
+        ({"limits": {"least_tension": -1}}, InvalidValueError, "limits.least_tension"),
+        ({"limits": [1]}, InvalidValueError, "limits"),
+    ],
+)
+def test_wrong_control_is_named_in_the_file(
+    tmp_path: Path, change: dict[str, Any], error: type[SceneError], where: str
+) -> None:
+    with pytest.raises(error) as caught:
+        assemble_json(tmp_path / "frame.json", BY_NAME | change)
+    assert caught.value.where == f"{tmp_path / 'frame.json'}: {where}"
