@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["analysis_members_table", "analysis_table", "certificate_table", "modes_table"]
+__all__ = ["analysis_members_table", "analysis_table", "certificate_table", "describe_counts", "modes_table"]
 
 Subject = Structure | BodySystem
 
@@ -29,10 +29,21 @@ HEADS = {
 
 def analysis_table(found: Analysis, name: str) -> Table:
     """Return a table of what was found: counts, gap, tensions, stability."""
-    rank, table = found.rank, new_table(f"{name}: analysis", "what", "value")
+    table = new_table(f"{name}: analysis", "what", "value")
     table.show_header = False
+    for row in describe_counts(found):
+        add_row(table, *row)
+    return table
+
+
+def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
+    """Return what was found as rows of two texts: counts, gap, tensions, stability."""
+    rank = found.rank
     below = "none counts as zero" if math.isnan(rank.below) else f"{rank.below:.3g}"
-    rows = [
+    stiffness = f"{found.smallest_eigenvalue:.6g}"
+    if found.stiffness.is_neutral:
+        stiffness = f"0 within rounding ({stiffness})"
+    return (
         ("coordinates, members", f"{len(rank.free_motion)}, {rank.selfstress.shape[1]}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),
         ("singular values at the gap", f"{rank.above:.3g} | {below}"),
@@ -42,12 +53,9 @@ def analysis_table(found: Analysis, name: str) -> Table:
         ("mechanisms", str(found.mechanism.shape[2])),
         ("all cables in tension", _describe_prestress(found)),
         ("stiffness of mechanisms by tensions", _describe_stability(found)),
-        ("smallest eigenvalue of the stiffness", f"{found.smallest_eigenvalue:.6g}"),
+        ("smallest eigenvalue of the stiffness", stiffness),
         ("largest residual at present", f"{found.residual:.3g} N of {found.largest_force:.6g} N"),
-    ]
-    for row in rows:
-        add_row(table, *row)
-    return table
+    )
 
 
 def analysis_members_table(found: Analysis, subject: Subject) -> Table:

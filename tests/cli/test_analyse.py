@@ -77,7 +77,8 @@ def test_a_twist_without_prestress_ends_with_a_proof(run: Run, folder: Path) -> 
         vector = place[first] - place[second]
         unit = vector / np.linalg.norm(vector)
         assert unit @ (motion[first] - motion[second]) == pytest.approx(change, abs=1e-9), kind
-    text = run("analyse", path).out
+    text = run("analyse", path, "--page", "a.html").out
+    assert "Why there is no prestress" in (folder / "a.html").read_text(encoding="utf-8")
     assert "displacements that prove it" in text
     assert "infeasible: no self-stress has every cable in tension" in " ".join(text.split())
 
@@ -119,6 +120,7 @@ def test_a_hanging_mass_at_its_equilibrium(run: Run, folder: Path) -> None:
         (("--modes", "-1"), "--modes"),
         (("--out", "a.txt"), "a.txt"),
         (("--out", "missing/a.npz"), "missing/a.npz"),
+        (("--page", "a.png"), "a.png"),
         (("--input", "m=1"), "--input"),
     ],
 )

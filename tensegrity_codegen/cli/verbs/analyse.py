@@ -12,7 +12,8 @@ from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.extras import require_plot
+from tensegrity_codegen.files import check_ending, check_output, replaced
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -38,6 +39,10 @@ OutOption = Annotated[
     Path | None,
     typer.Option("--out", "-o", help="Write self-stresses, mechanisms, tensions, modes and proof (.npz)."),
 ]
+PageOption = Annotated[
+    Path | None,
+    typer.Option("--page", help="Write a page with pictures of mechanisms and modes (.html)."),
+]
 
 
 def analyse(
@@ -47,6 +52,7 @@ def analyse(
     rank_tolerance: ToleranceOption = 1e-6,
     n_modes: ModesOption = 10,
     out: OutOption = None,
+    page: PageOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -61,19 +67,48 @@ def analyse(
     """
     output = Output(json)
     with output.guard(scene):
-        if out is not None:
-            check_ending(out, ".npz")
-            check_output(out, inputs=[scene], overwrite=overwrite)
+        _check_files(out, page, scene, overwrite)
         subject, found = _analyse(
             output, scene, settle, input, compiler, rank_tolerance=rank_tolerance, n_modes=n_modes
         )
+        _warn(output, found, settle)
         if out is not None:
             from tensegrity_codegen.report.analysis_data import write_analysis
 
             write_analysis(found, out, subject.member_name, subject.node_name)
-        _report(output, subject, found, out)
+        if page is not None:
+            _write_page(found, subject, page)
+        _report(output, subject, found, {"out": out, "page": page})
         if not found.is_good:
             raise typer.Exit(3)
+
+
+def _check_files(out: Path | None, page: Path | None, scene: Path, overwrite: bool) -> None:
+    """Raise OutputError where a result has no place, MissingExtraError where pictures cannot be drawn."""
+    for path, ending in ((out, ".npz"), (page, ".html")):
+        if path is not None:
+            check_ending(path, ending)
+            check_output(path, inputs=[scene], overwrite=overwrite)
+    if page is not None:
+        require_plot()
+
+
+def _warn(output: Output, found: Analysis, settle: bool) -> None:
+    for text in found.warnings:
+        output.warn(text)
+    if not settle and not found.is_balanced and not found.is_good:
+        output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
+
+
+def _write_page(found: Analysis, subject: Subject, path: Path) -> None:
+    """Write the page, whole or not at all."""
+    from tensegrity_codegen.report.analysis_page import build_analysis_page
+    from tensegrity_codegen.report.pages.render_page import render_page
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    text = render_page(build_analysis_page(found, outline_bodies(subject), subject.member_name))
+    with replaced(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _analyse(
@@ -105,7 +140,7 @@ def _analyse(
     return subject, replace(found, node_position=found.node_position + offset)
 
 
-def _report(output: Output, subject: Subject, found: Analysis, out: Path | None) -> None:
+def _report(output: Output, subject: Subject, found: Analysis, files: dict[str, Path | None]) -> None:
     """Print the analysis: counts, members, proof, modes."""
     from tensegrity_codegen.report.analysis_data import describe_analysis
     from tensegrity_codegen.report.analysis_tables import (
@@ -115,10 +150,9 @@ def _report(output: Output, subject: Subject, found: Analysis, out: Path | None)
         modes_table,
     )
 
-    for text in found.warnings:
-        output.warn(text)
     data = describe_analysis(found, subject.member_name, subject.node_name)
-    data |= {"modes_note": NO_MASS if found.modes is None else None, "out": None if out is None else str(out)}
+    data["modes_note"] = NO_MASS if found.modes is None else None
+    data |= {key: None if path is None else str(path) for key, path in files.items()}
     name = subject.name
     tables = [analysis_members_table(found, subject), certificate_table(found, subject)]
     tables += [modes_table(found, name)]

@@ -73,13 +73,14 @@ def add_color_bar(
     mappable: ScalarMappable,
     *,
     below: bool = False,
+    name: str = "member tension [N]",
 ) -> None:
-    """Add the scale of member tensions beside the panels, or below them."""
+    """Add the scale of member tensions, with their name, beside the panels or below them."""
     bar = figure.colorbar(
         mappable, ax=panels, location="bottom" if below else "right", shrink=0.7,
         aspect=30 if below else 26, pad=0.03, panchor=False,
     )  # fmt: skip
-    bar.set_label("member tension [N]  (compression < 0 < tension)", fontsize=TEXT_SIZE, color=INK)
+    bar.set_label(f"{name}  (compression < 0 < tension)", fontsize=TEXT_SIZE, color=INK)
     bar.ax.tick_params(labelsize=TEXT_SIZE - 1, colors=MUTED, length=2)
     bar.outline.set_edgecolor(GRID)
 

@@ -1,0 +1,230 @@
+"""An analysis as a page: verdict, singular values, prestress, proof, mechanisms, modes, members."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.report.analysis_tables import describe_counts
+from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Figure,
+    Page,
+    Paragraph,
+    Remark,
+    Section,
+    diagram_figure,
+)
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
+from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.version import VERSION
+
+__all__ = ["build_analysis_page"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_MECHANISMS, MOST_MODES = 4, 6
+LEAD = (
+    "Which tensions the structure can have in this configuration, which motions change no member's length, "
+    "and whether tensions stiffen these. Tensions are positive, compressions negative. Motions are enlarged; "
+    "dotted lines show the configuration itself."
+)
+# Heads of the columns of limits.
+USED = {
+    "least_tension": "least tension",
+    "most_tension": "most tension",
+    "yield_stress": "yield stress",
+    "buckling": "buckling",
+}
+
+
+def build_analysis_page(found: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Page:
+    """Return the page of an analysis.
+
+    structure: what is drawn, its members first those of `member_name` (then edges of bodies).
+    """
+    sections = (
+        _verdict(found),
+        _singular_values(found),
+        _prestress(found, structure),
+        *_proof(found, structure, member_name),
+        *_mechanisms(found, structure),
+        *_modes(found, structure),
+        _members(found, member_name),
+    )
+    counts = f"{len(structure.node_name)} nodes, {len(member_name)} members"
+    return Page(
+        title=f"Analysis of {structure.name}",
+        lead=LEAD,
+        chapters=(Chapter("analysis", structure.name, found.status, f"{counts}.", sections),),
+        facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def _verdict(found: Analysis) -> Section:
+    rows = tuple((text_cell(name), text_cell(value)) for name, value in describe_counts(found))
+    table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
+    blocks: list[Block] = [Paragraph(_sentence(found.message))]
+    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
+    return Section("verdict", "all", "Verdict", "plain", found.status, (*blocks, table))
+
+
+def _singular_values(found: Analysis) -> Section:
+    rank = found.rank
+    largest = float(rank.singular_value.max(initial=0.0)) or 1.0
+    values = np.maximum(rank.singular_value / largest, rank.rounding)
+    number = np.arange(1, len(values) + 1)
+    series = [Series("not zero", number[: rank.rank], values[: rank.rank], "points")]
+    if rank.rank < len(values):
+        series.append(Series("zero", number[rank.rank :], values[rank.rank :], "points", color=1, marker="s"))
+    diagram = Diagram(
+        "number", "singular value / largest", series, log_y=True,
+        horizontal=((rank.tolerance, "tolerance"),),
+    )  # fmt: skip
+    text = f"rank {rank.rank} of {rank.largest_rank}"
+    caption = "Singular values of the equilibrium matrix; those below the rounding error are drawn at it."
+    blocks = (
+        (diagram_figure("singular", diagram, caption, f"Singular values: {text}"),) if len(values) else ()
+    )
+    return Section("singular-values", "rank", "Singular values", "plain", text, blocks)
+
+
+def _prestress(found: Analysis, structure: Structure) -> Section:
+    own, loaded = found.prestress, found.load_prestress
+    if own.is_found and not math.isinf(own.least_tension):
+        text, tension = "self-stress with every cable in tension; the largest force is 1", own.tension
+    elif loaded is not None and loaded.is_found:
+        text, tension = "tensions under the loads", loaded.tension
+    elif math.isinf(own.least_tension):
+        text, tension = "no member needs to be in tension", own.tension
+    else:
+        text, tension = "no prestress exists; the present tensions are shown", found.member_tension
+    unit = "member tension / largest force" if tension is own.tension else "member tension [N]"
+    picture = draw_tensions(structure, found.node_position, _with_edges(tension, structure), unit)
+    figure = Figure(
+        draw_picture(picture, "prestress"),
+        _sentence(text),
+        f"The structure, {text}",
+        {"tension": tension.tolist()},
+    )
+    return Section("prestress", "tension", "Prestress", "plain", text, (figure,))
+
+
+def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Iterator[Section]:
+    proof, motion = found.certificate, found.certificate_displacement
+    if proof is None or motion is None or not proof.is_verified:
+        return
+    text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
+    picture = draw_picture(draw_motion(structure, found.node_position, motion), "proof")
+    figure = Figure(picture, f"The motion, enlarged: {text}.", text, {"displacement": motion.tolist()})
+    axes = structure.axes
+    columns = (Column("node", numeric=False), *(Column("xyz"[axis]) for axis in axes))
+    rows = tuple(
+        (text_cell(name), *(number_cell(float(motion[n, axis]), "+.9f") for axis in axes))
+        for n, name in enumerate(structure.node_name)
+    )
+    moved = Table("Displacements d of the nodes, for a largest shortening of 1", columns, rows)
+    rows = tuple(
+        (text_cell(name), number_cell(float(proof.elongation[e]), "+.9f"))
+        for e, name in enumerate(member_name)
+    )
+    note = (
+        f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by {proof.cable_lengthening:.1e} "
+        "at most."
+    )
+    lengths = Table(
+        "Changes of length, A^T d", (Column("member", numeric=False), Column("change")), rows, note
+    )
+    why = Paragraph(
+        "In these displacements a self-stress with every cable in tension would do negative work, but any "
+        "self-stress does none: so there is no such self-stress."
+    )
+    yield Section("proof", "proof", "Why there is no prestress", "plain", text, (why, figure, moved, lengths))
+
+
+def _mechanisms(found: Analysis, structure: Structure) -> Iterator[Section]:
+    count = found.mechanism.shape[2]
+    if count:
+        text = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
+        figures = tuple(
+            _motion_figure(
+                structure, found, found.mechanism[:, :, k], f"mechanism{k + 1}", f"Mechanism {k + 1}."
+            )
+            for k in range(min(count, MOST_MECHANISMS))
+        )
+        yield Section("mechanisms", "motion", "Mechanisms", "plain", text, figures)
+
+
+def _modes(found: Analysis, structure: Structure) -> Iterator[Section]:
+    modes = found.modes
+    if modes is None or not len(modes.frequency):
+        return
+    figures = []
+    for k in range(min(len(modes.frequency), MOST_MODES)):
+        caption = f"Mode {k + 1}: {modes.frequency[k]:.5g} Hz."
+        if modes.growth_rate[k]:
+            caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
+        figures.append(_motion_figure(structure, found, modes.shape[:, :, k], f"mode{k + 1}", caption))
+    text = ", ".join(f"{value:.4g}" for value in modes.frequency) + f" Hz, of {modes.n_total} modes"
+    yield Section(
+        "modes", "motion", "Natural frequencies at the present tensions", "plain", text, tuple(figures)
+    )
+
+
+def _motion_figure(
+    structure: Structure, found: Analysis, motion: FloatArray, name: str, caption: str
+) -> Figure:
+    picture = draw_picture(draw_motion(structure, found.node_position, motion), name)
+    return Figure(picture, caption, caption, {"displacement": motion.tolist()})
+
+
+def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
+    members = found.members
+    limited = [name for name in MEMBER_CHECKS if not np.isnan(members.use[name]).all()]
+    with_section = not np.isnan(members.stress).all()
+    columns = [Column("member", numeric=False), Column("prestress", "1"), Column("tension", "N")]
+    columns += [Column("stress", "MPa"), Column("buckling factor")] if with_section else []
+    columns += [Column(f"{USED[name]} used", "%") for name in limited]
+    rows = []
+    for e, name in enumerate(member_name):
+        cells = [
+            text_cell(name),
+            number_cell(float(found.prestress.tension[e]), "+.4f"),
+            number_cell(float(found.member_tension[e]), "+.4f"),
+        ]
+        if with_section:
+            cells += [_cell(members.stress[e] / 1e6, ".3f"), _cell(members.buckling_factor[e], ".2f")]
+        cells += [_cell(100 * members.use[limit][e], ".1f") for limit in limited]
+        rows.append(tuple(cells))
+    text = "no limits are stated"
+    if members.worst is not None:
+        member, limit, use = members.worst
+        text = f"nearest to a limit: {member}, {USED[limit]}, {100 * use:.3g} % used"
+    table = Table("Members at the present tensions", tuple(columns), tuple(rows))
+    return Section("members", "limits", "Members", "plain", text, (table,))
+
+
+def _cell(value: float, spec: str) -> Cell:
+    if math.isinf(value):
+        return text_cell("∞")
+    return number_cell(float(value), spec)
+
+
+def _with_edges(tension: FloatArray, structure: Structure) -> FloatArray:
+    """Return tensions of all that is drawn; those of the edges of bodies are unknown."""
+    more = structure.n_members - len(tension)
+    return np.pad(tension, (0, more), constant_values=np.nan)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
