@@ -88,8 +88,11 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
 
 
 def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
-    extension = () if structure.is_bar.all() else ("member_extension",)
-    return Needs((*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES, *extension))
+    quantities = equilibrium_quantities(structure, request)
+    is_rigid = structure.is_bar if request.options.get("bars") == "all" else structure.mu == 0
+    if isinstance(structure, BodySystem) or not is_rigid.all():
+        quantities += REST_LENGTH_QUANTITIES
+    return Needs((*quantities, *(() if structure.is_bar.all() else ("member_extension",))))
 
 
 def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:

@@ -160,7 +160,9 @@ def _report(
 
 
 def _describe(found: Sensitivity) -> list[str]:
-    lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
+    lines = ["rigid bars alone hold every node"]
+    if np.isfinite(found.smallest_eigenvalue):
+        lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
     if found.gauge:
         lines.append(f"free to {', '.join(found.gauge)}: motions are relative to the mean of the nodes")
     if found.slack:

@@ -15,20 +15,17 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
 from tensegrity_codegen.runtime.sensitivity.columns import Columns, select_columns
+from tensegrity_codegen.runtime.sensitivity.gauge import find_gauge, find_node_velocities, name_gauge
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.static_system import (
     REST_LENGTH_QUANTITIES,
     StaticSystem,
     build_system,
+    has_springs,
 )
-from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
-from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
-from tensegrity_codegen.runtime.statics.newton import Stability
-from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
-from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 
 __all__ = ["Sensitivity", "equilibrium_sensitivity"]
 
@@ -99,7 +96,8 @@ def equilibrium_sensitivity(
             "the tolerance is out of range", where="tolerance", given=tolerance, allowed="above 0, below 1"
         )
     problem = build_problem(model, arguments)
-    require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
+    if has_springs(model.manifest):
+        require_quantities(model, REST_LENGTH_QUANTITIES, "a sensitivity needs")
     names, chosen = select_columns(model, columns)
     point = _find_point(problem, equilibrium)
     system = build_system(problem, point)
@@ -125,12 +123,6 @@ def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | N
     return point
 
 
-def _distance_factor(problem: StaticProblem, point: Point) -> float:
-    """Return by how much rounding of positions exceeds that of lengths: far from the origin, more than 1."""
-    reach = float(np.abs(problem.node_position(point.coordinate)).max(initial=0.0))
-    return max(1.0, reach / point.longest) if point.longest else 1.0
-
-
 def _check_balance(problem: StaticProblem, point: Point, system: StaticSystem, tolerance: float) -> None:
     """Raise InvalidValueError for a state that is no equilibrium."""
     floor = problem.rounding_floor(system.stiffness, point)
@@ -150,15 +142,7 @@ def _check_balance(problem: StaticProblem, point: Point, system: StaticSystem, t
 def _solve(
     problem: StaticProblem, point: Point, system: StaticSystem, names: tuple[str, ...], chosen: Any
 ) -> Sensitivity:
-    far, size = _distance_factor(problem, point), float(abs(system.stiffness).sum(axis=0).max(initial=0.0))
-    position = problem.node_position(point.coordinate)
-    spread = float(np.linalg.norm(position - position.mean(axis=0)))
-    turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300) + EPSILON * far * size
-    rounding = SINGULAR * size + turned
-    motions = StaticProblem.rigid_motions(problem, point.coordinate)
-    if not isinstance(problem, BarProblem):
-        motions = problem.rigid_motions(point.coordinate)
-    gauge = find_neutral_motions(system.stiffness, motions, turned)
+    gauge, rounding = find_gauge(problem, point, system)
     border = sparse.vstack([system.constraint, system.hold(gauge)], format="csc")
     factors, is_regular = factorise(system.stiffness, border, gauge, max(rounding, 1e-300))
     eigenvalue, direction = factors.find_softest()
@@ -174,12 +158,12 @@ def _solve(
     return Sensitivity(
         coordinate=moved / system.scale[:, None],
         tension=tension,
-        node=_node_velocities(problem, point, moved),
+        node=find_node_velocities(problem, point, moved),
         coordinate_name=manifest.coordinate_name,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         column_name=names,
-        gauge=_name_gauge(problem, point, gauge, eigenvalue, direction),
+        gauge=name_gauge(problem, point, gauge, eigenvalue, direction),
         gauge_motion=gauge / system.scale[:, None],
         slack=_find_slack(problem, point, system),
         one_sided=_find_one_sided(problem, point, system),
@@ -188,26 +172,6 @@ def _solve(
         residual=point.node_force,
         largest_force=point.largest_force,
     )
-
-
-def _node_velocities(problem: StaticProblem, point: Point, moved: FloatArray) -> FloatArray:
-    """Return how nodes move along columns over the coordinates x, (n_nodes, 3, k)."""
-    if isinstance(problem, BarProblem):  # whose own directions keep the lengths of the bars
-        return StaticProblem.node_velocities(problem, point.coordinate, moved)
-    return problem.node_velocities(point.coordinate, moved)
-
-
-def _name_gauge(
-    problem: StaticProblem, point: Point, gauge: FloatArray, eigenvalue: float, direction: FloatArray
-) -> tuple[str, ...]:
-    if not gauge.shape[1]:
-        return ()
-    if isinstance(problem, BarProblem):
-        directions = problem.directions(point.coordinate)
-        gauge, direction = np.asarray(directions.T @ gauge), np.asarray(directions.T @ direction)
-    count = gauge.shape[1]
-    stability = Stability(abs(eigenvalue), direction, count, 0.0, eigenvalue, gauge)
-    return find_neutral(problem, point.coordinate, stability).names
 
 
 def _find_slack(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[str, ...]:
@@ -236,7 +200,7 @@ def _singular(
     problem: StaticProblem, point: Point, eigenvalue: float, rounding: float, direction: FloatArray
 ) -> SingularStiffnessError:
     """Return the error of a motion without resistance, with the nodes that move most in it."""
-    field = _node_velocities(problem, point, direction[:, None])[:, :, 0]
+    field = find_node_velocities(problem, point, direction[:, None])[:, :, 0]
     size = np.linalg.norm(field, axis=1)
     largest = np.argsort(-size, kind="stable")[:NAMED]
     unit = size.max(initial=0.0) or 1.0

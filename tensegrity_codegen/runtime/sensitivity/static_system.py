@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 
-__all__ = ["REST_LENGTH_QUANTITIES", "StaticSystem", "build_system"]
+__all__ = ["REST_LENGTH_QUANTITIES", "StaticSystem", "build_system", "has_springs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -80,7 +81,7 @@ def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
     x = point.coordinate
     scale = problem.scale if isinstance(problem, BodyProblem) else np.ones(len(x))
     per_metre = sparse.diags_array(1.0 / scale)
-    force, slope, by_place = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
+    force, slope, by_place = _find_springs(problem, x)
     if isinstance(problem, BarProblem):
         stiffness, constraint, bar = _with_bars(problem, point)
     else:
@@ -98,6 +99,20 @@ def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
         if isinstance(problem, BodyProblem)
         else None,
     )
+
+
+def has_springs(manifest: Manifest) -> bool:
+    """Return whether a member is a spring: only then are there the quantities of REST_LENGTH_QUANTITIES."""
+    return len(manifest.rigid_bar) < len(manifest.member_name)
+
+
+def _find_springs(problem: StaticProblem, x: FloatArray) -> tuple[Any, Any, Any]:
+    """Return df/drho, dt/drho and dt/dq over the model's coordinates."""
+    if has_springs(problem.model.manifest):
+        force, slope, by_place = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
+        return force, slope, by_place
+    count = len(problem.model.manifest.member_name)
+    return sparse.csc_array((len(x), count)), np.zeros(count), sparse.csc_array((count, len(x)))
 
 
 def _with_bars(problem: BarProblem, point: Point) -> tuple[Any, Any, IntArray]:

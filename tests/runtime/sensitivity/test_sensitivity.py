@@ -142,6 +142,24 @@ def test_rigid_bars_are_the_limit_of_stiff_ones() -> None:
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-5 * np.abs(other).max())
 
 
+def test_rigid_bars_alone() -> None:
+    """A triangle in its plane: each angle follows from the lengths."""
+    place = [[0, 0, 0], [1, 0, 0], [0.3, 0.8, 0]]
+    length = np.linalg.norm(np.diff([*place, place[0]], axis=0), axis=1)
+    members = [bar(k, (k + 1) % 3, float(length[k]), 0.0) for k in range(3)]
+    structure = make_structure(place, members, axes="xy")
+    request = ModelRequest((), formulation="rigid_bar")
+    model = build_library(structure, find_needs("sensitivity", structure, request).besides(request)).load()
+    found = equilibrium_sensitivity(model)
+    assert found.gauge == ("slide along x", "slide along y", "turn about z")
+    check_gauge(structure.node_position, found.node)
+    ends = structure.connectivity
+    along = (structure.node_position[ends[:, 0]] - structure.node_position[ends[:, 1]]) / length[:, None]
+    stretched = np.einsum("eak,ea->ek", found.node[ends[:, 0]] - found.node[ends[:, 1]], along)
+    np.testing.assert_allclose(stretched, np.eye(3), atol=1e-12)
+    assert np.abs(found.tension).max() < 1e-12
+
+
 FREE_BODIES = {
     "name": "boxes",
     "gravity": [0, 0, 0],
