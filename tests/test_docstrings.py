@@ -28,6 +28,7 @@ MODULES = (
     "runtime.analysis.member_limits",
     "runtime.analysis.prestress",
     "runtime.analysis.rank",
+    "runtime.control.motion",
     "runtime.linear.linearize",
     "runtime.model.model",
     "runtime.paths.bar_path",

@@ -1,0 +1,3 @@
+"""Timed motions of actuated structures, and feedback that holds them under disturbances."""
+
+__all__: list[str] = []

@@ -1,0 +1,112 @@
+"""A motion in time: coordinates, inputs and tensions at knots, and values in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly
+
+from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.structure.frozen import freeze_fields
+
+__all__ = ["Motion", "MotionPoint"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPoint:
+    """A motion at one time.
+
+    Attributes
+    ----------
+    coordinate, velocity, acceleration : ndarray, shape (n_coordinates,)
+        Coordinates and their derivatives.
+    input : ndarray, shape (n_inputs,)
+        Values of the model's inputs.
+    """
+
+    coordinate: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    input: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion of an actuated structure, at n_t knots.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_t,) [s]
+        Times of the knots, rising from 0.
+    coordinate, velocity, acceleration : ndarray, shape (n_t, n_coordinates)
+        Coordinates of the model [m, rad] and their derivatives.
+    rest_length : ndarray, shape (n_t, n_actuators) [m]
+        Rest length of the first member of each actuator.
+    input : ndarray, shape (n_t, n_inputs)
+        Values of all inputs of the model, as `simulate` takes them.
+    member_tension : ndarray, shape (n_t, n_members) [N]
+        Tensions.
+    peak_rate : ndarray, shape (n_actuators,) [m/s]
+        Largest rate of each actuator's rest length.
+    actuators : tuple of str
+        Names of the actuators.
+    input_name : tuple of str
+        Names of the inputs.
+    kinks : tuple of float [s]
+        Times at which the acceleration jumps.
+    """
+
+    time: FloatArray
+    coordinate: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    rest_length: FloatArray
+    input: FloatArray
+    member_tension: FloatArray
+    peak_rate: FloatArray
+    actuators: tuple[str, ...]
+    input_name: tuple[str, ...]
+    kinks: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+
+    @property
+    def duration(self) -> float:
+        """Time of the last knot [s]."""
+        return float(self.time[-1])
+
+    def profile(self) -> Profile:
+        """Return the inputs over time, a cubic spline through the knots, for ``simulate(schedule=...)``."""
+        values = {name: self.input[:, k] for k, name in enumerate(self.input_name)}
+        return Profile(self.time, values, "cubic")
+
+    def at(self, time: float) -> MotionPoint:
+        """Return the motion at a time [s]; before the first and after the last knot it is at rest there.
+
+        Coordinates are quintic polynomials between knots, with the positions, velocities and accelerations of
+        both, so that their second derivatives are continuous.
+        """
+        since = min(max(time, 0.0), self.duration)
+        q, v, a = (np.asarray(piece(since)) for piece in self._pieces)
+        if time < 0.0 or time > self.duration:
+            v, a = np.zeros_like(v), np.zeros_like(a)
+        value = self._profile.pieces.at(since) if self.input_name else np.zeros(0)
+        return MotionPoint(q, v, a, value)
+
+    @cached_property
+    def _profile(self) -> Profile:
+        return self.profile()
+
+    @cached_property
+    def _pieces(self) -> tuple[Any, Any, Any]:
+        """Piecewise polynomials of coordinates, velocities and accelerations."""
+        knots = np.stack([self.coordinate, self.velocity, self.acceleration], axis=1)
+        first = BPoly.from_derivatives(self.time, knots)
+        return first, first.derivative(), first.derivative(2)

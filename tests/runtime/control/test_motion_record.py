@@ -1,0 +1,58 @@
+"""The record of a motion in time: knots, values in between, inputs for simulate."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.runtime.control.motion import Motion
+
+
+@pytest.fixture
+def motion() -> Motion:
+    time = np.linspace(0.0, 2.0, 5)
+    share = time / 2.0
+    q = share**3 * (10 - 15 * share + 6 * share**2)
+    v = (30 * share**2 - 60 * share**3 + 30 * share**4) / 2.0
+    a = (60 * share - 180 * share**2 + 120 * share**3) / 4.0
+    return Motion(
+        time=time,
+        coordinate=q[:, None],
+        velocity=v[:, None],
+        acceleration=a[:, None],
+        rest_length=1.0 + q[:, None],
+        input=np.stack([np.zeros(5), time**3], axis=1),
+        member_tension=np.ones((5, 1)),
+        peak_rate=np.array([1.0]),
+        actuators=("motor",),
+        input_name=("push", "motor"),
+    )
+
+
+def test_a_quintic_is_itself_between_its_knots(motion: Motion) -> None:
+    for time in (0.1, 0.77, 1.5, 1.93):
+        s = time / 2.0
+        point = motion.at(time)
+        assert point.coordinate[0] == pytest.approx(s**3 * (10 - 15 * s + 6 * s**2), abs=1e-14)
+        assert point.velocity[0] == pytest.approx((30 * s**2 - 60 * s**3 + 30 * s**4) / 2, abs=1e-13)
+        assert point.acceleration[0] == pytest.approx((60 * s - 180 * s**2 + 120 * s**3) / 4, abs=1e-12)
+
+
+def test_inputs_follow_the_cubic_of_the_profile(motion: Motion) -> None:
+    profile = motion.profile()
+    assert set(profile.values) == {"push", "motor"}
+    assert motion.at(0.9).input == pytest.approx([0.0, 0.9**3], abs=1e-14)
+    assert profile(0.9)["motor"] == pytest.approx(0.9**3, abs=1e-14)
+
+
+def test_the_motion_is_at_rest_before_and_after(motion: Motion) -> None:
+    for time, q in ((-1.0, 0.0), (2.5, 1.0)):
+        point = motion.at(time)
+        assert point.coordinate[0] == pytest.approx(q, abs=1e-14)
+        assert point.velocity[0] == point.acceleration[0] == 0.0
+    assert motion.at(7.0).input[1] == pytest.approx(8.0)
+
+
+def test_arrays_of_a_motion_cannot_be_written(motion: Motion) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        motion.coordinate[0, 0] = 3.0
