@@ -20,6 +20,7 @@ VERBS += [
     "linearize",
     "load-path",
     "new",
+    "plan",
     "reconfigure",
     "report",
     "reproduce",

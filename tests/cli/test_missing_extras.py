@@ -73,3 +73,14 @@ print(json.dumps([judge_peer(case, ending, None).verdict, ending.message]))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == ["not able", "not installed: mujoco"]
+
+
+@pytest.mark.thorough
+def test_plans_name_the_solver_that_they_need(folder: Path, two_nodes: Path) -> None:
+    done = run_without("daqp", "plan", "two_nodes.toml", "--to", "n2.z=1", "--out", "a.csv", "--json")
+    assert done.returncode == 2, done.stderr
+    data = json.loads(done.stdout)
+    assert data["error"] == "MissingExtraError"
+    assert "'daqp'" in data["problem"]
+    assert data["hint"].startswith("pip install '.[control]'")
+    assert not (folder / "a.csv").exists()

@@ -110,6 +110,8 @@ class PlanResult:
         Rest length of the (first) member of each actuator.
     node_name, member_name, bar_pair_name : tuple of str
         Names of nodes, members, pairs of bars.
+    is_cable : ndarray of bool, shape (n_members,)
+        Which members are cables.
     node_position : ndarray, shape (n_steps, n_nodes, 3) [m]
         Positions of the nodes.
     member_tension : ndarray, shape (n_steps, n_members) [N]
@@ -145,6 +147,7 @@ class PlanResult:
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
     bar_pair_name: tuple[str, ...]
+    is_cable: NDArray[np.bool_]
     node_position: FloatArray
     member_tension: FloatArray
     bar_distance: FloatArray

@@ -134,7 +134,7 @@ class Path:
         if self.is_done:
             return False
         if made < self.least_progress * min(ask, share * self.most_pace):
-            self.failure = f"the limits leave {made:.3g} of the way for a step of {self.most_radius:.3g} m"
+            self.failure = f"the limits leave {made:.3g} of the way in a step, see `least_progress`"
             return True
         self.failure = "progress has died out"
         ago = self.points[max(len(self.points) - 1 - LAST, 0)].progress

@@ -79,6 +79,7 @@ def record_infeasible(
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         bar_pair_name=manifest.bar_pair_name,
+        is_cable=_find_cables(plan_model),
         node_position=np.zeros((0, len(manifest.node_name), 3)),
         member_tension=np.zeros((0, members)),
         bar_distance=np.zeros((0, pairs)),
@@ -128,6 +129,7 @@ def record_path(
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         bar_pair_name=manifest.bar_pair_name,
+        is_cable=_find_cables(plan_model),
         node_position=np.array([point.at.position for point in points]),
         member_tension=np.array([point.at.tension for point in points]),
         bar_distance=np.array([point.at.distance for point in points]),
@@ -140,6 +142,12 @@ def record_path(
         block=block,
         warnings=warnings,
     )
+
+
+def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
+    structure = plan_model.model.structure
+    assert structure is not None
+    return ~np.asarray(structure.is_bar)
 
 
 def _find_block(plan_model: PlanModel, path: Path) -> Block:
@@ -197,6 +205,6 @@ def _describe_block(path: Path, block: Block) -> str:
     more = len(block.binding) - NAMED
     what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
     return (
-        f"blocked at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
+        f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
         "Another path may exist"
     )

@@ -1,0 +1,178 @@
+"""`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.files import check_ending, check_output
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["VERB"]
+
+ToOption = Annotated[
+    list[str],
+    typer.Option(
+        "--to",
+        help="TARGET=VALUE: twist=165, tilt=10, height=250mm, 'member_length[\"c1\"]=0.2' and others "
+        "(docs/planning.md); may be repeated.",
+        show_default=False,
+    ),
+]
+ActuateOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--actuate",
+        help="What moves: cables, all, or a name of actuators, members, groups or classes; may be repeated; "
+        "default: the actuators of the scene.",
+        show_default=False,
+    ),
+]
+OutOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--out", "-o", help="Result file: .npz, or .csv for `simulate --profile`; may be repeated.",
+        show_default=False,
+    ),
+]  # fmt: skip
+StepsOption = Annotated[
+    int, typer.Option("--steps", min=1, help="Number of steps where nothing limits them.")
+]
+MostOption = Annotated[int, typer.Option("--max-steps", min=1, help="Largest number of steps and attempts.")]
+LeastOption = Annotated[
+    float,
+    typer.Option(
+        "--least-progress",
+        help="The path ends where limits leave less than this part of a step; 0: where they leave none.",
+    ),
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option("--duration", help="Time of the plan [s]; default: the shortest that the rates permit."),
+]
+
+
+def plan(
+    scene: SceneArgument,
+    to: ToOption,
+    actuate: ActuateOption = None,
+    input: InputOption = None,
+    steps: StepsOption = 20,
+    max_steps: MostOption = 200,
+    least_progress: LeastOption = 0.4,
+    duration: DurationOption = None,
+    out: OutOption = None,
+    overwrite: OverwriteOption = False,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Plan rest lengths that move a structure to a target, through stable equilibria within its limits.
+
+    The plan is found, proved infeasible, or blocked by limits that are named; a blocked path proves nothing
+    about others. Exit code 3 unless it is found.
+
+    Example: tensegrity-codegen plan prism12.toml --to twist=165 --out plan.csv
+    """
+    output = Output(json)
+    with output.guard(scene):
+        files = list(out or [])
+        _check_files(files, scene, overwrite)
+        subject, model, chosen = _compile(output, scene, to, actuate, compiler)
+        arguments = read_inputs(input, subject, output)
+        found = _plan(
+            output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
+            least_progress=least_progress, duration=duration,
+        )  # fmt: skip
+        _write(found, files)
+        if actuate and any(file.suffix.lower() == ".csv" for file in files):
+            output.warn(
+                "the scene needs [[actuators]] of these names for `simulate --profile` to follow the plan"
+            )
+        _report(output, subject, found, files)
+        if not found.is_found:
+            raise typer.Exit(3)
+
+
+def _check_files(files: Sequence[Path], scene: Path, overwrite: bool) -> None:
+    from tensegrity_codegen.runtime.planning.write_plan import ENDINGS
+
+    for file in files:
+        check_ending(file, *ENDINGS)
+        check_output(file, inputs=[scene], overwrite=overwrite)
+
+
+def _compile(
+    output: Output, scene: Path, to: Sequence[str], actuate: Sequence[str] | None, compiler: str | None
+) -> tuple[Subject, Any, tuple[str, ...] | None]:
+    """Return the structure with its actuators, its model, and the names of the actuators that move."""
+    from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
+    from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
+    from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
+    from tensegrity_codegen.runtime.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.structure.actuate import actuate_members
+
+    require_solver()
+    targets = read_targets(to)
+    quantities = find_target_quantities(targets)
+    subject, request = output.load(scene, settles=True)
+    chosen = None
+    if actuate:
+        subject, chosen = actuate_members(subject, actuate)
+    statics = with_statics(subject, request)
+    needs = find_needs("plan", subject, statics).alone(statics)
+    wanted = needs.wanting(*needs.quantities, *quantities)
+    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+
+
+def _plan(
+    output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
+) -> PlanResult:
+    from tensegrity_codegen.runtime.planning.plan import plan as run
+
+    found = run(model, list(to), actuators=chosen, **options)
+    for text in found.warnings:
+        output.warn(text)
+    return found
+
+
+def _write(found: PlanResult, files: Sequence[Path]) -> None:
+    from tensegrity_codegen.runtime.planning.write_plan import write_plan
+
+    for file in files:
+        write_plan(found, file)
+
+
+def _report(output: Output, subject: Subject, found: PlanResult, files: Sequence[Path]) -> None:
+    """Print the plan: targets, rest lengths, what limits it."""
+    from tensegrity_codegen.report.plans import (
+        actuators_table,
+        binding_table,
+        certificate_table,
+        describe_extremes,
+        describe_plan,
+        targets_table,
+    )
+
+    data = describe_plan(found) | {"out": [str(file) for file in files]}
+    name = subject.name
+    tables = [
+        build(found, name) for build in (targets_table, actuators_table, binding_table, certificate_table)
+    ]
+    lines = describe_extremes(found)
+    if found.time is not None:
+        lines.append(f"takes {found.time[-1]:.6g} s")
+    shown = [table for table in tables if table is not None]
+    output.result(data, *shown, *lines, f"{found.status}: {found.message}")
+
+
+VERB = Verb(plan, order=78)

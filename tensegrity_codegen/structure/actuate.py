@@ -1,0 +1,109 @@
+"""Actuators for structures that have none: one for each of some members."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownNameError, suggest
+from tensegrity_codegen.structure.actuators import Actuator
+from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
+from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+
+__all__ = ["ALL", "CABLES", "actuate_members"]
+
+ALL, CABLES = "all", "cables"
+
+Subject = Structure | BodySystem
+
+
+def actuate_members(structure: Subject, names: Sequence[str]) -> tuple[Subject, tuple[str, ...]]:
+    """Return a structure with an actuator for each of some members, and the names of these actuators.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    names : sequence of str
+        Names of actuators, members, groups or classes; ``"cables"`` stands for all cables, ``"all"`` for all
+        members that are not rigid.
+
+    Returns
+    -------
+    structure : Structure or BodySystem
+        The structure with an actuator of the name of the member for each member that is named, without limits
+        of rate and range. Members that have an actuator of their own keep it.
+    chosen : tuple of str
+        Names of the actuators that were named.
+
+    Raises
+    ------
+    UnknownNameError
+        An unknown name.
+    InvalidValueError
+        A member is named twice, or is rigid.
+    StructureError
+        An input has the name of the member.
+    """
+    chosen: list[str] = []
+    members: list[int] = []
+    for name in names:
+        if any(name == item.name for item in structure.actuators):
+            chosen.append(name)
+        else:
+            members += _find_members(structure, name)
+    own = {item.members[0]: item.name for item in structure.actuators if len(item.members) == 1}
+    fresh = [e for e in members if e not in own]
+    chosen += [own.get(e, structure.member_name[e]) for e in members]
+    for name in chosen:
+        if chosen.count(name) > 1:
+            raise InvalidValueError(
+                "a member or actuator is named twice", where="actuate", given=name, allowed="each once"
+            )
+    _check_names(structure, fresh)
+    added = tuple(Actuator(structure.member_name[e], (e,)) for e in fresh)
+    actuators = (*structure.actuators, *added)
+    if isinstance(structure, BodySystem):
+        moved = (BodyInput(item.name, "rest_length", item.members) for item in added)
+        return structure.with_changes(actuators=actuators, inputs=(*structure.inputs, *moved)), tuple(chosen)
+    pulled = (ActuatedInput(item.name, "rest_length", item.members) for item in added)
+    return structure.with_changes(actuators=actuators, inputs=(*structure.inputs, *pulled)), tuple(chosen)
+
+
+def _find_members(structure: Subject, name: str) -> list[int]:
+    """Return the members that a name stands for, without rigid ones where it stands for many."""
+    rigid = np.asarray(structure.mu) == 0
+    if name in structure.member_name:
+        e = structure.member_name.index(name)
+        if rigid[e]:
+            raise InvalidValueError(
+                "a rigid bar has no rest length to change", where="actuate", given=name,
+                allowed="members with stiffness",
+            )  # fmt: skip
+        return [e]
+    sets = {ALL: np.ones(len(rigid), dtype=bool), CABLES: ~np.asarray(structure.is_bar)}
+    for word in (*structure.groups, *structure.member_class):
+        rows = list(structure.groups.get(word, ()))
+        rows += [e for e, other in enumerate(structure.member_class) if other == word and e not in rows]
+        sets.setdefault(word, np.isin(np.arange(len(rigid)), rows))
+    if name not in sets:
+        known = [*(item.name for item in structure.actuators), *structure.member_name, *sets]
+        raise UnknownNameError(
+            "unknown member or actuator", where="actuate", given=name,
+            allowed="names of actuators, members, groups and classes; cables; all", hint=suggest(name, known),
+        )  # fmt: skip
+    return [int(e) for e in np.flatnonzero(sets[name] & ~rigid)]
+
+
+def _check_names(structure: Subject, members: list[int]) -> None:
+    taken = {item.name for item in structure.inputs}
+    for e in members:
+        if structure.member_name[e] in taken:
+            raise StructureError(
+                "an input has the name of the member already",
+                where="actuate",
+                given=structure.member_name[e],
+                allowed="a member without an input of its name",
+                hint="add it to [[actuators]] in the scene",
+            )
