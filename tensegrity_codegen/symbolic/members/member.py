@@ -103,14 +103,13 @@ class Member:
 
         The product comes before the quotient, so that a constant slope does not meet a constant mass.
         """
-        return self._minus_along(self.law.tension_by_rest_length())
+        slope = self.law.tension_by_rest_length()
+        return [-(slope * component) / self.length for component in self.vector]
 
     def static_rest_pull(self) -> Vector:
-        """Return the same without damping [N/m]."""
-        return self._minus_along(self.law.static_tension_by_rest_length())
-
-    def _minus_along(self, slope: Scalar) -> Vector:
-        return [-(slope * component) / self.length for component in self.vector]
+        """Return the same without damping [N/m]: no mass follows, and one quotient serves all components."""
+        density = -self.law.static_tension_by_rest_length() / self.length
+        return [density * component for component in self.vector]
 
     @property
     def tension_by_rest_length(self) -> Scalar:
@@ -119,8 +118,8 @@ class Member:
 
     def tension_gradient(self) -> Vector:
         """Return dt/dd, damping included, one component an axis [N/m]."""
-        slope = self.law.tension_by_length()
-        gradient = [slope * component / self.length for component in self.vector]
+        density = self.law.tension_by_length() / self.length
+        gradient = [density * component for component in self.vector]
         if not self.is_damped:
             return gradient
         by_rate = self.law.tension_by_rate()
