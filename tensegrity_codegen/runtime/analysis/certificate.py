@@ -242,7 +242,7 @@ def _describe(
     bar_change = float(np.abs(elongation[~tension_only]).max(initial=0.0))
     lengthening = float(cable.max(initial=0.0))
     work, error = float(load @ motion), max(bar_change, lengthening)
-    scale_of_work = float(np.abs(load) @ np.abs(motion))
+    scale_of_work = float(np.linalg.norm(load) * np.linalg.norm(motion))
     does_work = work > VERIFIED * scale_of_work
     is_proof = (len(shortening) > 0 or does_work) and work >= -VERIFIED * scale_of_work
     return Certificate(

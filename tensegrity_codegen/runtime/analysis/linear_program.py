@@ -48,14 +48,17 @@ def find_optimum(
 
     Notes
     -----
-    The solver's tolerances would blur the ends of ranges. So the problem is solved again for the change of x,
-    with the slack of the inequalities magnified a million times, twice (A. M. Gleixner, D. E. Steffy and
+    The solver's tolerances would blur the ends of ranges. So where its solution is not exact to rounding, the
+    problem is solved again for the change of x, with the slack of the inequalities magnified a million times,
+    twice (A. M. Gleixner, D. E. Steffy and
     K. Wolter, "Iterative refinement for linear programming", INFORMS Journal on Computing 28, 2016).
     """
     found = _solve(cost, rows, limit, None)
     if found is None:
         return None
     for round_ in range(1, rounds + 1):
+        if float((rows @ found - limit).max(initial=0.0)) <= ROUNDING:
+            break  # a vertex, exact to rounding
         zoom = ZOOM**round_
         slack = np.minimum((limit - rows @ found) / zoom, FARTHEST / ZOOM)
         change = _solve(cost, rows, slack, FARTHEST)

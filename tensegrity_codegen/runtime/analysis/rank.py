@@ -149,7 +149,7 @@ def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: floa
             f"the rank is not clear: the singular values at the gap, {relative[rank - 1]:.3g} and "
             f"{relative[rank]:.3g} of the largest, differ by a factor of {gap:.3g} only"
         )
-    if rank and relative[rank - 1] <= NEAR * tolerance:
+    if rank and rank == len(relative) and relative[rank - 1] <= NEAR * tolerance:
         return (
             f"the rank is not clear: the smallest singular value that counts as not zero is "
             f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}"

@@ -82,6 +82,31 @@ def test_exactly_one_of_prestress_and_certificate(seed) -> None:
             assert find_prestress(find_rank(part.matrix).selfstress, part.is_cable).is_found
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_exactly_one_of_prestress_and_certificate_under_loads(seed) -> None:
+    """Either all cables are in tension, or in a motion that shortens cables loads do no negative work."""
+    rng = np.random.default_rng(100 + seed)
+    n = int(rng.integers(4, 8))
+    pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if rng.random() < 0.9]
+    bars = int(rng.integers(0, len(pairs)))
+    structure = make_plain(rng.normal(size=(n, 3)), pairs[:bars], pairs[bars:])
+    matrix = structure.matrix[: 3 * n - 6]  # the last two nodes are held
+    found = find_rank(matrix)
+    pull = rng.normal(size=len(pairs))
+    pull[structure.is_cable] += rng.choice([0.0, 3.0])
+    load = matrix @ pull
+    tension, _ = found.find_tension(load)
+    prestress = find_prestress(found.selfstress, structure.is_cable, load_tension=tension)
+    proof = find_certificate(matrix, structure.is_cable, load=load, rank=found)
+    assert (proof is None) is prestress.is_found
+    if proof is None:
+        np.testing.assert_allclose(matrix @ prestress.tension, load, atol=1e-9 * np.abs(load).max())
+        assert prestress.tension[structure.is_cable].min() > 0
+    else:
+        check_proof(structure, proof)
+        assert load @ proof.displacement > -1e-9 * np.linalg.norm(load) * np.linalg.norm(proof.displacement)
+
+
 def test_a_weight_that_nothing_carries() -> None:
     """A node that hangs on one cable may swing: a load across it does work at constant lengths."""
     structure = make_plain([[0, 0, 0], [0, 0, 1]], [], [(0, 1)])
