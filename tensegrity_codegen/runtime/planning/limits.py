@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from tensegrity_codegen.runtime.planning.plan_point import PlanPoint
 from tensegrity_codegen.runtime.planning.slopes import Slopes
 from tensegrity_codegen.structure.limits import Limits
 
-__all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins"]
+__all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins", "keep_taut"]
 
 FloatArray = NDArray[np.float64]
 
@@ -117,6 +117,27 @@ def build_limits(model: CompiledModel, actuation: Actuation, limits: Limits | No
         actuation.least_change,
         actuation.most_change,
     )
+
+
+def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]) -> PlanLimits:
+    """Return the limits with least tension 0 for cables without one that are in tension at the start.
+
+    Parameters
+    ----------
+    limits : PlanLimits
+        The limits.
+    at : PlanPoint
+        The start.
+    tension_only : ndarray of bool, shape (n_members,)
+        Cables that can go slack.
+
+    Returns
+    -------
+    PlanLimits
+        Limits by which no cable goes slack: there the equilibria have a kink.
+    """
+    free = tension_only & (at.tension > 0) & ~np.isfinite(limits.least_tension)
+    return replace(limits, least_tension=np.where(free, 0.0, limits.least_tension))
 
 
 def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = None) -> Margins:

@@ -112,7 +112,8 @@ class Path:
         if step is None:
             return self._shorten("no step satisfies the limits to first order")
         if step.progress < LEAST_PROGRESS:
-            self.failure = "the limits leave no progress"
+            limited = "the limits leave no progress"
+            self.failure = limited if len(step.binding) else "no change of the rest lengths moves the target"
             return False
         reached = self._reach(here, step)
         if reached is None:

@@ -16,7 +16,13 @@ from tensegrity_codegen.runtime.planning.infeasible import (
     find_fixed_shape,
     find_shape_certificate,
 )
-from tensegrity_codegen.runtime.planning.limits import WITHIN, PlanLimits, build_limits, compute_margins
+from tensegrity_codegen.runtime.planning.limits import (
+    WITHIN,
+    PlanLimits,
+    build_limits,
+    compute_margins,
+    keep_taut,
+)
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.planning.path import Path, Progress
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
@@ -115,6 +121,8 @@ def plan(
         return record_infeasible(plan_model, bound, start.certificate, start.message)
     assert start.at is not None
     _check_start(plan_model, bounds, start.at)
+    assert model.structure is not None
+    bounds = keep_taut(bounds, start.at, np.asarray(model.structure.tension_only))
     _check_held(plan_model, bound, start.at)
     proof = _find_proof(plan_model, bounds, bound, start.at)
     if proof is not None:
@@ -135,7 +143,7 @@ def _follow(path: Path, max_steps: int, progress: Progress | None) -> None:
         if not can_go_on:
             return
     if not path.is_done:
-        path.failure = f"{max_steps} steps and attempts are used up (max_steps)"
+        path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
 
 
 def _record(

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.planning.actuation import Actuation
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
@@ -103,6 +104,7 @@ class PlanModel:
         self, model: CompiledModel, actuation: Actuation, arguments: Mapping[str, Any] | None = None
     ) -> None:
         self.model, self.actuation = model, actuation
+        self._scale: FloatArray | None = None
         self.arguments = merge_inputs(model.manifest, arguments)
         base = self.arguments.get(INPUT)
         self.base = np.array(model.nominal(INPUT).ravel() if base is None else base, dtype=float)
@@ -118,10 +120,17 @@ class PlanModel:
         """Values of the actuators' inputs in the scene or arguments, (n_actuators,) [m]."""
         return np.array(self.base[self.actuation.place])
 
-    def scale_of(self, at: PlanPoint) -> FloatArray:
-        """Return the coordinates of the static problem over those of the model, (n_coordinates,)."""
-        scale = getattr(self.problem(at.change), "scale", None)
-        return np.ones(len(at.coordinate)) if scale is None else np.asarray(scale, dtype=float)
+    def enter(self, coordinate: FloatArray) -> FloatArray:
+        """Return coordinates of the model as those of the static problems, and fix their scale for bodies."""
+        problem = self.problem(self.start)
+        entered = problem.enter(coordinate)
+        if isinstance(problem, BodyProblem):
+            self._scale = problem.scale
+        return entered
+
+    def scale(self, slope: FloatArray) -> FloatArray:
+        """Return derivatives (n_coordinates, k) of coordinates of the model as of the static problems."""
+        return slope if self._scale is None else np.asarray(self._scale[:, None] * slope)
 
     def directions(self, at: PlanPoint, columns: FloatArray) -> FloatArray:
         """Return directions (n_directions, k) of the static problem at a point as (n_coordinates, k)."""
@@ -138,7 +147,10 @@ class PlanModel:
 
     def problem(self, change: FloatArray) -> StaticProblem:
         """Return the static problem at these inputs."""
-        return build_problem(self.model, {**self.arguments, INPUT: self.inputs(change)})
+        problem = build_problem(self.model, {**self.arguments, INPUT: self.inputs(change)})
+        if isinstance(problem, BodyProblem) and self._scale is not None:
+            problem.scale = self._scale
+        return problem
 
     def find_point(self, change: FloatArray, coordinate: FloatArray, reach: float) -> PlanPoint | None:
         """Return the equilibrium near predicted coordinates.

@@ -95,7 +95,7 @@ def compute_slopes(
         change[column] += step
         return plan_model.problem(change), at.coordinate + step * moving[:, column]
 
-    moving = plan_model.scale_of(at)[:, None] * found.coordinate
+    moving = plan_model.scale(found.coordinate)
     step = STEP * at.point.longest
     distance, eigenvalue = np.zeros((0, count)), np.zeros((0, count))
     if plan_model.has_pairs:

@@ -53,8 +53,8 @@ def find_start(plan_model: PlanModel) -> Start:
         The stiffness at the start is singular.
     """
     model, change = plan_model.model, plan_model.start
+    stated = plan_model.enter(model.nominal("coordinate").ravel())
     problem = plan_model.problem(change)
-    stated = problem.enter(model.nominal("coordinate").ravel())
     point = problem.find_point(stated)
     longest = 1.0 if point is None else point.longest
     near = None if point is None else plan_model.find_point(change, stated, NEAR * longest)
@@ -70,13 +70,13 @@ def find_start(plan_model: PlanModel) -> Start:
         return Start(near)
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
     found = find_equilibrium(model, arguments=arguments)
-    at = plan_model.find_point(change, problem.enter(found.coordinate), NEAR * longest)
+    at = plan_model.find_point(change, plan_model.enter(found.coordinate), NEAR * longest)
     if at is None:
         raise StructureError(
-            "the stiffness of the start is singular",
+            "the equilibrium to start from is not found exactly enough",
             where=model.manifest.name,
-            given=f"smallest eigenvalue {found.smallest_eigenvalue:.3g} N/m",
-            allowed="a stable equilibrium",
+            given=f"residual {found.residual:.3g} N, smallest eigenvalue {found.smallest_eigenvalue:.3g} N/m",
+            allowed="a stable equilibrium with a regular stiffness",
             hint="anchor nodes, or give the structure prestress",
         )
     text = (

@@ -91,6 +91,13 @@ def test_the_multiplier_is_the_progress_for_a_unit_of_the_limit() -> None:
     assert eased.progress[-1] - found.progress[-1] == pytest.approx(gained, rel=0.01)
 
 
+def test_a_target_that_nothing_moves_is_named() -> None:
+    prism = build_prism(150.0, opposite=False)  # its twist is stationary
+    found = find_blocked(limit(actuate(prism)), "twist=155")
+    assert "no change of the rest lengths moves the target" in found.message
+    assert found.n_steps == 0
+
+
 # --- infeasible ------------------------------------------------------------------------------------
 
 
