@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
+    from tensegrity_codegen.runtime.control.motion import Motion
+    from tensegrity_codegen.runtime.control.time_motion import time_motion
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -41,8 +44,10 @@ __all__ = [
     "Analysis",
     "CompiledModel",
     "Equilibrium",
+    "EquilibriumPath",
     "LinearModel",
     "ModelRequest",
+    "Motion",
     "PlanResult",
     "Profile",
     "Sensitivity",
@@ -61,14 +66,17 @@ __all__ = [
     "read_profile",
     "simulate",
     "simulate_batch",
+    "time_motion",
 ]
 
 _HOME = {
     "Analysis": "runtime.analysis.analysis",
     "CompiledModel": "runtime.model.model",
     "Equilibrium": "runtime.statics.equilibrium",
+    "EquilibriumPath": "runtime.control.equilibrium_path",
     "LinearModel": "runtime.linear.linearize",
     "ModelRequest": "request",
+    "Motion": "runtime.control.motion",
     "PlanResult": "runtime.planning.outcome",
     "Profile": "runtime.profiles.profile",
     "Sensitivity": "runtime.sensitivity.record",
@@ -83,6 +91,7 @@ _HOME = {
     "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
+    "time_motion": "runtime.control.time_motion",
 }
 
 

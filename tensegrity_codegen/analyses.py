@@ -124,6 +124,12 @@ def _plan(structure: Subject, request: ModelRequest, method: str, rtol: float) -
     return Needs(quantities)
 
 
+def _time_motion(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    massless = isinstance(structure, Structure) and find_massless(structure).any()
+    moving = () if massless else ("acceleration", "mass_matrix", "member_tension", "equilibrium_matrix")
+    return Needs((*_plan(structure, request, method, rtol).quantities, *moving))
+
+
 # The analyses by the names of their functions.
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
@@ -134,6 +140,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "load_path": _load_path,
     "analyse": _analyse,
     "plan": _plan,
+    "time_motion": _time_motion,
 }
 
 

@@ -60,6 +60,10 @@ class Motion:
         Names of the inputs.
     kinks : tuple of float [s]
         Times at which the acceleration jumps.
+    shortest_duration : float [s]
+        Shortest duration that the rates of the actuators permit; 0 where nothing limits them.
+    path_error : float [m]
+        Largest distance of a node between the path and the equilibria that it leads through.
     """
 
     time: FloatArray
@@ -73,6 +77,8 @@ class Motion:
     actuators: tuple[str, ...]
     input_name: tuple[str, ...]
     kinks: tuple[float, ...] = ()
+    shortest_duration: float = 0.0
+    path_error: float = 0.0
 
     def __post_init__(self) -> None:
         freeze_fields(self)
@@ -82,10 +88,30 @@ class Motion:
         """Time of the last knot [s]."""
         return float(self.time[-1])
 
-    def profile(self) -> Profile:
-        """Return the inputs over time, a cubic spline through the knots, for ``simulate(schedule=...)``."""
+    def profile(self, t_end: float | None = None) -> Profile:
+        """Return the inputs over time, a cubic spline through the knots, for ``simulate(schedule=...)``.
+
+        Parameters
+        ----------
+        t_end : float, optional
+            Time up to which the last values are held [s]; by default the end of the motion.
+
+        Returns
+        -------
+        Profile
+            Of all inputs of the model.
+        """
         values = {name: self.input[:, k] for k, name in enumerate(self.input_name)}
-        return Profile(self.time, values, "cubic")
+        if t_end is None or t_end <= self.duration:
+            return Profile(self.time, values, "cubic")
+        time = np.append(self.time, [self.duration, t_end])
+        held = {name: np.append(value, [value[-1], value[-1]]) for name, value in values.items()}
+        return Profile(time, held, "cubic")
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the arrays by name, for an ``.npz`` file."""
+        found = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return found | {"actuator_name": np.array(self.actuators), "input_name": np.array(self.input_name)}
 
     def at(self, time: float) -> MotionPoint:
         """Return the motion at a time [s]; before the first and after the last knot it is at rest there.

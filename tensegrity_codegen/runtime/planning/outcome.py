@@ -122,6 +122,8 @@ class PlanResult:
         Of the stiffness without neutral rigid motions.
     residual : ndarray, shape (n_steps,) [N]
         Largest node residual.
+    coordinate : ndarray, shape (n_steps, n_coordinates)
+        Coordinates of the model.
     binding : tuple of tuple of Binding
         Limits that bound the step to each point.
     time : ndarray, shape (n_steps,) [s], or None
@@ -153,6 +155,7 @@ class PlanResult:
     bar_distance: FloatArray
     smallest_eigenvalue: FloatArray
     residual: FloatArray
+    coordinate: FloatArray
     binding: tuple[tuple[Binding, ...], ...]
     time: FloatArray | None = None
     block: Block | None = None

@@ -85,6 +85,7 @@ def record_infeasible(
         bar_distance=np.zeros((0, pairs)),
         smallest_eigenvalue=none,
         residual=none,
+        coordinate=np.zeros((0, len(manifest.coordinate_name))),
         binding=(),
         certificate=proof,
     )
@@ -135,6 +136,7 @@ def record_path(
         bar_distance=np.array([point.at.distance for point in points]),
         smallest_eigenvalue=np.array(lowest),
         residual=np.array([point.at.point.node_force for point in points]),
+        coordinate=np.array([point.at.model_coordinate for point in points]),
         binding=tuple(
             _bindings(plan_model, point.margins, point.binding, point.multiplier) for point in points
         ),
