@@ -53,7 +53,7 @@ def test_text_names_the_gauge_and_what_is_slack(run: Run, prism: Path) -> None:
     [
         (["--node", "c"], "unknown node"),
         (["--member", "c"], "unknown member"),
-        (["--by", "c"], "unknown member or input"),
+        (["--by", "c"], "--by: unknown member or input"),
         (["--by", "s1", "--by", "s1"], "given twice"),
         (["--input", "u=1"], "no inputs"),
         (["--load", "c=1,0,0"], "unknown node"),

@@ -60,7 +60,7 @@ def sensitivity(
     scene: SceneArgument,
     node: NodeOption = None,
     member: MemberOption = None,
-    by: ByOption = None,
+    columns: ByOption = None,
     most: Annotated[int, typer.Option(min=1, help="Entries of each list.")] = 5,
     load: LoadOption = None,
     input: InputOption = None,
@@ -91,7 +91,7 @@ def sensitivity(
         if added.any():
             axes = list(subject.axes)
             arguments["node_load"] = (subject.node_load + added)[:, axes]
-        found = _find(output, subject, request, arguments, columns=by or None, compiler=compiler)
+        found = _find(output, subject, request, arguments, columns=columns or None, compiler=compiler)
         if out is not None:
             write_sensitivity(found, out)
         _report(output, found, node or [], member or [], most, out)
