@@ -130,12 +130,12 @@ def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) 
     axes = structure.axes
     columns = (Column("node", numeric=False), *(Column("xyz"[axis]) for axis in axes))
     rows = tuple(
-        (text_cell(name), *(number_cell(float(motion[n, axis]), "+.9f") for axis in axes))
+        (text_cell(name), *(number_cell(float(motion[n, axis]), "+.6f") for axis in axes))
         for n, name in enumerate(structure.node_name)
     )
     moved = Table("Displacements d of the nodes, for a largest shortening of 1", columns, rows)
     rows = tuple(
-        (text_cell(name), number_cell(float(proof.elongation[e]), "+.9f"))
+        (text_cell(name), number_cell(float(proof.elongation[e]), "+.6f"))
         for e, name in enumerate(member_name)
     )
     note = (

@@ -139,6 +139,7 @@ def test_coincident_nodes_are_named(run: Run, folder: Path) -> None:
     assert "s1" in ended.data["where"]
 
 
+@pytest.mark.thorough
 def test_a_scene_in_node_distances_far_away(run: Run, folder: Path) -> None:
     """It is analysed in node positions, near the origin; positions are those of the scene."""
     text = read_example("planar").replace("[model]\n", '[model]\nformulation = "node_distance"\n')

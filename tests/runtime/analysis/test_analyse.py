@@ -9,7 +9,7 @@ from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tests.reference import ReferenceModel
-from tests.runtime.build import bar, cable, make_structure, prism
+from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference
 
 DOWN = (0.0, 0.0, -10.0)
@@ -112,6 +112,19 @@ def test_the_sign_of_bars_is_chosen_for_stability() -> None:
     assert found.status == "stable"
     assert found.prestress.tension.min() > 0
     assert len(found.parts) == 1 or "parts that no members join" in found.warnings[0]
+
+
+@pytest.mark.parametrize(("rest", "status"), [(1.0, "stable"), (1.005, "stable"), (1.02, "unstable")])
+def test_a_column_that_buckles_between_its_springs(rest, status) -> None:
+    """Two bars in line, held sideways by 1,000 N/m, are stable up to a compression of 500 N."""
+    points = [[-1, 0, 0], [0, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, -1]]
+    members = [bar(0, 1, rest), bar(1, 2, rest), spring(1, 3, 1.0, 500.0), spring(1, 4, 1.0, 500.0)]
+    anchored = dict.fromkeys((0, 2, 3, 4), "xz")
+    found = of(make_structure(points, members, axes="xz", anchored=anchored))
+    assert found.is_balanced
+    assert found.status == status
+    assert found.smallest_eigenvalue == pytest.approx(1000 - 2 * 1e5 * (rest - 1.0), rel=1e-6, abs=1e-6)
+    assert ("unstable equilibrium" in found.message) is (status == "unstable")
 
 
 def test_a_four_bar_linkage_is_not_held_by_anything() -> None:
