@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tensegrity_codegen.runtime.profiles.profile import Profile
 __all__ = ["DrivenArguments", "bind_profile", "check_not_constant"]
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 SAME_TIME = 1e-12  # of t_end, by which rounding may have a profile end before it
 
@@ -42,9 +44,18 @@ class DrivenArguments:
     def put(self, values: FloatArray) -> dict[str, FloatArray]:
         """Return the arguments that change, by name, with these values (n_values,)."""
         found = {name: array.copy() for name, array in self.base.items()}
-        for (name, k), value in zip(self.place, values, strict=True):
-            found[name].reshape(-1)[k] = value
+        for name, (index, column) in self._columns.items():
+            found[name].reshape(-1)[index] = values[column]
         return found
+
+    @cached_property
+    def _columns(self) -> dict[str, tuple[IntArray, IntArray]]:
+        """Of each argument, the indices of its numbers that change, and their columns among the values."""
+        rows = {
+            name: [(k, at) for at, (own, k) in enumerate(self.place) if own == name] for name in self.base
+        }
+        pairs = {name: np.array(row, dtype=np.int64) for name, row in rows.items()}
+        return {name: (pair[:, 0], pair[:, 1]) for name, pair in pairs.items()}
 
 
 def bind_profile(

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
-from tensegrity_codegen.runtime.profiles.laws import check_laws
+from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 
@@ -104,6 +104,7 @@ def read_schedule(
         )
     if isinstance(schedule, Profile):
         bound = bind_profile(model, schedule, arguments, t_end)
+        check_rigid(model, bound)
         _check_method(model, options.method, bound)
         return bound
     _check_method(model, options.method, schedule)

@@ -1,0 +1,93 @@
+"""The C of docs/embedding.md that drives a motor beside `simulate`; libraries with profiles, and without."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen import Profile, load_scene, simulate
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.structure.structure import Structure
+from tests.codegen.build_c import STRICT, require_cpp, run, write_files
+from tests.codegen.compilers import require_compiler
+from tests.codegen.subjects import bare, everything, in_single_precision
+
+ROOT = Path(__file__).resolve().parents[2]
+SECTION = "### Arguments over time"
+MAIN = """
+#include <stdio.h>
+#include <string.h>
+#include "prism12.h"
+int main(void)
+{
+  int k;
+  BODY
+  for (k = 0; k < PRISM12_N_STATES; ++k) printf("%.17g\\n", state[k]);
+  printf("%d %.17g\\n", status, time);
+  return 0;
+}
+"""
+
+
+def test_the_documented_c_drives_the_motor_as_simulate_does(tmp_path: Path) -> None:
+    text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split(SECTION)[1]
+    found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
+    assert found is not None
+    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism12.toml")
+    request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk853",))
+    write_files(tmp_path, emit(structure, request).files)
+    (tmp_path / "main.c").write_text(MAIN.replace("BODY", found[1]), encoding="utf-8")
+    command = [*require_compiler("gcc").command, "-std=c99", "-O0", *STRICT]
+    run([*command, "main.c", "prism12.c", "-lm", "-o", "main"], tmp_path)
+    *state, (status, time) = [
+        line.split() for line in run([str(tmp_path / "main")], tmp_path).stdout.splitlines()
+    ]
+    assert (int(status), float(time)) == (0, 1.0)
+    pull = Profile([0.0, 0.1, 0.3, 1.0], {"v1": [0.0, 0.0, -0.01, -0.01]})
+    model = build_library(structure, request).load()
+    driven = simulate(
+        model, 1.0, samples=2, method="rk853", rtol=1e-8, atol=1e-10, control="steps", schedule=pull
+    )
+    expected = np.concatenate([driven.coordinate[-1], driven.velocity[-1]])
+    np.testing.assert_allclose([float(word[0]) for word in state], expected, atol=1e-9)
+    assert np.abs(driven.velocity[-1]).max() > 1e-3
+
+
+def write_library(folder: Path, structure: Structure, request: object) -> list[str]:
+    """Write the C of a library; returns its source files."""
+    files = emit(structure, request).files  # type: ignore[arg-type]
+    write_files(folder, files)
+    return [name for name in files if name.endswith(".c") and name != "example.c"]
+
+
+@pytest.mark.parametrize(
+    "case", ["all", "no events", "single", pytest.param("batches", marks=pytest.mark.thorough)]
+)
+def test_libraries_with_profiles_compile_without_a_warning(case: str, tmp_path: Path) -> None:
+    structure, request = in_single_precision(everything) if case == "single" else everything()
+    request = replace(request, quantities=("acceleration",))
+    if case == "no events":
+        request = replace(request, events=())
+    if case == "batches":
+        request = replace(request, batch_width=8)
+    for integrators in (request.integrators, ("rk4",)):
+        folder = tmp_path / "_".join(integrators)
+        folder.mkdir()
+        sources = write_library(folder, structure, replace(request, integrators=integrators))
+        header = (folder / f"{structure.name}.h").read_text()
+        assert f"}} {structure.name}_profile;" in header
+        gcc = [*require_compiler("gcc").command, "-std=c99"]
+        for command in (gcc, [*require_cpp("g++"), "-std=c++11", "-x", "c++"]):
+            run([*command, "-O0", *STRICT, "-c", *sources], folder)
+
+
+def test_a_library_without_inputs_has_no_profiles() -> None:
+    structure, request = bare()
+    source = emit(structure, replace(request, integrators=("rk4", "rk54")))
+    assert source.manifest.driven == ()
+    assert not any("profile" in text for name, text in source.files.items() if name.endswith((".c", ".h")))
