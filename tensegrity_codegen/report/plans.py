@@ -108,8 +108,9 @@ def describe_extremes(found: PlanResult) -> list[str]:
     lines = []
     if data["largest_tension"] is not None:
         lines.append(
-            f"tensions from {data['least_tension']['value']:.6g} N ({data['least_tension']['member']}, "
-            f"cables) to {data['largest_tension']['value']:.6g} N ({data['largest_tension']['member']})"
+            f"tensions of cables from {data['least_tension']['value']:.6g} N "
+            f"({data['least_tension']['member']}) to {data['largest_tension']['value']:.6g} N "
+            f"({data['largest_tension']['member']})"
         )
     if data["least_distance"] is not None:
         lines.append(

@@ -42,6 +42,13 @@ def test_a_plan_is_found_written_and_followed_by_a_motion(run: Run, folder: Path
         np.testing.assert_allclose(file["input"][-1], change[-1], atol=1e-12)
 
 
+def test_a_page_is_written(run: Run, folder: Path, prism12: Path) -> None:
+    pytest.importorskip("matplotlib")
+    data = run("plan", prism12, "--to", "twist=156", "--steps", 2, "--page", "plan.html", "--json").data
+    assert data["page"] == "plan.html"
+    assert "<svg" in (folder / "plan.html").read_text(encoding="utf-8")
+
+
 def test_text_names_targets_rest_lengths_and_the_outcome(run: Run, prism12: Path) -> None:
     ended = run("plan", prism12, "--to", "twist=156", "--steps", 2)
     assert ended.code == 0

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.extras import require_plot
+from tensegrity_codegen.files import check_ending, check_output, replaced
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -45,6 +48,10 @@ OutOption = Annotated[
         show_default=False,
     ),
 ]  # fmt: skip
+PageOption = Annotated[
+    Path | None,
+    typer.Option("--page", help="Write a page with shapes, tensions, clearances and what binds (.html)."),
+]
 StepsOption = Annotated[
     int, typer.Option("--steps", min=1, help="Number of steps where nothing limits them.")
 ]
@@ -72,6 +79,7 @@ def plan(
     least_progress: LeastOption = 0.4,
     duration: DurationOption = None,
     out: OutOption = None,
+    page: PageOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -86,7 +94,7 @@ def plan(
     output = Output(json)
     with output.guard(scene):
         files = list(out or [])
-        _check_files(files, scene, overwrite)
+        _check_files(files, page, scene, overwrite)
         subject, model, chosen = _compile(output, scene, to, actuate, compiler)
         arguments = read_inputs(input, subject, output)
         found = _plan(
@@ -94,21 +102,27 @@ def plan(
             least_progress=least_progress, duration=duration,
         )  # fmt: skip
         _write(found, files)
+        if page is not None:
+            _write_page(found, subject, page)
         if actuate and any(file.suffix.lower() == ".csv" for file in files):
             output.warn(
                 "the scene needs [[actuators]] of these names for `simulate --profile` to follow the plan"
             )
-        _report(output, subject, found, files)
+        _report(output, subject, found, {"out": [str(file) for file in files], "page": page})
         if not found.is_found:
             raise typer.Exit(3)
 
 
-def _check_files(files: Sequence[Path], scene: Path, overwrite: bool) -> None:
+def _check_files(files: Sequence[Path], page: Path | None, scene: Path, overwrite: bool) -> None:
     from tensegrity_codegen.runtime.planning.write_plan import ENDINGS
 
     for file in files:
         check_ending(file, *ENDINGS)
         check_output(file, inputs=[scene], overwrite=overwrite)
+    if page is not None:
+        check_ending(page, ".html")
+        check_output(page, inputs=[scene], overwrite=overwrite)
+        require_plot()
 
 
 def _compile(
@@ -152,7 +166,19 @@ def _write(found: PlanResult, files: Sequence[Path]) -> None:
         write_plan(found, file)
 
 
-def _report(output: Output, subject: Subject, found: PlanResult, files: Sequence[Path]) -> None:
+def _write_page(found: PlanResult, subject: Subject, path: Path) -> None:
+    """Write the page, whole or not at all."""
+    from tensegrity_codegen.report.pages.render_page import render_page
+    from tensegrity_codegen.report.plan_page import build_plan_page
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    found = replace(found, message=name_options(found.message))
+    text = render_page(build_plan_page(found, outline_bodies(subject), subject.limits))
+    with replaced(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _report(output: Output, subject: Subject, found: PlanResult, files: dict[str, Any]) -> None:
     """Print the plan: targets, rest lengths, what limits it."""
     from tensegrity_codegen.report.plans import (
         actuators_table,
@@ -163,7 +189,7 @@ def _report(output: Output, subject: Subject, found: PlanResult, files: Sequence
         targets_table,
     )
 
-    data = describe_plan(found) | {"out": [str(file) for file in files]}
+    data = describe_plan(found) | files | {"page": None if files["page"] is None else str(files["page"])}
     name = subject.name
     tables = [
         build(found, name) for build in (targets_table, actuators_table, binding_table, certificate_table)

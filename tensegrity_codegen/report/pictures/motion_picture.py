@@ -26,13 +26,25 @@ SHOWN = 0.16  # largest displacement in a picture, over the longest side of the 
 AREA = 11.0  # of a picture's panel [in2]
 
 
-def draw_tensions(structure: Structure, position: FloatArray, tension: FloatArray, name: str) -> Figure:
+def draw_tensions(
+    structure: Structure,
+    position: FloatArray,
+    tension: FloatArray,
+    name: str,
+    *,
+    among: tuple[FloatArray, FloatArray] | None = None,
+) -> Figure:
     """Return a picture of the structure at position (n_nodes, 3) [m], coloured by tensions (n_members,).
 
-    name: of the tensions, with their unit.
+    name: of the tensions, with their unit; among: positions (n, n_nodes, 3) and tensions (n, n_members) that
+    pictures of the same view and colours show.
     """
-    box = find_box(position, structure.axes)
-    view, limit = fit_view(structure, box, position), find_tension_limit(tension)
+    places, tensions = (position, tension) if among is None else among
+    box = find_box(places.reshape(-1, 3), structure.axes)
+    view, limit = (
+        fit_view(structure, box, places.reshape(-1, *position.shape)[0]),
+        find_tension_limit(tensions),
+    )
     figure = new_figure(*picture_size(view, box, with_bar=limit is not None, area=AREA))
     axes = figure.add_subplot()
     draw_frame(axes, view, box)

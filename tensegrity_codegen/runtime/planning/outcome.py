@@ -11,9 +11,20 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.planning.infeasible import Contradiction
 
-__all__ = ["Binding", "Block", "PlanResult"]
+__all__ = ["LIMIT_WORDS", "Binding", "Block", "PlanResult"]
 
 FloatArray = NDArray[np.float64]
+
+# Limits in words.
+LIMIT_WORDS = {
+    "least_tension": "least tension",
+    "most_tension": "largest tension",
+    "yield": "yield stress",
+    "buckling": "buckling",
+    "clearance": "clearance",
+    "range": "range of rest lengths",
+    "least_stiffness": "smallest eigenvalue of the stiffness",
+}
 
 
 @dataclass(frozen=True)
@@ -132,6 +143,8 @@ class PlanResult:
         Where a blocked path ends.
     certificate : Certificate, Contradiction or None
         The proof of ``"infeasible"``.
+    proof_position, proof_displacement : ndarray, shape (n_nodes, 3) [m, 1], or None
+        The shape that has no such tensions, and the displacements of its nodes that prove it.
     warnings : tuple of str
         What to check.
     """
@@ -160,6 +173,8 @@ class PlanResult:
     time: FloatArray | None = None
     block: Block | None = None
     certificate: Certificate | Contradiction | None = None
+    proof_position: FloatArray | None = None
+    proof_displacement: FloatArray | None = None
     warnings: tuple[str, ...] = field(default=())
 
     @property

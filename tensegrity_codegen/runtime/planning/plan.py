@@ -118,7 +118,7 @@ def plan(
     bounds = build_limits(model, actuation, limits)
     start = find_start(plan_model)
     if start.certificate is not None:
-        return record_infeasible(plan_model, bound, start.certificate, start.message)
+        return record_infeasible(plan_model, bound, start.certificate, start.message, start.shape)
     assert start.at is not None
     _check_start(plan_model, bounds, start.at)
     assert model.structure is not None
@@ -156,11 +156,11 @@ def _record(
 
 def _find_proof(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
-) -> tuple[Any, str] | None:
+) -> tuple[Any, str, FloatArray | None] | None:
     """Return the proof that no plan exists, and a sentence; None where there is none."""
     contradiction = find_contradiction(plan_model, limits, targets)
     if contradiction is not None:
-        return contradiction, contradiction.message
+        return contradiction, contradiction.message, None
     problem = plan_model.problem(start.change)
     shape = find_fixed_shape(problem, targets, start.coordinate, start.neutral)
     if shape is None:
@@ -168,10 +168,11 @@ def _find_proof(
     certificate, _ = find_shape_certificate(plan_model, problem, shape)
     if certificate is None:
         return None
-    return certificate, (
+    text = (
         "the targets fix the whole shape, and at that shape no tensions with all cables in tension are in "
         "balance"
     )
+    return certificate, text, shape
 
 
 def _check_options(steps: int, max_steps: int, least_progress: float, duration: float | None) -> None:

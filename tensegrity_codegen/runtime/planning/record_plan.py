@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.planning.infeasible import Contradiction
 from tensegrity_codegen.runtime.planning.limits import Margins, PlanLimits
-from tensegrity_codegen.runtime.planning.outcome import Binding, Block, PlanResult
+from tensegrity_codegen.runtime.planning.outcome import LIMIT_WORDS, Binding, Block, PlanResult
 from tensegrity_codegen.runtime.planning.path import Path
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.planning.targets.targets import Targets
+from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 
 __all__ = ["describe_margin", "record_infeasible", "record_path"]
 
@@ -21,15 +22,6 @@ IntArray = NDArray[np.int64]
 UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
 SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
 NAMED = 6  # limits that a message names
-WORDS = {
-    "least_tension": "least tension",
-    "most_tension": "largest tension",
-    "yield": "yield stress",
-    "buckling": "buckling",
-    "clearance": "clearance",
-    "range": "range of rest lengths",
-    "least_stiffness": "smallest eigenvalue of the stiffness",
-}
 
 
 def describe_margin(
@@ -38,11 +30,15 @@ def describe_margin(
     """Return a limit that is exceeded: which, of what, by how much."""
     kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
     name = _name(plan_model, kind, int(margins.index[row]))
-    return f"{WORDS[kind]}{' of ' + name if name else ''}: exceeded by {-margins.value[row]:.6g} {unit}"
+    return f"{LIMIT_WORDS[kind]}{' of ' + name if name else ''}: exceeded by {-margins.value[row]:.6g} {unit}"
 
 
 def record_infeasible(
-    plan_model: PlanModel, targets: Targets, proof: Certificate | Contradiction, message: str
+    plan_model: PlanModel,
+    targets: Targets,
+    proof: Certificate | Contradiction,
+    message: str,
+    shape: FloatArray | None = None,
 ) -> PlanResult:
     """Return the record of a plan that provably does not exist.
 
@@ -56,6 +52,8 @@ def record_infeasible(
         The proof.
     message : str
         A sentence.
+    shape : ndarray, shape (n_coordinates,), optional
+        Coordinates at which displacements prove it.
 
     Returns
     -------
@@ -65,6 +63,11 @@ def record_infeasible(
     manifest = plan_model.model.manifest
     count, members, pairs = len(plan_model.columns), len(manifest.member_name), len(manifest.bar_pair)
     none = np.zeros(0)
+    position = moved = None
+    if shape is not None and isinstance(proof, Certificate):
+        problem = plan_model.problem(plan_model.start)
+        position = problem.node_position(shape)
+        moved = StaticProblem.node_velocities(problem, shape, proof.displacement[:, None])[:, :, 0]
     return PlanResult(
         status="infeasible",
         message=message,
@@ -88,6 +91,8 @@ def record_infeasible(
         coordinate=np.zeros((0, len(manifest.coordinate_name))),
         binding=(),
         certificate=proof,
+        proof_position=position,
+        proof_displacement=moved,
     )
 
 
@@ -200,7 +205,7 @@ def _describe_block(path: Path, block: Block) -> str:
     ]
     names: dict[str, list[str]] = {}
     for item in block.binding[:NAMED]:
-        names.setdefault(WORDS[item.limit], []).append(item.name)
+        names.setdefault(LIMIT_WORDS[item.limit], []).append(item.name)
     bound = "; ".join(
         f"{kind} of {', '.join(n for n in who if n)}".removesuffix(" of ") for kind, who in names.items()
     )

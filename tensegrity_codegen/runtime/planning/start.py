@@ -28,6 +28,7 @@ class Start:
     at: PlanPoint | None
     certificate: Certificate | None = None
     message: str = ""
+    shape: FloatArray | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -65,7 +66,7 @@ def find_start(plan_model: PlanModel) -> Start:
                 "at the stated shape no tensions with all cables in tension are in balance, whatever "
                 "the rest lengths: no plan starts from it"
             )
-            return Start(None, certificate, message)
+            return Start(None, certificate, message, stated)
     if near is not None:
         return Start(near)
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
