@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.runtime.control.closed_loop import simulate_control
+    from tensegrity_codegen.runtime.control.design.gains import Gains
     from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
+    from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
+    from tensegrity_codegen.runtime.control.loop.disturbances import Gust
+    from tensegrity_codegen.runtime.control.lqr import design_lqr
     from tensegrity_codegen.runtime.control.motion import Motion
     from tensegrity_codegen.runtime.control.time_motion import time_motion
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
@@ -43,8 +48,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Analysis",
     "CompiledModel",
+    "ControlRun",
     "Equilibrium",
     "EquilibriumPath",
+    "Gains",
+    "Gust",
     "LinearModel",
     "ModelRequest",
     "Motion",
@@ -58,6 +66,7 @@ __all__ = [
     "analyse",
     "build_library",
     "compile_scene",
+    "design_lqr",
     "equilibrium_sensitivity",
     "find_equilibrium",
     "linearize",
@@ -66,14 +75,18 @@ __all__ = [
     "read_profile",
     "simulate",
     "simulate_batch",
+    "simulate_control",
     "time_motion",
 ]
 
 _HOME = {
     "Analysis": "runtime.analysis.analysis",
     "CompiledModel": "runtime.model.model",
+    "ControlRun": "runtime.control.loop.control_run",
     "Equilibrium": "runtime.statics.equilibrium",
     "EquilibriumPath": "runtime.control.equilibrium_path",
+    "Gains": "runtime.control.design.gains",
+    "Gust": "runtime.control.loop.disturbances",
     "LinearModel": "runtime.linear.linearize",
     "ModelRequest": "request",
     "Motion": "runtime.control.motion",
@@ -84,6 +97,7 @@ _HOME = {
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "analyse": "runtime.analysis.analyse",
+    "design_lqr": "runtime.control.lqr",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
@@ -92,6 +106,7 @@ _HOME = {
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
     "time_motion": "runtime.control.time_motion",
+    "simulate_control": "runtime.control.closed_loop",
 }
 
 

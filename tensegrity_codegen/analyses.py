@@ -6,9 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.accuracy.choice import integrators_for
+from tensegrity_codegen.runtime.control.loop.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
 from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
@@ -130,6 +133,21 @@ def _time_motion(structure: Subject, request: ModelRequest, method: str, rtol: f
     return Needs((*_plan(structure, request, method, rtol).quantities, *moving))
 
 
+def _control(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    linear = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
+    quantities = (*linear, *CONTROL_QUANTITIES)
+    if isinstance(structure, BodySystem):
+        quantities += ("node_position", "node_velocity", "node_jacobian")
+    cable = structure.tension_only
+    loaded = range(structure.n_nodes)
+    parameters = {
+        "axial_stiffness": tuple(np.flatnonzero(cable & (structure.axial_stiffness > 0)).tolist()),
+        "spring_constant": tuple(np.flatnonzero(cable & (structure.spring_constant > 0)).tolist()),
+        "node_load": tuple(loaded),
+    }
+    return Needs(quantities, (CONTROL_METHOD,), {key: rows for key, rows in parameters.items() if rows})
+
+
 # The analyses by the names of their functions.
 ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
@@ -141,6 +159,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "analyse": _analyse,
     "plan": _plan,
     "time_motion": _time_motion,
+    "control": _control,
 }
 
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.errors import MissingExtraError
 __all__ = ["CONTROL", "import_extra", "name_install", "require_plot"]
 
 PLOT, CONTROL = "plot", "control"
-WORK = {PLOT: "pictures need", CONTROL: "plans need"}
+WORK = {PLOT: "pictures need", CONTROL: "plans and feedback need"}
 
 
 def name_install(extra: str) -> str:

@@ -134,7 +134,8 @@ def compile_scene(
     for_ : str or tuple of str
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"equilibrium"``,
         ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,
-        ``"time_motion"``. Their quantities and integrators are added.
+        ``"time_motion"``, ``"control"``. Their quantities, integrators and (for ``"control"``) run-time
+        parameters are added.
     method : str
         Method of the simulations, as for `simulate`; it decides which integrators the library has.
     rtol : float

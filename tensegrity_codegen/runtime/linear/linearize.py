@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.state_names import name_states
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 
@@ -146,7 +147,7 @@ def linearize(
     # Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = find_variations(model, {**at, "coordinate": q, "velocity": v})
     reduced = a if allowed is None else allowed.reduce(a)
-    spectrum, names = find_spectrum(reduced, frequency_count), _state_names(model.manifest)
+    spectrum, names = find_spectrum(reduced, frequency_count), name_states(model.manifest)
     basis = None if allowed is None else allowed.basis
     return LinearModel(a, b, rate - a @ state - b @ u, rate, state, u, names, inputs, spectrum, basis)
 
@@ -190,14 +191,6 @@ def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:
     check_shape(value, nominal.shape, name)
     check_finite(value, name)
     return value
-
-
-def _state_names(manifest: Manifest) -> tuple[str, ...]:
-    """Names such as `b1.x` for node coordinates and `b1.x'` for their rates; others by their own names."""
-    places = manifest.coordinate_node_axis
-    names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
-    names = names or list(manifest.coordinate_name)
-    return (*names, *(f"{name}'" for name in names))
 
 
 def _check_lengths(manifest: Manifest) -> None:

@@ -1,0 +1,246 @@
+"""Closed loops in simulation: the controller acts at samples, the full model moves in between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
+from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
+from tensegrity_codegen.runtime.control.loop.controller import Controller
+from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust, bind_gust
+from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
+from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.simulate.given import check_arguments
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+
+__all__ = ["simulate_control"]
+
+FloatArray = NDArray[np.float64]
+
+SAMPLE = 0.005  # [s], where no gains state another
+MOST_SAMPLES = 1_000_000
+
+
+def simulate_control(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    gains: Gains | None = None,
+    *,
+    t_end: float | None = None,
+    sample: float | None = None,
+    coordinate_error: ArrayLike | None = None,
+    velocity_error: ArrayLike | None = None,
+    axial_stiffness: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    gust: Gust | Sequence[Gust] | None = None,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+) -> ControlRun:
+    """Simulate a motion of the full model with sampled feedback.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion or Equilibrium
+        The motion to hold; after its end its last point is held. An equilibrium is held for 1 s, or `t_end`.
+    gains : Gains, optional
+        Feedback; without it the inputs of the motion alone act (open loop).
+    t_end : float, optional [s]
+        End of the simulation, cut to whole samples; by default the end of the motion.
+    sample : float, optional [s]
+        Time between two commands; by default that of the gains, 0.005 s without.
+    coordinate_error, velocity_error : array_like, shape (n_coordinates,), optional
+        Added to the state of the motion at its start.
+    axial_stiffness : array_like, shape (k,), optional [N]
+        Of the simulated model, in the order of its run-time parameter.
+    arguments : mapping, optional
+        Run-time parameters of the simulated model where they differ from the scene.
+    gust : Gust or sequence of Gust, optional
+        Forces on nodes for a limited time.
+    rate, range, delay : float or array_like, optional [m/s, m, s]
+        Limits of the actuators, by default those of the scene.
+
+    Returns
+    -------
+    ControlRun
+        States, commands, tensions and the status of each sample.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError
+        A value of another shape or out of range, a motion that an actuator is too slow for, an unknown
+        argument or node.
+    FormulationError
+        The library lacks a quantity, integrator or run-time parameter.
+
+    Notes
+    -----
+    Commands are held between samples, and arrive after the delays of the actuators. The motion in between is
+    integrated in C (rk853, relative tolerance 1e-9), stretch by stretch between changes of
+    inputs or loads.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium, simulate_control
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> found = find_equilibrium(model)
+    >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    >>> run = simulate_control(model, found, gains, t_end=1.0, coordinate_error=[0.01])
+    >>> run.status, run.worst_error(last=0.2) < 1e-4
+    ('ok', True)
+    """
+    require_double(model.manifest, "a simulated closed loop")
+    require_quantities(model, ("member_tension",), "a simulated closed loop needs")
+    step = _find_sample(gains, sample)
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0, arguments)
+    check_motion(model, way)
+    bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
+    count = _count_samples(way.duration if t_end is None else t_end, step)
+    given = merge_inputs(model.manifest, arguments)
+    if axial_stiffness is not None:
+        given["axial_stiffness"] = np.asarray(axial_stiffness, dtype=float)
+    check_arguments(model, given)
+    start = _find_start(way, coordinate_error, velocity_error)
+    plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
+    loop = _Loop(model, way, Controller(way, gains, bounds, step), plant, bounds)
+    return loop.run(count)
+
+
+@dataclass
+class _Loop:
+    """One closed loop."""
+
+    model: CompiledModel
+    motion: Motion
+    controller: Controller
+    plant: SampledPlant
+    bounds: ActuatorBounds
+
+    def run(self, count: int) -> ControlRun:
+        """Return the run over so many samples."""
+        step = self.controller.sample
+        delayed = DelayedInputs(self.bounds, self.controller.command, step)
+        states, commands, inputs, statuses = [self.plant.state], [], [], []
+        value = self.motion.at(0.0).input.copy()
+        tensions = [self._tension(states[0], value)]
+        for k in range(count):
+            command, status = self.controller.step(k, states[-1])
+            value = self.motion.at((k + 0.5) * step).input.copy()
+            if not self._advance(k * step, delayed.push(command), value):
+                break
+            states.append(self.plant.state)
+            commands.append(command)
+            inputs.append(value.copy())
+            statuses.append(status)
+            tensions.append(self._tension(states[-1], value))
+        return self._record(states, commands, inputs, tensions, statuses)
+
+    def _advance(self, start: float, stretches: list[tuple[float, FloatArray]], value: FloatArray) -> bool:
+        """Move the model to the next sample; `value` (n_inputs,) becomes the inputs at its end."""
+        ends = [*(since for since, _ in stretches[1:]), self.controller.sample]
+        for (since, arrived), end in zip(stretches, ends, strict=True):
+            value[self.bounds.place] = arrived
+            if not self.plant.advance(start + since, start + end, value):
+                return False
+        return True
+
+    def _tension(self, state: FloatArray, value: FloatArray) -> FloatArray:
+        n = len(state) // 2
+        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], "input": value}
+        return np.asarray(self.model.compute("member_tension", **at)).copy()
+
+    def _record(
+        self,
+        states: list[FloatArray],
+        commands: list[FloatArray],
+        inputs: list[FloatArray],
+        tensions: list[FloatArray],
+        statuses: list[str],
+    ) -> ControlRun:
+        manifest, n_t = self.model.manifest, len(states)
+        time = self.controller.sample * np.arange(n_t, dtype=float)
+        state, n = np.array(states), len(manifest.coordinate_name)
+        goal = np.array([self.motion.at(float(now)).coordinate for now in time])
+        is_ok = self.plant.word == "ok"
+        limited = sum(word != "ok" for word in statuses)
+        message = (
+            f"{n_t - 1} samples, {limited} limited" if is_ok else f"{self.plant.word} at {time[-1]:.6g} s"
+        )
+        return ControlRun(
+            status="ok" if is_ok else "unstable",
+            message=message,
+            time=time,
+            coordinate=state[:, :n],
+            velocity=state[:, n:],
+            error=state[:, :n] - goal,
+            command=np.array(commands).reshape(n_t - 1, -1),
+            input=np.array(inputs).reshape(n_t - 1, -1),
+            member_tension=np.array(tensions),
+            estimate=None,
+            disturbance=None,
+            step_status=tuple(statuses),
+            actuators=self.bounds.names,
+            coordinate_name=manifest.coordinate_name,
+            member_name=manifest.member_name,
+        )
+
+
+def _find_sample(gains: Gains | None, sample: float | None) -> float:
+    if gains is not None and sample is not None and sample != gains.sample:
+        raise InvalidValueError(
+            "the gains are for another sample time",
+            where="sample",
+            given=f"{sample!r} s",
+            allowed=f"{gains.sample!r} s",
+        )
+    found = gains.sample if gains is not None else SAMPLE if sample is None else sample
+    if not np.isfinite(found) or found <= 0.0:
+        raise InvalidValueError(
+            "out of range", where="sample", given=found, allowed="a finite number > 0 [s]"
+        )
+    return found
+
+
+def _count_samples(t_end: float, sample: float) -> int:
+    count = t_end / sample
+    if not np.isfinite(count) or not 1.0 - 1e-9 <= count <= MOST_SAMPLES:
+        raise InvalidValueError(
+            "out of range",
+            where="t_end",
+            given=t_end,
+            allowed=f"{sample:g} to {MOST_SAMPLES * sample:g} s, 1 to {MOST_SAMPLES} samples",
+        )
+    return int(np.floor(count + 1e-9))
+
+
+def _find_start(motion: Motion, coordinate: ArrayLike | None, velocity: ArrayLike | None) -> FloatArray:
+    """Return the state of the motion at its start, with errors."""
+    point = motion.at(0.0)
+    state = np.concatenate([point.coordinate, point.velocity])
+    n = len(point.coordinate)
+    for place, value, name in ((0, coordinate, "coordinate_error"), (n, velocity, "velocity_error")):
+        if value is not None:
+            error = to_sized(value, (n,), name)
+            check_finite(error, name)
+            state[place : place + n] += error
+    return state

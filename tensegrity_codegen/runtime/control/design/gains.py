@@ -1,0 +1,92 @@
+"""Feedback gains along a motion, by the names of python-control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.extras import CONTROL, import_extra
+from tensegrity_codegen.structure.frozen import freeze_fields
+
+__all__ = ["Gains"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Feedback gains along a motion: u = u_motion - K (x - x_motion), as of python-control's `dlqr`.
+
+    The state x is (q, q'), then z, the sums of the outputs' errors: z[k+1] = z[k] + C (x[k] - x_motion[k]).
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_t,) [s]
+        Sample times; after the last one its gains hold.
+    K : ndarray, shape (n_t, n_actuators, n_states)
+        Gains.
+    S : ndarray, shape (n_t, n_states, n_states)
+        Solutions of the Riccati recursion; the last one is the stationary solution.
+    E : ndarray of complex, shape (n_states,)
+        Eigenvalues of the closed loop at the end point.
+    A, B : ndarray, shape (n_x, n_x) and (n_x, n_actuators)
+        Sampled linear model at the end point, x = (q, q').
+    integral_action : ndarray, shape (n_integrals, n_x)
+        C.
+    sample : float [s]
+        Sample time.
+    residual : float
+        Residual of the stationary Riccati equation over the largest entry of its solution.
+    actuators, state_name, integral_name : tuple of str
+        Names of actuators, of the states (q, q'), and of the sums.
+    """
+
+    time: FloatArray
+    K: FloatArray
+    S: FloatArray
+    E: NDArray[np.complex128]
+    A: FloatArray
+    B: FloatArray
+    integral_action: FloatArray
+    sample: float
+    residual: float
+    actuators: tuple[str, ...]
+    state_name: tuple[str, ...]
+    integral_name: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+
+    def at(self, step: int) -> FloatArray:
+        """Return the gains of a sample, (n_actuators, n_states); after the motion those of its end."""
+        found: FloatArray = self.K[min(max(step, 0), len(self.K) - 1)]
+        return found
+
+    def state_space(self) -> Any:
+        """Return the sampled linear model at the end point.
+
+        Returns
+        -------
+        control.StateSpace
+            x[k+1] = A x[k] + B u[k], y = x, of the deviations from the motion.
+
+        Raises
+        ------
+        MissingExtraError
+            python-control is not installed.
+        """
+        control = import_extra("control", CONTROL)
+        n, m = self.B.shape
+        return control.ss(
+            self.A,
+            self.B,
+            np.eye(n),
+            np.zeros((n, m)),
+            self.sample,
+            inputs=list(self.actuators),
+            states=list(self.state_name),
+            outputs=[f"{name} measured" for name in self.state_name],
+        )

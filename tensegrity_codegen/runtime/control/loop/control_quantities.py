@@ -1,0 +1,12 @@
+"""What feedback needs of a library, besides a linear model."""
+
+__all__ = ["CONTROL_METHOD", "CONTROL_QUANTITIES"]
+
+CONTROL_METHOD = "rk853"  # integrator of the simulated plant
+CONTROL_QUANTITIES = (
+    "acceleration",
+    "mass_matrix",
+    "equilibrium_matrix",
+    "member_length",
+    "member_tension",
+)

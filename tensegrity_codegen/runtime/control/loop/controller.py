@@ -1,0 +1,85 @@
+"""The sampled controller: feedback about a motion, within what the actuators can do."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.runtime.control.motion import Motion
+
+__all__ = ["Controller"]
+
+FloatArray = NDArray[np.float64]
+
+SAME = 1e-12  # [m], by which a command may differ from what was wanted
+
+
+class Controller:
+    """Feedback u = u_motion - K (x - x_motion) at each sample, cut to rates and ranges.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion to hold.
+    gains : Gains or None
+        Feedback; None: the inputs of the motion alone.
+    bounds : ActuatorBounds
+        Rates and ranges.
+    sample : float [s]
+        Time between two commands.
+
+    Notes
+    -----
+    The input of the motion is that of the middle of the sample, for it is held during all of it. The sums of
+    errors stand still while a command is cut, so that they do not grow without effect.
+    """
+
+    def __init__(self, motion: Motion, gains: Gains | None, bounds: ActuatorBounds, sample: float) -> None:
+        self.motion, self.gains, self.bounds, self.sample = motion, gains, bounds, sample
+        self.sums = np.zeros(0 if gains is None else len(gains.integral_action))
+        self.command = motion.at(0.0).input[bounds.place]
+
+    def step(self, k: int, state: FloatArray) -> tuple[FloatArray, str]:
+        """Return the command of a sample, (n_actuators,) [m], and its status.
+
+        Parameters
+        ----------
+        k : int
+            Number of the sample, from 0.
+        state : ndarray, shape (n_states,)
+            Coordinates and velocities, true or estimated.
+        """
+        wanted, error = self.find_wanted(k, state)
+        command, status = self.cut(wanted)
+        if status == "ok" and self.gains is not None:
+            self.sums = self.sums + self.gains.integral_action @ error
+        self.command = command
+        return command, status
+
+    def find_wanted(self, k: int, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the gains ask of the actuators [m], and the error of the state."""
+        now = self.motion.at(k * self.sample)
+        wanted = self.motion.at((k + 0.5) * self.sample).input[self.bounds.place]
+        error = state - np.concatenate([now.coordinate, now.velocity])
+        if self.gains is not None:
+            wanted = wanted - self.gains.at(k) @ np.concatenate([error, self.sums])
+        return wanted, error
+
+    def reach(self) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the next command within rates and ranges, (n_actuators,) each [m]."""
+        step = self.bounds.rate * self.sample
+        low = np.maximum(self.bounds.least, self.command - step)
+        high = np.minimum(self.bounds.most, self.command + step)
+        return np.minimum(low, high), high
+
+    def cut(self, wanted: FloatArray) -> tuple[FloatArray, str]:
+        """Return the nearest command within rates and ranges, and the status."""
+        low, high = self.reach()
+        command = np.clip(wanted, low, high)
+        moved = np.abs(command - wanted) > SAME
+        if not moved.any():
+            return command, "ok"
+        ranged = np.clip(wanted, self.bounds.least, self.bounds.most)
+        return command, "range_limited" if (np.abs(ranged - wanted) > SAME).any() else "rate_limited"

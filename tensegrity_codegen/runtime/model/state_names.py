@@ -1,0 +1,15 @@
+"""Names of the states of a model: coordinates, then their rates."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.manifest import Manifest
+
+__all__ = ["name_states"]
+
+
+def name_states(manifest: Manifest) -> tuple[str, ...]:
+    """Return names such as `b1.x` for node coordinates and `b1.x'` for their rates; others by their own."""
+    places = manifest.coordinate_node_axis
+    names = [f"{manifest.node_name[node]}.{'xyz'[axis]}" for node, axis in places]
+    names = names or list(manifest.coordinate_name)
+    return (*names, *(f"{name}'" for name in names))

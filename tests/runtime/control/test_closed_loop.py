@@ -1,0 +1,158 @@
+"""Closed loops with the true state: the prism under errors, sampled inputs, delays, rates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tensegrity_codegen import Profile, simulate
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError
+from tensegrity_codegen.runtime.control.closed_loop import simulate_control
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.runtime.control.loop.disturbances import Gust
+from tensegrity_codegen.runtime.control.lqr import design_lqr
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tests.runtime.control.pinned_prism import build_prism, draw_errors, move_prism
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledModel:
+    return build_prism()
+
+
+@pytest.fixture(scope="module")
+def motion(model: CompiledModel) -> Motion:
+    return move_prism(model)
+
+
+@pytest.fixture(scope="module")
+def gains(model: CompiledModel, motion: Motion) -> Gains:
+    weight = np.concatenate([np.full(6, 100.0), np.full(6, 0.1), np.full(6, 1.0)])
+    return design_lqr(model, motion, weight, np.full(9, 1e4), integral_action=model.manifest.coordinate_name)
+
+
+def check_draw(model: CompiledModel, motion: Motion, gains: Gains, seed: int) -> None:
+    errors = draw_errors(model, seed)
+    open_loop = simulate_control(model, motion, t_end=3.0, **errors)
+    assert open_loop.status == "ok"
+    assert np.degrees(open_loop.worst_error(0.5)) > 1.0
+    held = simulate_control(model, motion, gains, t_end=3.0, **errors)
+    assert held.status == "ok"
+    assert np.degrees(held.worst_error(0.5)) < 0.05
+    assert held.least_tension(1.0).min() > 5.0
+    step = np.abs(np.diff(held.command, axis=0)).max()
+    assert step <= 0.1 * 0.005 + 1e-12
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_feedback_holds_the_prism_where_open_loop_does_not(
+    model: CompiledModel, motion: Motion, gains: Gains, seed: int
+) -> None:
+    check_draw(model, motion, gains, seed)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(2, 20))
+def test_feedback_holds_the_prism_in_twenty_draws(
+    model: CompiledModel, motion: Motion, gains: Gains, seed: int
+) -> None:
+    check_draw(model, motion, gains, seed)
+
+
+def test_the_sampled_motion_is_that_of_simulate(model: CompiledModel, motion: Motion) -> None:
+    """The same held inputs as a profile with jumps."""
+    run = simulate_control(model, motion, sample=0.05, t_end=0.5)
+    times = np.repeat(run.time, 2)[1:-1]
+    values = {name: np.repeat(run.input[:, k], 2) for k, name in enumerate(motion.input_name)}
+    start = motion.at(0.0)
+    whole = simulate(
+        model,
+        0.5,
+        samples=11,
+        method="rk853",
+        rtol=1e-9,
+        coordinate=start.coordinate,
+        velocity=start.velocity,
+        schedule=Profile(times, values),
+    )
+    assert whole.status == run.status == "ok"
+    assert run.coordinate == pytest.approx(whole.coordinate, abs=1e-7)
+    assert run.member_tension[-1] == pytest.approx(whole.member_tension[-1], abs=1e-4)
+
+
+def test_a_gust_pushes_the_model_for_its_time_only(model: CompiledModel, motion: Motion) -> None:
+    gust = Gust("bar1_B", (0.0, 0.0, -2.0), start=0.0125, duration=0.011)
+    run = simulate_control(model, motion, t_end=0.1, gust=gust)
+    calm = simulate_control(model, motion, t_end=0.1)
+    apart = np.abs(run.coordinate - calm.coordinate).max(axis=1)
+    assert (apart[:3] == 0.0).all()
+    assert (apart[3:] > 1e-7).all()
+    # The gust begins and ends within samples: two halves are the whole.
+    half = [Gust("bar1_B", (0.0, 0.0, -2.0), 0.0125, 0.004), Gust("bar1_B", (0.0, 0.0, -2.0), 0.0165, 0.007)]
+    again = simulate_control(model, motion, t_end=0.1, gust=half)
+    assert again.coordinate == pytest.approx(run.coordinate, abs=1e-8)
+
+
+def test_delayed_commands_arrive_when_they_should(model: CompiledModel, motion: Motion) -> None:
+    delay = np.array([0.0, 0.005, 0.012, 0.0025, 0.01, 0.0, 0.0, 0.0, 0.03])
+    bounds = find_bounds(model, motion, delay=delay)
+    inputs = DelayedInputs(bounds, np.full(9, -1.0), 0.005)
+    for k in range(10):
+        for since, values in inputs.push(np.full(9, float(k))):
+            now = k * 0.005 + since + 1e-12
+            expected = [max(-1.0, np.floor((now - late) / 0.005 + 1e-9)) for late in delay]
+            assert values.tolist() == expected
+
+
+def test_delays_act_in_the_loop(model: CompiledModel, motion: Motion, gains: Gains) -> None:
+    late = simulate_control(model, motion, gains, t_end=0.3, delay=0.0075)
+    assert late.status == "ok"
+    start = motion.input[0]
+    assert late.input[0] == pytest.approx(start)
+    assert late.input[4] == pytest.approx(late.command[3])  # 7.5 ms: in the middle of the sample after next
+
+
+def test_slow_motors_and_long_delays_are_refused(model: CompiledModel, motion: Motion) -> None:
+    with pytest.raises(InvalidValueError, match="too fast for an actuator") as caught:
+        simulate_control(model, motion, rate=0.02)
+    assert "m_opposite" in str(caught.value)
+    with pytest.raises(InvalidValueError, match="delay is longer than the motion"):
+        simulate_control(model, motion, delay=1.5)
+    limited = simulate_control(model, motion, t_end=0.2, rate=0.06, coordinate_error=np.zeros(6))
+    assert np.abs(np.diff(limited.command, axis=0)).max() <= 0.06 * 0.005 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"coordinate_error": np.ones(5)}, InvalidValueError, "coordinate_error"),
+        ({"velocity_error": np.full(6, np.nan)}, NonFiniteError, "velocity_error"),
+        ({"t_end": np.nan}, InvalidValueError, "t_end"),
+        ({"rate": -1.0}, InvalidValueError, "rate"),
+        ({"rate": np.ones(3)}, InvalidValueError, "rate"),
+        ({"range": (0.4, 0.2)}, InvalidValueError, "range"),
+        ({"gust": Gust("bar9_B", (0.0, 0.0, 1.0))}, UnknownNameError, "bar1_B"),
+        ({"gust": Gust("bar1_B", (0.0, np.inf, 1.0))}, InvalidValueError, "gust.force"),
+        ({"gust": Gust("bar1_B", (0.0, 0.0, 1.0), start=-1.0)}, InvalidValueError, "gust.start"),
+        ({"axial_stiffness": np.ones(3)}, InvalidValueError, "axial_stiffness"),
+        ({"arguments": {"wind": 1.0}}, UnknownNameError, "wind"),
+    ],
+)
+def test_bad_input_is_named(
+    model: CompiledModel, motion: Motion, options: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        simulate_control(model, motion, **options)
+
+
+def test_gains_of_another_sample_time_are_refused(model: CompiledModel, motion: Motion, gains: Gains) -> None:
+    with pytest.raises(InvalidValueError, match="another sample time"):
+        simulate_control(model, motion, gains, sample=0.01)
