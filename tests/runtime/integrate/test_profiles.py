@@ -187,6 +187,19 @@ def test_every_method_in_c_follows_a_profile_as_scipy_does(
     np.testing.assert_allclose(run.input[:, 0], [profile(t)["winch"] for t in run.time], atol=1e-14)
 
 
+@pytest.mark.parametrize("method", [name for name in METHODS if find_method(name).scipy])
+def test_methods_of_scipy_begin_anew_at_kinks(net: CompiledModel, method: str) -> None:
+    """A force that jumps, and its slope, on a net whose cables stay taut or slack for so long."""
+    push = Profile([0.0, 0.011, 0.011, 0.023, 0.05], {"push": [0.0, 1.0, -20.0, -20.0, 30.0]})
+    best = simulate(
+        net, 0.03, samples=5, method="rk853", rtol=1e-13, atol=1e-14, schedule=push, control="steps"
+    )
+    run = simulate(net, 0.03, samples=5, method=method, rtol=1e-11, atol=1e-13, schedule=push)
+    assert (run.status, len(run.time)) == ("ok", 5)
+    assert best.log.count == 0
+    np.testing.assert_allclose(run.velocity, best.velocity, rtol=0.0, atol=3e-10)
+
+
 def test_a_jump_that_slackens_a_cable_is_an_event_at_its_time(net: CompiledModel) -> None:
     run = simulate(net, END, method="rk853", rtol=1e-9, atol=1e-10, schedule=LINES)
     at_jump = run.log.time == 1.31
