@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -74,10 +75,12 @@ def build_cubic(time: FloatArray, value: FloatArray) -> Pieces:
 
 
 def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:
-    """Return the coefficients (n_knots - 1, 4, n_values) of one spline; NAN where slopes are not finite."""
+    """Return the coefficients (n_knots - 1, 4, n_values) of one spline; NAN where knots are too close."""
     try:
-        return np.asarray(CubicSpline(time, value).c[::-1].transpose(1, 0, 2))
-    except (ValueError, np.linalg.LinAlgError):  # the knots are finite, slopes between them are not
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # of matrices that are as good as singular
+            return np.asarray(CubicSpline(time, value).c[::-1].transpose(1, 0, 2))
+    except (ValueError, np.linalg.LinAlgError, Warning):  # the knots are finite, slopes between them are not
         return np.full((len(time) - 1, 4, value.shape[1]), np.nan)
 
 

@@ -78,7 +78,7 @@ class Profile:
         object.__setattr__(self, "values", MappingProxyType(values))
         if not np.isfinite(self.pieces.coefficient).all():
             raise NonFiniteError(
-                "the slopes between knots are not finite",
+                "knots are too close: the slopes between them are not finite",
                 where="profile.time",
                 given=f"smallest distance of two knots {float(np.diff(self.pieces.time).min())!r} s",
                 allowed="knots farther apart, or smaller values",

@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.integrate.methods import METHODS, find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tests.codegen.quickly import without_optimisation
 from tests.runtime.build import bar, cable, make_structure
 
 INPUTS = (
@@ -57,7 +58,8 @@ def build_net(*, inputs: tuple[ActuatedInput, ...] = INPUTS, **options: Any) -> 
     velocity[4:] = (1.0, 0.0, 0.7)
     structure = structure.with_changes(node_velocity=velocity)
     options = {"integrators": IN_C} | options
-    return build_library(structure, ModelRequest(SIMULATION_QUANTITIES, **options)).load()
+    with without_optimisation():
+        return build_library(structure, ModelRequest(SIMULATION_QUANTITIES, **options)).load()
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from tensegrity_codegen import read_profile
+from tensegrity_codegen import Profile, read_profile
 from tensegrity_codegen.errors import SceneError
 
 INPUTS = ("motor", "push")
@@ -67,3 +70,40 @@ def test_no_file_and_no_inputs(tmp_path: Path) -> None:
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01time")
     with pytest.raises(SceneError, match=r"binary\.csv"):
         read_profile(tmp_path / "binary.csv", INPUTS)
+
+
+CELLS = st.one_of(
+    st.sampled_from(
+        ["", "time", "motor", "push", "nan", "-inf", "1e999", "1e308", "-1e308", "5e-324", "0", "1"]
+    ),
+    st.sampled_from(["1,5", '"', "'", "\x00", "ä", "=1+1", "9" * 400, "0x10", "1_0", "+.5", " 2 "]),
+    st.floats(0.0, 3.0).map(repr),
+)
+LINES = st.lists(CELLS, max_size=4).map(",".join)
+SORTED = st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(-1e3, 1e3)), max_size=6).map(
+    lambda rows: ["0,0", *(f"{time!r},{value!r}" for time, value in sorted(rows))]
+)
+
+
+def try_to_read(file: Path, kind: str) -> Profile | str:
+    """Return the profile of a file, or the words of the error that refuses it."""
+    try:
+        return read_profile(file, INPUTS, kind)
+    except SceneError as error:
+        return str(error)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.one_of(st.just("time,motor"), LINES), st.one_of(SORTED, st.lists(LINES, max_size=6)))
+def test_hostile_tables_are_profiles_or_named_errors(tmp_path: Path, head: str, lines: list[str]) -> None:
+    file = tmp_path / "pull.csv"
+    file.write_bytes("\n".join([head, *lines]).encode())
+    for kind in ("linear", "cubic"):
+        profile = try_to_read(file, kind)
+        if isinstance(profile, str):
+            assert str(file) in profile
+            continue
+        assert profile.time[0] == 0.0
+        assert (np.diff(profile.pieces.time) > 0.0).all()
+        assert np.isfinite(profile.pieces.coefficient).all()
+        assert len(profile.pieces.is_kink) == len(profile.pieces.time) == len(profile.pieces.coefficient) + 1
