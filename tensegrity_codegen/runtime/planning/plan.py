@@ -116,7 +116,7 @@ def plan(
     bound = bind_targets(texts, model)
     plan_model = PlanModel(model, actuation, arguments)
     bounds = build_limits(model, actuation, limits)
-    start = find_start(plan_model)
+    start = find_start(plan_model, bounds)
     if start.certificate is not None:
         return record_infeasible(plan_model, bound, start.certificate, start.message, start.shape)
     assert start.at is not None

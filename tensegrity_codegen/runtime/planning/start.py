@@ -11,6 +11,7 @@ from tensegrity_codegen.errors import StructureError
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.planning.infeasible import find_shape_certificate
+from tensegrity_codegen.runtime.planning.limits import PlanLimits
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
@@ -18,6 +19,7 @@ __all__ = ["Start", "find_start"]
 
 FloatArray = NDArray[np.float64]
 
+SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
 NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
 
 
@@ -32,13 +34,15 @@ class Start:
     warnings: tuple[str, ...] = ()
 
 
-def find_start(plan_model: PlanModel) -> Start:
+def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     """Return the equilibrium that a plan starts from.
 
     Parameters
     ----------
     plan_model : PlanModel
         The model.
+    limits : PlanLimits
+        Cables with a least tension must be in tension.
 
     Returns
     -------
@@ -59,9 +63,9 @@ def find_start(plan_model: PlanModel) -> Start:
     point = problem.find_point(stated)
     longest = 1.0 if point is None else point.longest
     near = None if point is None else plan_model.find_point(change, stated, NEAR * longest)
-    if point is not None and (near is None or not _is_taut(plan_model, near)):
+    if point is not None and (near is None or not _is_sound(near, limits)):
         certificate, loaded = find_shape_certificate(plan_model, problem, stated)
-        if certificate is not None and (not loaded or near is not None):
+        if certificate is not None and (near is not None or not loaded):
             message = (
                 "at the stated shape no tensions with all cables in tension are in balance, whatever "
                 "the rest lengths: no plan starts from it"
@@ -87,10 +91,8 @@ def find_start(plan_model: PlanModel) -> Start:
     return Start(at, warnings=(text, *found.warnings))
 
 
-def _is_taut(plan_model: PlanModel, at: PlanPoint) -> bool:
-    """Return whether all cables are in tension."""
-    structure = plan_model.model.structure
-    cables = (
-        np.zeros(len(at.tension), dtype=bool) if structure is None else np.asarray(structure.tension_only)
-    )
-    return bool(np.all(at.tension[cables] > 0.0))
+def _is_sound(at: PlanPoint, limits: PlanLimits) -> bool:
+    """Return whether an equilibrium is stable, with all cables in tension that have a least tension."""
+    stiffest = float(abs(at.stiffness).max()) if at.stiffness.nnz else 0.0
+    is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > SINGULAR * stiffest
+    return is_stable and bool(np.all(at.tension[np.isfinite(limits.least_tension)] > 0.0))

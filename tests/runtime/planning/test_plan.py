@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.runtime.planning.plan import PlanResult, plan
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tests.runtime.planning.structures import (
     actuate,
+    assemble,
     build_icosahedron,
     build_prism,
     build_tower,
     compile_plan,
     limit,
+    prestress,
     transform,
 )
 
@@ -110,6 +114,23 @@ def test_the_top_of_a_tower_tilts_by_its_verticals_alone() -> None:
     found = plan(compile_plan(structure), "tilt=20")
     check(found, structure, steps=50, least=1.0 - 1e-6, clearance=0.002 * (1 - 1e-6))
     assert found.change.shape[1] == 15
+
+
+SHARED = Path(__file__).parents[4] / "shared" / "data" / "ntrt"
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared structures are not beside the checkout")
+@pytest.mark.parametrize("vector", [(20.0, 0, 0), (0, 20.0, 0), (0, 0, 20.0), (50.0, 0, 0)])
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_an_imported_spine_turns_its_last_vertebra(scale: float, vector: tuple[float, ...]) -> None:
+    file = SHARED / "Spines" / "TetrahedralSpine.yaml"
+    structure = assemble(import_ntrt(file, length_scale=scale).document)
+    held = np.array([name.startswith("t1_") for name in structure.node_name])
+    structure = structure.with_changes(node_anchored=np.repeat(held[:, None], 3, axis=1))
+    structure = limit(actuate(prestress(structure, 100.0)))
+    found = plan(compile_plan(structure), {'rotation("t6_*")': vector})
+    check(found, structure, steps=60, least=30.0, clearance=6.0 * scale)
 
 
 def test_the_plan_does_not_depend_on_place_direction_order_and_names() -> None:

@@ -1,0 +1,84 @@
+"""Every kind of limit: paths keep it at every point, and end at it where it is in the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.planning.plan import plan
+from tests.runtime.planning.structures import actuate, build_prism, compile_plan, limit
+
+WITHIN = 1e-6
+
+
+@pytest.fixture(scope="module")
+def model() -> Any:
+    return compile_plan(limit(actuate(build_prism(155.0))))
+
+
+def find(model: Any, target: str = "twist=165", **limits: Any) -> PlanResult:
+    return plan(model, target, limits=replace(model.structure.limits, **limits), least_progress=0.0)
+
+
+def test_the_least_stiffness(model: Any) -> None:
+    free = find(model)
+    least = 0.5 * (free.smallest_eigenvalue[0] + free.smallest_eigenvalue.min())
+    assert free.smallest_eigenvalue.min() < least
+    found = find(model, least_stiffness=least)
+    assert found.status == "found"
+    assert found.smallest_eigenvalue.min() >= least * (1 - WITHIN)
+    assert any(item.limit == "least_stiffness" for items in found.binding for item in items)
+
+
+def test_the_yield_stress_of_bars(model: Any) -> None:
+    structure = model.structure
+    free = find(model)  # the bars have 29.6 N at the start, and more later
+    bars = structure.is_bar
+    assert np.abs(free.member_tension[:, bars]).max() > 29.65
+    stress = np.full(structure.n_members, np.inf)
+    stress[bars] = 29.65 / structure.section_area[bars]
+    found = find(model, yield_stress=stress)
+    assert found.status == "found"
+    assert np.abs(found.member_tension[:, bars]).max() <= 29.65 * (1 + WITHIN)
+
+
+def test_buckling_of_bars(model: Any) -> None:
+    structure = model.structure
+    bars = structure.is_bar
+    flexural = np.pi**2 * structure.mu * structure.rest_length * structure.gyration_square
+    load = (flexural / structure.member_length() ** 2)[bars].min()
+    free = find(model)
+    factor = load / 29.7
+    found = find(model, buckling=np.where(bars, factor, 0.0))
+    assert found.status == "found"
+    ends = found.node_position[:, structure.connectivity]
+    length = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)[:, bars]
+    use = -found.member_tension[:, bars] * factor / (flexural[bars] / length**2)
+    assert use.max() <= 1 + WITHIN
+    assert np.abs(free.change - found.change).max() > 1e-6
+
+
+def test_the_largest_tension(model: Any) -> None:
+    cable = ~model.structure.is_bar
+    most = np.where(cable, 20.0 + 1e-9, np.inf)
+    found = find(model, "twist=157", most_tension=most)
+    assert found.status == "found"
+    assert found.member_tension[:, cable].max() <= 20.0 * (1 + WITHIN)
+
+
+def test_the_clearance(model: Any) -> None:
+    found = find(model, "twist=165.1", clearance=0.02)
+    assert found.status == "found"
+    assert found.bar_distance.min() >= 0.02 * (1 - WITHIN)
+    assert any(item.limit == "clearance" for item in found.binding[-1])
+
+
+def test_the_range_of_one_actuator() -> None:
+    structure = actuate(build_prism(155.0), within=0.005)
+    found = plan(compile_plan(limit(structure)), "twist=158")
+    assert found.status == "found"
+    assert np.abs(found.change).max() <= 0.005 * (1 + WITHIN)

@@ -1,0 +1,69 @@
+"""Programs: answers satisfy their constraints, infeasible ones have none, multipliers are derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.runtime.planning.quadratic_program import find_largest, find_minimum
+
+
+def random_program(seed: int) -> tuple[np.ndarray, ...]:
+    generator = np.random.default_rng(seed)
+    count, rows = int(generator.integers(2, 9)), int(generator.integers(3, 30))
+    root = generator.normal(size=(count, count))
+    matrix = generator.normal(size=(rows, count)) * 10.0 ** generator.uniform(-3, 3, size=(rows, 1))
+    inside = matrix @ generator.normal(size=count)
+    spread = np.abs(inside) * generator.uniform(0, 0.5, size=rows)
+    spread[0] = 0.0  # an equation
+    return (
+        root @ root.T + np.eye(count),
+        generator.normal(size=count),
+        matrix,
+        inside - spread,
+        inside + spread,
+    )
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_optima_satisfy_the_conditions_of_karush_kuhn_and_tucker(seed: int) -> None:
+    hessian, gradient, rows, lower, upper = random_program(seed)
+    found = find_minimum(hessian, gradient, rows, lower, upper)
+    assert found is not None
+    scale = np.linalg.norm(rows, axis=1)
+    reached = rows @ found.x
+    assert np.all(reached >= lower - 1e-6 * scale)
+    assert np.all(reached <= upper + 1e-6 * scale)
+    force = hessian @ found.x + gradient
+    np.testing.assert_allclose(
+        force, rows.T @ found.multiplier, atol=1e-5 * max(1.0, float(np.abs(force).max()))
+    )
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_infeasible_programs_have_no_answer(seed: int) -> None:
+    hessian, gradient, rows, lower, upper = random_program(seed)
+    wall = rows[:1]
+    infeasible = np.vstack([rows, wall])
+    far = upper[0] + 1e-3 * max(abs(upper[0]), float(np.linalg.norm(wall)))
+    low, high = np.append(lower, far), np.append(upper, np.inf)
+    assert find_minimum(hessian, gradient, infeasible, low, high) is None
+    assert find_largest(gradient, infeasible, low, high) is None
+
+
+def test_a_row_of_zeros_contradicts_its_bounds() -> None:
+    eye, rows = np.eye(2), np.array([[0.0, 0.0], [1.0, 0.0]])
+    assert find_minimum(eye, np.zeros(2), rows, np.array([0.0, 1.0]), np.array([0.0, 2.0])) is not None
+    assert find_minimum(eye, np.zeros(2), rows, np.array([1.0, 1.0]), np.array([1.0, 2.0])) is None
+
+
+def test_multipliers_of_the_largest_gain_are_its_derivatives() -> None:
+    rows = np.array([[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]) * np.array([[2.0], [5.0], [1.0]])
+    lower = np.array([-np.inf, -10.0, 0.0])
+    gain = np.array([3.0, 1.0])
+    values = []
+    for step in (-1e-3, 0.0, 1e-3):
+        found = find_largest(gain, rows, lower, np.array([8.0 + step, np.inf, np.inf]))
+        assert found is not None
+        values.append(float(gain @ found.x))
+    assert (values[2] - values[0]) / 2e-3 == pytest.approx(-found.multiplier[0])

@@ -1,0 +1,111 @@
+"""Targets: texts, shape parameters against closed forms, derivatives, and sets of nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.runtime.planning.targets import shape_parameters as shapes
+from tensegrity_codegen.runtime.planning.targets.node_sets import find_nodes, find_rings
+from tensegrity_codegen.runtime.planning.targets.target_text import parse_shape, read_targets, rewrite
+from tests.runtime.planning.structures import build_prism
+
+PRISM = build_prism(155.0)
+BASE, TOP = np.array([0, 1, 2]), np.array([3, 4, 5])
+TURN = Rotation.from_rotvec([0.3, -1.2, 0.8]).as_matrix()
+
+
+def tilted(towards: float, sideways: float) -> np.ndarray:
+    """Return the prism with its top leaning by these angles [deg], towards b1 and sideways."""
+    place = PRISM.node_position.copy()
+    first = place[0] - place[BASE].mean(axis=0)
+    first /= np.linalg.norm(first)
+    lean = np.radians(np.array([towards, sideways]))
+    axis = -lean[1] * first + lean[0] * np.cross([0.0, 0.0, 1.0], first)
+    centre = place[TOP].mean(axis=0)
+    place[TOP] = (place[TOP] - centre) @ Rotation.from_rotvec(axis).as_matrix().T + centre
+    return place
+
+
+@pytest.mark.parametrize("where", [lambda place: place, lambda place: place @ TURN.T + [3.0, -2.0, 5.0]])
+def test_shape_parameters_do_not_depend_on_place_and_direction(where) -> None:
+    place = where(PRISM.node_position)
+    assert shapes.build_twist(TOP, BASE)(place)[0] == pytest.approx(155.0)
+    assert shapes.build_height(TOP, BASE)(place)[0] == pytest.approx(0.3)
+    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE)(place), 0.0, atol=1e-9)
+    leaning = where(tilted(12.0, -7.0))
+    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE)(leaning), [12.0, -7.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "vector", [[20.0, 0.0, 0.0], [0.0, 0.0, -170.0], [3.0, -40.0, 90.0], [0.0, 0.0, 1e-9]]
+)
+def test_the_rotation_of_a_body_is_its_rotation_vector(vector: list[float]) -> None:
+    start = PRISM.node_position
+    matrix = Rotation.from_rotvec(vector, degrees=True).as_matrix()
+    rotation = shapes.build_rotation(TOP, start)
+    np.testing.assert_allclose(rotation(start @ matrix.T + 0.5), vector, rtol=1e-6, atol=1e-12)
+    against = shapes.build_rotation(TOP, start, BASE)
+    np.testing.assert_allclose(against(start @ matrix.T), 0.0, atol=1e-9)
+
+
+def test_the_distance_past_an_edge_is_negative_at_the_start_and_horizontal() -> None:
+    place = np.array([[0.0, 0, 0], [1.0, 0, 0], [0.5, 0.4, 2.0]])
+    distance = shapes.build_edge_distance(np.array([0, 0, 1.0]), (0, 1), np.array([0, 0, 1.0]), place)
+    assert distance(place)[0] == pytest.approx(-0.4)
+    place[2] = [9.0, -0.01, 1.0]
+    assert distance(place)[0] == pytest.approx(0.01)
+
+
+def test_rings_of_prisms_and_towers() -> None:
+    assert [part.tolist() for part in find_rings(["b1", "b2", "b3", "t1", "t2", "t3"]) or ()] == [
+        [3, 4, 5],
+        [0, 1, 2],
+    ]
+    tower = [f"{ring}{stage}_{i}" for stage in (1, 2) for ring in "bt" for i in (3, 2, 1)]
+    assert [part.tolist() for part in find_rings(tower) or ()] == [[11, 10, 9], [2, 1, 0]]
+    assert find_rings(["n1", "n2"]) is None
+
+
+def test_patterns_of_nodes() -> None:
+    names = ["t6_a", "t6_b", "t5_a"]
+    assert find_nodes(["t6_*"], names, "").tolist() == [0, 1]
+    with pytest.raises(UnknownNameError):
+        find_nodes(["t7_*"], names, "")
+    with pytest.raises(InvalidValueError, match="twice"):
+        find_nodes(["t6_*", "t6_a"], names, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "unit"),
+    [
+        ("twist=165", (165.0,), ""),
+        ("twist = 165 deg", (165.0,), "deg"),
+        ("tilt=1e1, -2.5deg", (10.0, -2.5), "deg"),
+        ('member_length["c1"] - 0.2=-3e-2', (-0.03,), ""),
+        ("height=250mm", (250.0,), "mm"),
+    ],
+)
+def test_texts_of_targets(text: str, values: tuple[float, ...], unit: str) -> None:
+    (target,) = read_targets(text)
+    assert (target.values, target.unit) == (values, unit)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "=1", "twist", "twist=", "a>=1", "twist=1,", "twist=1 2", "twist=1deg2"]
+)
+def test_texts_without_a_value(text: str) -> None:
+    with pytest.raises(InvalidValueError, match="not a target with a value"):
+        read_targets([text])
+
+
+def test_calls_of_shape_parameters() -> None:
+    call = parse_shape('rotation("t*", [b1, b2, b3]).x')
+    assert call is not None
+    assert (call.name, call.arguments, call.component) == ("rotation", (("t*",), ("b1", "b2", "b3")), "x")
+    assert parse_shape("member_length[0]") is None
+    assert rewrite('rest_length("c1")') == 'member_length["c1"] - member_extension["c1"]'
+    with pytest.raises(UnknownNameError):
+        parse_shape("rotation(t1).w")
