@@ -95,14 +95,26 @@ def check_no_other(**options: Any) -> None:
             )
 
 
-def read_schedule(path: Path | None, kind: str, structure: Subject) -> Profile | None:
-    """Return the inputs over time of --profile, None without it; raises what read_profile raises."""
+def read_schedule(
+    path: Path | None, kind: str, structure: Subject, t_end: float, values: Mapping[str, float]
+) -> Profile | None:
+    """Return the inputs over time of --profile, None without it.
+
+    t_end [s]: of the motion; values: constant values of inputs. Raises InvalidValueError for a profile that
+    ends before, or of an input with a constant value, and what read_profile raises.
+    """
     from tensegrity_codegen.errors import check_choice
+    from tensegrity_codegen.runtime.profiles.driven import check_end, check_not_constant
     from tensegrity_codegen.runtime.profiles.profile import KINDS
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
 
     check_choice(kind, KINDS, "kind of profile", "--profile-kind")
-    return None if path is None else read_profile(path, [item.name for item in structure.inputs], kind)
+    if path is None:
+        return None
+    profile = read_profile(path, [item.name for item in structure.inputs], kind)
+    check_end(profile, t_end, str(path))
+    check_not_constant(profile, values, where=str(path))
+    return profile
 
 
 def build_for_batch(
@@ -114,13 +126,14 @@ def build_for_batch(
     inputs: list[str] | None,
     profile: Path | None,
     profile_kind: str,
+    t_end: float,
 ) -> tuple[BuiltLibrary, dict[str, float], Profile | None]:
     """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
     from tensegrity_codegen.pipeline import build_library, find_needs
 
     structure, request = output.load(scene)
     values = read_inputs(inputs, structure, output)
-    schedule = read_schedule(profile, profile_kind, structure)
+    schedule = read_schedule(profile, profile_kind, structure, t_end, values)
     needs = find_needs("simulate_batch", structure, request, method=options.method, rtol=options.rtol)
     wanted = needs.alone(request)
     wanted = replace(wanted, keep=(options.keep,)) if options.keep else wanted

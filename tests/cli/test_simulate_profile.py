@@ -59,7 +59,7 @@ def test_a_batch_takes_the_same_profile(run: Run, scene: Path, folder: Path) -> 
         ("time,motor\n0,0\n0.5,inf\n1,0\n", ["pull.csv: line 3, column motor", "not a finite number"]),
         ("time,motor\n0,0\n1,0\n0.5,0\n", ["pull.csv", "the time goes back"]),
         ("time,motor\n0.5,0\n1,0\n", ["pull.csv", "does not start at 0"]),
-        ("time,motor\n0,0\n0.9,0\n", ["ends before the motion", "0.9"]),
+        ("time,motor\n0,0\n0.9,0\n", ["pull.csv", "ends before the motion", "0.9"]),
     ],
 )
 def test_a_bad_profile_ends_with_2(run: Run, scene: Path, folder: Path, text: str, parts: list[str]) -> None:
@@ -85,7 +85,7 @@ def test_an_input_with_a_constant_value_too_is_refused(run: Run, scene: Path, fo
     table = write(folder / "pull.csv", "time,motor\n0,0\n1,0\n")
     ended = run("simulate", scene, *WORDS, "--profile", table, "--input", "motor=0.1", "--out", "a.npz")
     assert ended.code == 2
-    assert "a profile and a constant value" in ended.err
+    assert "pull.csv: an input has a profile and a constant value" in ended.err
     assert not (folder / "a.npz").exists()
 
 

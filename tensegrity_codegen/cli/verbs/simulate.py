@@ -114,7 +114,7 @@ def simulate(
             check_no_other(settle=settle, until=until)
             options = choose_batch_control(options, control)
             built, values, schedule = build_for_batch(
-                output, scene, options, compiler, flags, input, profile, profile_kind
+                output, scene, options, compiler, flags, input, profile, profile_kind, t_end
             )
             simulate_starts(
                 output,
@@ -129,7 +129,7 @@ def simulate(
                 schedule=schedule,
             )
             return
-        built, given = _build(scene, asked, compiler, flags, output)
+        built, given = _build(scene, asked, t_end, compiler, flags, output)
         _run(output, built, asked, out, t_end=t_end, samples=samples, **given)
 
 
@@ -173,7 +173,7 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
 
 
 def _build(
-    scene: Path, asked: _Asked, compiler: str | None, flags: str | None, output: Output
+    scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
 ) -> tuple[BuiltLibrary, dict[str, Any]]:
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
     from tensegrity_codegen.pipeline import build_library, has_statics, settle_structure
@@ -181,7 +181,7 @@ def _build(
 
     structure, request = output.load(scene, settles=asked.settle)
     given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
-    schedule = read_schedule(asked.profile, asked.profile_kind, structure)
+    schedule = read_schedule(asked.profile, asked.profile_kind, structure, t_end, given["arguments"])
     given["schedule"] = schedule
     at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}
     settled_with = given["arguments"] | at_start

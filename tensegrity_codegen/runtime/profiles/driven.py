@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
 
-__all__ = ["DrivenArguments", "bind_profile", "check_not_constant"]
+__all__ = ["DrivenArguments", "bind_profile", "check_end", "check_not_constant"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -66,14 +66,7 @@ def bind_profile(
     arguments: constant ones, inputs in one array; t_end [s]: of the motion. Raises InvalidValueError for
     another shape, an input that is given twice, and a profile that ends before t_end.
     """
-    if profile.t_end < t_end * (1.0 - SAME_TIME):
-        raise InvalidValueError(
-            "the profile ends before the motion",
-            where="profile.time",
-            given=f"last knot at {profile.t_end!r} s, end of the motion at {t_end!r} s",
-            allowed="a last knot at the end of the motion or later",
-            hint="add a knot, or simulate a shorter time",
-        )
+    check_end(profile, t_end)
     base, place = {}, []
     for name, values in profile.values.items():
         argument = unify_name(model.manifest, name)
@@ -104,13 +97,32 @@ def bind_profile(
     return DrivenArguments(pieces, tuple(place), base)
 
 
-def check_not_constant(profile: Profile, arguments: Mapping[str, Any]) -> None:
-    """Raise InvalidValueError for an input that has a profile and a constant value; arguments: as given."""
-    named = [name for name in profile.values if name in arguments]
+def check_end(profile: Profile, t_end: float, where: str = "profile.time") -> None:
+    """Raise InvalidValueError for a profile that ends before t_end [s]; where: it is from."""
+    if profile.t_end < t_end * (1.0 - SAME_TIME):
+        raise InvalidValueError(
+            "the profile ends before the motion",
+            where=where,
+            given=f"last knot at {profile.t_end!r} s, end of the motion at {t_end!r} s",
+            allowed="a last knot at the end of the motion or later",
+            hint="add a knot, or simulate a shorter time",
+        )
+
+
+def check_not_constant(
+    profile: Profile, arguments: Mapping[str, Any], input_name: Sequence[str] = (), where: str = ""
+) -> None:
+    """Raise InvalidValueError for an input that has a profile and a constant value.
+
+    arguments: as given, names of inputs included; input_name: of the model, all of which the array `input`
+    stands for in a profile; where: the profile is from, the argument if not given.
+    """
+    driven = (*profile.values, *(input_name if INPUT in profile.values else ()))
+    named = [name for name in driven if name in arguments]
     if named:
         raise InvalidValueError(
             "an input has a profile and a constant value",
-            where=f"arguments.{named[0]}",
+            where=where or f"arguments.{named[0]}",
             given=f"{named[0]} in the profile, and {arguments[named[0]]!r}",
             allowed="one of them",
         )

@@ -131,7 +131,7 @@ def simulate(
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, samples)
     if isinstance(schedule, Profile):
-        check_not_constant(schedule, arguments or {})
+        check_not_constant(schedule, arguments or {}, model.manifest.input_name)
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model, given)
     drive = read_schedule(model, schedule, options, given, t_end)

@@ -136,7 +136,7 @@ def simulate_batch(
     check_threads(threads)
     for one in schedule if isinstance(schedule, Sequence) else (schedule,):
         if isinstance(one, Profile):
-            check_not_constant(one, arguments or {})
+            check_not_constant(one, arguments or {}, model.manifest.input_name)
     given = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
     schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
     starts = _read_starts(model, coordinate, velocity, given, schedules)

@@ -69,6 +69,7 @@ def test_an_end_before_the_motions_is_rounding_or_refused(model: CompiledModel) 
         ({"rest_length": [1.0, 1.0, 1.0]}, {}, "wrong shape"),
         ({"motor": [0, 0, 0], "input": np.zeros((3, 2))}, {}, "given twice"),
         ({"motor": [0, 0, 0]}, {"motor": 0.01}, "a profile and a constant value"),
+        ({"input": np.zeros((3, 2))}, {"push": 0.5}, "a profile and a constant value"),
         ({"rest_length": np.ones((3, 1))}, {"rest_length": [1.0]}, "a profile and a constant value"),
     ],
 )
