@@ -25,8 +25,10 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.runtime.control.closed_loop import simulate_control
+    from tensegrity_codegen.runtime.control.design.estimator import Estimator
     from tensegrity_codegen.runtime.control.design.gains import Gains
     from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
+    from tensegrity_codegen.runtime.control.kalman import design_kalman
     from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
     from tensegrity_codegen.runtime.control.loop.disturbances import Gust
     from tensegrity_codegen.runtime.control.lqr import design_lqr
@@ -51,6 +53,7 @@ __all__ = [
     "ControlRun",
     "Equilibrium",
     "EquilibriumPath",
+    "Estimator",
     "Gains",
     "Gust",
     "LinearModel",
@@ -66,6 +69,7 @@ __all__ = [
     "analyse",
     "build_library",
     "compile_scene",
+    "design_kalman",
     "design_lqr",
     "equilibrium_sensitivity",
     "find_equilibrium",
@@ -85,6 +89,7 @@ _HOME = {
     "ControlRun": "runtime.control.loop.control_run",
     "Equilibrium": "runtime.statics.equilibrium",
     "EquilibriumPath": "runtime.control.equilibrium_path",
+    "Estimator": "runtime.control.design.estimator",
     "Gains": "runtime.control.design.gains",
     "Gust": "runtime.control.loop.disturbances",
     "LinearModel": "runtime.linear.linearize",
@@ -97,6 +102,7 @@ _HOME = {
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "analyse": "runtime.analysis.analyse",
+    "design_kalman": "runtime.control.kalman",
     "design_lqr": "runtime.control.lqr",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
@@ -18,12 +19,13 @@ from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.controller import Controller
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust, bind_gust
+from tensegrity_codegen.runtime.control.loop.filter import Filter
 from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -41,6 +43,7 @@ def simulate_control(
     motion: Motion | Equilibrium,
     gains: Gains | None = None,
     *,
+    estimator: Estimator | None = None,
     t_end: float | None = None,
     sample: float | None = None,
     coordinate_error: ArrayLike | None = None,
@@ -51,6 +54,7 @@ def simulate_control(
     rate: ArrayLike | None = None,
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
+    seed: int = 0,
 ) -> ControlRun:
     """Simulate a motion of the full model with sampled feedback.
 
@@ -62,6 +66,8 @@ def simulate_control(
         The motion to hold; after its end its last point is held. An equilibrium is held for 1 s, or `t_end`.
     gains : Gains, optional
         Feedback; without it the inputs of the motion alone act (open loop).
+    estimator : Estimator, optional
+        Estimates the state from noisy measurements; without it feedback acts on the true state.
     t_end : float, optional [s]
         End of the simulation, cut to whole samples; by default the end of the motion.
     sample : float, optional [s]
@@ -76,6 +82,8 @@ def simulate_control(
         Forces on nodes for a limited time.
     rate, range, delay : float or array_like, optional [m/s, m, s]
         Limits of the actuators, by default those of the scene.
+    seed : int
+        Of the noise of the measurements.
 
     Returns
     -------
@@ -92,6 +100,7 @@ def simulate_control(
 
     Notes
     -----
+    The controller and its estimator know the scene and the motion, not the errors, `arguments` and gusts.
     Commands are held between samples, and arrive after the delays of the actuators. The motion in between is
     integrated in C (rk853, relative tolerance 1e-9), stretch by stretch between changes of
     inputs or loads.
@@ -111,7 +120,7 @@ def simulate_control(
     """
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
-    step = _find_sample(gains, sample)
+    step = _find_sample(gains, estimator, sample)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0, arguments)
     check_motion(model, way)
     bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
@@ -122,7 +131,8 @@ def simulate_control(
     check_arguments(model, given)
     start = _find_start(way, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
-    loop = _Loop(model, way, Controller(way, gains, bounds, step), plant, bounds)
+    senses = None if estimator is None else Filter(model, estimator, way, {})
+    loop = _Loop(model, way, Controller(way, gains, bounds, step), plant, bounds, senses, seed)
     return loop.run(count)
 
 
@@ -135,6 +145,8 @@ class _Loop:
     controller: Controller
     plant: SampledPlant
     bounds: ActuatorBounds
+    senses: Filter | None
+    seed: int
 
     def run(self, count: int) -> ControlRun:
         """Return the run over so many samples."""
@@ -142,18 +154,37 @@ class _Loop:
         delayed = DelayedInputs(self.bounds, self.controller.command, step)
         states, commands, inputs, statuses = [self.plant.state], [], [], []
         value = self.motion.at(0.0).input.copy()
-        tensions = [self._tension(states[0], value)]
+        tensions, estimates = [self._tension(states[0], value)], []
+        noise = np.random.default_rng(self.seed)
         for k in range(count):
-            command, status = self.controller.step(k, states[-1])
+            known = self._estimate(k * step, states[-1], value, noise)
+            command, status = self.controller.step(k, known[: len(states[-1])])
             value = self.motion.at((k + 0.5) * step).input.copy()
             if not self._advance(k * step, delayed.push(command), value):
                 break
+            estimates.append(known)
             states.append(self.plant.state)
             commands.append(command)
             inputs.append(value.copy())
             statuses.append(status)
             tensions.append(self._tension(states[-1], value))
-        return self._record(states, commands, inputs, tensions, statuses)
+        record = self._record(states, commands, inputs, tensions, statuses)
+        if self.senses is None or not estimates:
+            return record
+        table = np.array(estimates)
+        n = table.shape[1] // 3
+        return replace(record, estimate=table[:, : 2 * n], disturbance=table[:, 2 * n :])
+
+    def _estimate(
+        self, time: float, state: FloatArray, value: FloatArray, noise: np.random.Generator
+    ) -> FloatArray:
+        """Return the true state, or the estimated one with the disturbance force on each coordinate."""
+        if self.senses is None:
+            return state
+        sensing, n = self.senses.estimator.sensing, len(state) // 2
+        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
+        measured = sensing.measure(at) + sensing.noise * noise.normal(size=len(sensing.noise))
+        return np.concatenate([self.senses.correct(time, measured, value), self.senses.disturbance])
 
     def _advance(self, start: float, stretches: list[tuple[float, FloatArray]], value: FloatArray) -> bool:
         """Move the model to the next sample; `value` (n_inputs,) becomes the inputs at its end."""
@@ -162,11 +193,13 @@ class _Loop:
             value[self.bounds.place] = arrived
             if not self.plant.advance(start + since, start + end, value):
                 return False
+            if self.senses is not None:
+                self.senses.predict(end - since, value)
         return True
 
     def _tension(self, state: FloatArray, value: FloatArray) -> FloatArray:
         n = len(state) // 2
-        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], "input": value}
+        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
         return np.asarray(self.model.compute("member_tension", **at)).copy()
 
     def _record(
@@ -205,15 +238,18 @@ class _Loop:
         )
 
 
-def _find_sample(gains: Gains | None, sample: float | None) -> float:
-    if gains is not None and sample is not None and sample != gains.sample:
+def _find_sample(gains: Gains | None, estimator: Estimator | None, sample: float | None) -> float:
+    """Return the time between two commands [s], which gains and estimator must share."""
+    stated = [item.sample for item in (gains, estimator) if item is not None]
+    stated += [] if sample is None else [sample]
+    found = stated[0] if stated else SAMPLE
+    if any(other != found for other in stated):
         raise InvalidValueError(
-            "the gains are for another sample time",
+            "gains and estimator are for another sample time",
             where="sample",
-            given=f"{sample!r} s",
-            allowed=f"{gains.sample!r} s",
+            given=", ".join(f"{other!r} s" for other in stated),
+            allowed="one sample time of gains, estimator and simulation",
         )
-    found = gains.sample if gains is not None else SAMPLE if sample is None else sample
     if not np.isfinite(found) or found <= 0.0:
         raise InvalidValueError(
             "out of range", where="sample", given=found, allowed="a finite number > 0 [s]"

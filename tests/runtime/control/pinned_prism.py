@@ -11,14 +11,25 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses import want_analyses
 from tensegrity_codegen.pipeline import build_library, load_nodes
+from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
+from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tests.body_scenes import assemble_document
 
 Array = NDArray[np.float64]
 
-__all__ = ["BARS", "build_prism", "draw_errors", "move_prism", "prism_document", "quintic", "solve_inputs"]
+__all__ = [
+    "BARS",
+    "build_prism",
+    "design_gains",
+    "draw_errors",
+    "move_prism",
+    "prism_document",
+    "quintic",
+    "solve_inputs",
+]
 
 ROOT = Path(__file__).resolve().parents[3]
 BARS = (1, 2, 3)
@@ -92,6 +103,12 @@ def build_prism(*analyses: str, **options: Any) -> CompiledModel:
     """Return the compiled prism."""
     system, request = assemble_document(prism_document(**options))
     return build_library(system, want_analyses(system, request, analyses or ("control", "simulate"))).load()
+
+
+def design_gains(model: CompiledModel, motion: Motion) -> Gains:
+    """Return the gains of the acceptance table: every coordinate is summed."""
+    weight = np.concatenate([np.full(6, 100.0), np.full(6, 0.1), np.full(6, 10.0)])
+    return design_lqr(model, motion, weight, np.full(9, 1e6), integral_action=model.manifest.coordinate_name)
 
 
 def draw_errors(model: CompiledModel, seed: int) -> dict[str, Any]:

@@ -15,10 +15,9 @@ from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
-from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.runtime.control.pinned_prism import build_prism, draw_errors, move_prism
+from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
 
 Array = NDArray[np.float64]
 
@@ -35,8 +34,7 @@ def motion(model: CompiledModel) -> Motion:
 
 @pytest.fixture(scope="module")
 def gains(model: CompiledModel, motion: Motion) -> Gains:
-    weight = np.concatenate([np.full(6, 100.0), np.full(6, 0.1), np.full(6, 1.0)])
-    return design_lqr(model, motion, weight, np.full(9, 1e4), integral_action=model.manifest.coordinate_name)
+    return design_gains(model, motion)
 
 
 def check_draw(model: CompiledModel, motion: Motion, gains: Gains, seed: int) -> None:

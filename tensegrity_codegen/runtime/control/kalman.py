@@ -1,0 +1,255 @@
+"""Estimators: extended Kalman filters with disturbance forces, their gains stored at knots along a motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.linear_samples import (
+    build_sample_time,
+    check_independent,
+    check_motion,
+)
+from tensegrity_codegen.runtime.control.design.reachable import (
+    HiddenMode,
+    describe_direction,
+    find_unobserved,
+)
+from tensegrity_codegen.runtime.control.design.riccati import compute_gain, find_stationary
+from tensegrity_codegen.runtime.control.design.sensing import Sensing, find_sensing
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.structure.actuators import Sensor
+
+__all__ = ["design_kalman"]
+
+FloatArray = NDArray[np.float64]
+
+QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
+MOST_KNOTS = 25
+UNKNOWN = 0.1  # of the forces of the tensions, by which disturbances change in a second
+SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
+REACH = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
+MOST_SUBSTEPS = 1000
+
+
+def design_kalman(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    sensors: Sequence[Sensor] | None = None,
+    *,
+    sample: float = 0.005,
+    disturbance: ArrayLike | None = None,
+    acceleration_noise: ArrayLike | None = None,
+    knots: int = MOST_KNOTS,
+    arguments: Mapping[str, Any] | None = None,
+) -> Estimator:
+    """Return an extended Kalman filter for a motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene; its coordinates are independent of each other.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold.
+    sensors : sequence of Sensor, optional
+        What is measured, each with its noise; by default the sensors of the scene.
+    sample : float [s]
+        Time between two measurements.
+    disturbance : float or array_like, shape (n_coordinates,), optional [N/sqrt(s) or N m/sqrt(s)]
+        How fast the disturbance force on each coordinate changes: standard deviation of its change in 1 s.
+        By default a tenth of the forces that the largest tension causes; 0: no such force is estimated.
+    acceleration_noise : float or array_like, shape (n_coordinates,), optional [m/s2 or rad/s2, by sqrt(Hz)]
+        White noise of the accelerations.
+    knots : int
+        Number of times at which gains are computed.
+    arguments : mapping, optional
+        Run-time parameters where they differ from the scene.
+
+    Returns
+    -------
+    Estimator
+        Gains ``L`` and covariances ``P`` at the knots.
+
+    Raises
+    ------
+    InvalidValueError
+        A value out of range, a sensor without noise, a motion of another model.
+    StructureError
+        There are no sensors.
+    FormulationError
+        The state cannot be observed (rank and direction are named), or coordinates depend on each other.
+    ConvergenceError
+        A Riccati equation is not solved.
+
+    Notes
+    -----
+    q'' = a(q, q', u) + M^-1 d, d' = white noise. Without d, errors of stiffness and constant loads become
+    errors of the estimate. Gains are stationary at each knot: P = A (P - L C P) A^T + W,
+    L = P C^T (C P C^T + V)^-1, with A and W exact for the sample (R. E. Kalman, Journal of Basic Engineering
+    82, 1960; C. F. Van Loan, IEEE Transactions on Automatic Control 23, 1978).
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_kalman, find_equilibrium
+    >>> text = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> text += '[[sensors]]\\nkind = "member_length"\\nmembers = "cord"\\nnoise = 1e-3\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + text)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> estimator = design_kalman(model, find_equilibrium(model), sample=0.02, knots=2)
+    >>> estimator.state_name, estimator.L.shape
+    (('n2.z', "n2.z'", 'force on n2.z'), (2, 3, 1))
+    """
+    check_independent(model)
+    require_quantities(model, QUANTITIES, "an estimator needs")
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    check_motion(model, way)
+    build_sample_time(way, sample)
+    sensing = find_sensing(model, sensors)
+    given = merge_inputs(model.manifest, arguments)
+    walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
+    time = np.linspace(0.0, way.duration, _check_knots(knots))
+    parts = [_build_part(model, way, now, given, sensing, walk, shake) for now in time.tolist()]
+    names = name_states(model.manifest)
+    n = len(names) // 2
+    disturbed = np.flatnonzero(walk > 0.0)
+    names = (*names, *(f"force on {names[k]}" for k in disturbed))
+    noise = np.diag(sensing.noise**2)
+    gains, covariances, residuals = [], [], []
+    for rate, spectrum, slope in parts:
+        a, w = _sample_noise(rate, spectrum, sample)
+        hidden = find_unobserved(a, slope)
+        if hidden:
+            _refuse(model.manifest.name, hidden, names, sensing)
+        p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
+        gains.append(_correct(p, slope, noise))
+        covariances.append(p)
+        residuals.append(residual)
+    error = (np.eye(len(names)) - gains[-1] @ parts[-1][2]) @ a
+    return Estimator(
+        time=time,
+        L=np.array(gains),
+        P=np.array(covariances),
+        E=np.linalg.eigvals(error).astype(np.complex128),
+        sample=sample,
+        residual=max(residuals),
+        substeps=_count_substeps([rate[: 2 * n, : 2 * n] for rate, _, _ in parts], sample),
+        disturbed=disturbed.astype(np.int64),
+        sensing=sensing,
+        state_name=names,
+    )
+
+
+def _build_part(
+    model: CompiledModel,
+    motion: Motion,
+    time: float,
+    given: Mapping[str, Any],
+    sensing: Sensing,
+    walk: FloatArray,
+    shake: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x' = rate x + noise of this spectrum, and the slopes of the measurements, at a time [s]."""
+    point = motion.at(time)
+    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    inner = model.compute("state_jacobian", **at).toarray()
+    inverse = np.linalg.inv(_dense(model.compute("mass_matrix", **at)))
+    n, disturbed = len(point.coordinate), np.flatnonzero(walk > 0.0)
+    size = 2 * n + len(disturbed)
+    rate, spectrum = np.zeros((size, size)), np.zeros((size, size))
+    rate[: 2 * n, : 2 * n], rate[n : 2 * n, 2 * n :] = inner, inverse[:, disturbed]
+    spectrum[range(n, 2 * n), range(n, 2 * n)] = shake**2
+    spectrum[range(2 * n, size), range(2 * n, size)] = walk[disturbed] ** 2
+    slope = np.zeros((len(sensing.noise), size))
+    slope[:, : 2 * n] = sensing.slopes(at)
+    return rate, spectrum, slope
+
+
+def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
+    """Return the transition over a sample, and the covariance of the noise that it gathers."""
+    n = len(rate)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -rate, spectrum, rate.T
+    whole = expm(sample * block)
+    a = whole[n:, n:].T
+    w = a @ whole[:n, n:]
+    return a, 0.5 * (w + w.T)
+
+
+def _correct(p: FloatArray, slope: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return L = P C^T (C P C^T + V)^-1."""
+    return compute_gain(p, np.eye(len(p)), slope.T, noise).T
+
+
+def _read_noise(
+    model: CompiledModel,
+    motion: Motion,
+    given: Mapping[str, Any],
+    disturbance: ArrayLike | None,
+    acceleration_noise: ArrayLike | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return how fast disturbances change, and the noise of accelerations, (n_coordinates,) each."""
+    n = motion.coordinate.shape[1]
+    at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
+    lever = np.linalg.norm(_dense(model.compute("equilibrium_matrix", **at)), axis=1)
+    force = float(np.abs(motion.member_tension).max(initial=0.0)) * lever
+    mass = np.diag(_dense(model.compute("mass_matrix", **at)))
+    walk = UNKNOWN * force if disturbance is None else _read(disturbance, n, "disturbance")
+    usual = SHAKING * force / mass
+    shake = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
+    return walk, shake
+
+
+def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
+    given = np.asarray(value, dtype=float)
+    if given.shape not in ((), (n,)) or not np.isfinite(given).all() or (given < 0.0).any():
+        raise InvalidValueError(
+            "out of range",
+            where=where,
+            given=value,
+            allowed=f"a number >= 0, or one for each of {n} coordinates",
+        )
+    return np.broadcast_to(given, (n,)).copy()
+
+
+def _check_knots(knots: int) -> int:
+    if isinstance(knots, bool) or not isinstance(knots, int | np.integer) or not 2 <= knots <= 10_000:
+        raise InvalidValueError("out of range", where="knots", given=knots, allowed="2 to 10,000")
+    return int(knots)
+
+
+def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
+    """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
+    fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
+    return min(max(1, math.ceil(fastest * sample / REACH)), MOST_SUBSTEPS)
+
+
+def _dense(matrix: Any) -> FloatArray:
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+
+
+def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing) -> NoReturn:
+    """Raise FormulationError for states that the sensors do not show."""
+    first = hidden[0]
+    shown = ", ".join(sensing.names[:6]) + ", ..." * (len(sensing.names) > 6)
+    raise FormulationError(
+        "the state cannot be observed from these sensors",
+        where=f"{scene}: design_kalman",
+        given=f"{len(sensing.noise)} numbers ({shown}); "
+        f"rank {first.rank} of {first.size}; unobservable: {describe_direction(first.direction, names)}",
+        allowed="sensors that show every motion and disturbance force that does not decay",
+        hint="add sensors, or estimate fewer disturbance forces: disturbance=0 for some coordinates",
+    )
