@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -64,6 +64,11 @@ class Motion:
         Shortest duration that the rates of the actuators permit; 0 where nothing limits them.
     path_error : float [m]
         Largest distance of a node between the path and the equilibria that it leads through.
+    residual : ndarray, shape (n_t,) [N]
+        Largest force on a coordinate that the actuators leave out of balance; of bodies a generalised force
+        over the most that a unit of the coordinate moves a node. Without entries for static inputs.
+    warnings : tuple of str
+        What to check.
     """
 
     time: FloatArray
@@ -79,6 +84,8 @@ class Motion:
     kinks: tuple[float, ...] = ()
     shortest_duration: float = 0.0
     path_error: float = 0.0
+    residual: FloatArray = field(default_factory=lambda: np.zeros(0))
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze_fields(self)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+from scipy.optimize import brentq
 
 from tensegrity_codegen.errors import ConvergenceError, InvalidValueError
 from tensegrity_codegen.runtime.planning.actuation import Actuation
@@ -18,9 +19,9 @@ __all__ = ["Peaks", "check_rates", "compute_peaks", "find_shortest"]
 FloatArray = NDArray[np.float64]
 
 WITHIN = 1e-6  # of a rate limit: excess that counts as none
-CLOSE = 1e-5  # of the shortest duration: its accuracy
+CLOSE = 1e-8  # of the shortest duration: its accuracy
 GROW = 1.25
-MOST_TRIALS = 60
+MOST_TRIALS = 40
 
 
 @dataclass(frozen=True)
@@ -69,14 +70,14 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
     Parameters
     ----------
     first : float [s]
-        Duration of the static path.
+        Duration of the static path; 0 where nothing limits it.
     excess : callable
-        Duration -> largest ratio of a peak rate to its limit.
+        Duration [s] -> largest ratio of a peak rate to its limit.
 
     Returns
     -------
     float
-        Longest duration of a bracket in which the ratio passes 1, 0 where nothing limits it.
+        The duration at which the ratio is 1.
 
     Raises
     ------
@@ -86,26 +87,27 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
     if first == 0.0:
         return 0.0
     low = high = first
-    for _ in range(MOST_TRIALS):
-        if excess(high) <= 1.0 + WITHIN:
-            break
-        low, high = high, GROW * high
-    else:
-        raise ConvergenceError(
-            "no duration keeps the rates of the actuators",
-            evidence={"tried": f"{first:.6g} to {high:.6g} s"},
-            where="duration",
-            hint="raise the rates",
-        )
-    while low == high and low > first / 10:  # inertia can also lower the largest rate
-        if excess(low / GROW) > 1.0 + WITHIN:
-            low = low / GROW
-            break
-        low = high = low / GROW
-    while high - low > CLOSE * high:
-        middle = (low + high) / 2
-        low, high = (low, middle) if excess(middle) <= 1.0 + WITHIN else (middle, high)
-    return high
+    if excess(first) > 1.0:
+        for _ in range(MOST_TRIALS):
+            low, high = high, GROW * high
+            if excess(high) <= 1.0:
+                break
+        else:
+            raise ConvergenceError(
+                "no duration keeps the rates of the actuators",
+                evidence={"tried": f"{first:.6g} to {high:.6g} s"},
+                where="duration",
+                hint="raise the rates",
+            )
+    else:  # inertia can also lower the largest rate
+        for _ in range(MOST_TRIALS):
+            low, high = low / GROW, low
+            if excess(low) > 1.0:
+                break
+        else:
+            return low
+    found = float(brentq(lambda duration: excess(duration) - 1.0, low, high, rtol=CLOSE))
+    return found if excess(found) <= 1.0 + WITHIN else high
 
 
 def check_rates(

@@ -9,12 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
+from tensegrity_codegen.runtime.control.feedforward import (
+    DYNAMIC,
+    STATIC,
+    Driven,
+    Feedforward,
+    Timing,
+    build_feedforward,
+    describe_residual,
+)
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.path_knots import find_knots
-from tensegrity_codegen.runtime.control.rates import check_rates, compute_peaks
-from tensegrity_codegen.runtime.control.smooth_path import SmoothPath, build_smooth_path
+from tensegrity_codegen.runtime.control.rates import check_rates, find_shortest
+from tensegrity_codegen.runtime.control.smooth_path import build_smooth_path
 from tensegrity_codegen.runtime.control.time_law import QUINTIC, TimeLaw, read_law
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -33,6 +42,7 @@ def time_motion(
     duration: float | None = None,
     law: str | ArrayLike = QUINTIC,
     *,
+    feedforward: str = "dynamic",
     arguments: Mapping[str, Any] | None = None,
     samples: int = 201,
 ) -> Motion:
@@ -50,6 +60,9 @@ def time_motion(
     law : str or array_like, shape (n, 2)
         ``"quintic"``: progress s = 10 x^3 - 15 x^4 + 6 x^5 over x = t / duration; or a table of times [s] and
         progress, from (0, 0) to (end, 1).
+    feedforward : str
+        ``"dynamic"``: tensions and inputs that produce the accelerations of the motion, next to the tensions
+        of the path; needs masses. ``"static"``: those of the path, which neglect inertia and damping.
     arguments : mapping, optional
         Inputs and parameters by name, where they differ from the scene; those of the path.
     samples : int
@@ -84,47 +97,49 @@ def time_motion(
     ((201, 6), True)
     """
     _check_samples(samples)
+    check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
     shape = read_law(law)
     wanted = _read_duration(duration, shape)
     plan_model, knots = find_knots(model, path, arguments)
-    smooth = build_smooth_path(plan_model, knots)
-    part = np.linspace(0.0, 1.0, samples)
-    change = np.asarray(smooth.change(shape.at(part)[0]))
-    peaks = compute_peaks(part, change)
-    shortest = float((peaks.rate / plan_model.actuation.rate).max(initial=0.0))
+    timing = Timing(build_smooth_path(plan_model, knots), shape, np.linspace(0.0, 1.0, samples))
+    drive = build_feedforward(feedforward, plan_model, timing)
+    shortest = _find_shortest(plan_model, timing, drive)
     length = _choose_duration(wanted, shortest)
-    peaks = compute_peaks(part * length, change)
-    check_rates(plan_model.actuation, peaks, model.manifest.member_name, length, shortest)
-    return _record(plan_model, smooth, shape, part, length, change, peaks.rate, shortest)
+    driven = drive(length)
+    check_rates(plan_model.actuation, driven.peaks, model.manifest.member_name, length, shortest)
+    return _record(plan_model, timing, driven, shortest)
 
 
-def _record(
-    plan_model: PlanModel,
-    smooth: SmoothPath,
-    law: TimeLaw,
-    part: FloatArray,
-    duration: float,
-    change: FloatArray,
-    peak_rate: FloatArray,
-    shortest: float,
-) -> Motion:
-    s, rate, bend = (values[:, None] for values in law.at(part))
-    rate, bend = rate / duration, bend / duration**2
-    q = smooth.coordinate
-    slope, curve = np.asarray(q(s[:, 0], 1)), np.asarray(q(s[:, 0], 2))
+def _find_shortest(plan_model: PlanModel, timing: Timing, drive: Feedforward) -> float:
+    """Return the shortest duration that the rates permit [s], 0 without rates."""
+    rate = plan_model.actuation.rate
+
+    def excess(duration: float) -> float:
+        return float((drive(duration).peaks.rate / rate).max(initial=0.0))
+
+    static = build_feedforward(STATIC, plan_model, timing)
+    first = float((static(1.0).peaks.rate / rate).max(initial=0.0))
+    return first if drive.is_static else find_shortest(first, excess)
+
+
+def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: float) -> Motion:
+    q, v, a = timing.states(driven.duration)
+    manifest = plan_model.model.manifest
     return Motion(
-        time=part * duration,
-        coordinate=np.asarray(q(s[:, 0])),
-        velocity=slope * rate,
-        acceleration=slope * bend + curve * rate**2,
-        rest_length=plan_model.actuation.rest_length + change,
-        input=np.array([plan_model.inputs(row) for row in change]),
-        member_tension=np.asarray(smooth.tension(s[:, 0])),
-        peak_rate=peak_rate,
+        time=timing.part * driven.duration,
+        coordinate=q,
+        velocity=v,
+        acceleration=a,
+        rest_length=plan_model.actuation.rest_length + driven.change,
+        input=np.array([plan_model.inputs(row) for row in driven.change]),
+        member_tension=driven.tension,
+        peak_rate=driven.peaks.rate,
         actuators=plan_model.actuation.names,
-        input_name=plan_model.model.manifest.input_name,
+        input_name=manifest.input_name,
         shortest_duration=shortest,
-        path_error=smooth.error,
+        path_error=timing.path.error,
+        residual=np.abs(driven.residual).max(axis=1) if driven.residual.size else np.zeros(0),
+        warnings=describe_residual(manifest.coordinate_name, timing, driven),
     )
 
 

@@ -23,7 +23,7 @@ __all__ = ["build_prism", "compile_motion", "plan_prism"]
 @cache
 def build_prism(start: str = "", *, rate: float = 0.05, rigid: bool = False, free: bool = True) -> Structure:
     """Return a prism of 12 damped cables with a motor for each whose name begins with `start`."""
-    bar = {"kind": "bar", "radius": 0.005} | ({} if rigid else {"spring_constant": 1e5, "damping": 20.0})
+    bar = {"kind": "bar", "radius": 0.005, "spring_constant": 1e5, "damping": 20.0}
     shape = {
         "kind": "prism",
         "bars": 3,
@@ -37,6 +37,11 @@ def build_prism(start: str = "", *, rate: float = 0.05, rigid: bool = False, fre
     cable = {"kind": "cable", "spring_constant": 1000.0, "damping": 8.0}
     document: dict[str, Any] = {"name": "prism", "classes": {"bar": bar, "cable": cable}, "shape": shape}
     structure = assemble(document)
+    if rigid:
+        stiff = np.where(structure.is_bar, 0.0, structure.spring_constant)
+        rest = np.where(structure.is_bar, structure.member_length(), structure.rest_length)
+        damping = np.where(structure.is_bar, 0.0, structure.damping)
+        structure = structure.with_changes(spring_constant=stiff, rest_length=rest, damping=damping)
     if not free:
         held = np.zeros((structure.n_nodes, 3), dtype=bool)
         held[[name.startswith("b") for name in structure.node_name]] = True
@@ -44,22 +49,26 @@ def build_prism(start: str = "", *, rate: float = 0.05, rigid: bool = False, fre
     return limit(actuate(structure, start, rate=rate))
 
 
-MODELS: dict[tuple[int, str, tuple[str, ...]], tuple[Any, CompiledModel]] = {}
+MODELS: dict[tuple[int, str, bool], tuple[Any, CompiledModel]] = {}
 PLANS: dict[tuple[int, str], tuple[Any, PlanResult]] = {}
 
 
-def compile_motion(structure: Any, formulation: str = "node_position", *more: str) -> CompiledModel:
+def compile_motion(
+    structure: Any, formulation: str = "node_position", *, simulates: bool = True
+) -> CompiledModel:
     """Return the model of a structure, for plans, timed motions and simulations; not optimised."""
-    key = (id(structure), formulation, more)
+    key = (id(structure), formulation, simulates)
     if key not in MODELS:
-        MODELS[key] = (structure, _compile(structure, formulation, more))
+        MODELS[key] = (structure, _compile(structure, formulation, simulates))
     return MODELS[key][1]
 
 
-def _compile(structure: Any, formulation: str, more: tuple[str, ...]) -> CompiledModel:
-    request = ModelRequest(more, formulation=formulation)
+def _compile(structure: Any, formulation: str, simulates: bool) -> CompiledModel:
+    request = ModelRequest((), formulation=formulation)
     with without_optimisation():
-        wanted = want_analyses(structure, request, ("plan", "time_motion", "simulate"))
+        wanted = want_analyses(
+            structure, request, ("plan", "time_motion", *(("simulate",) if simulates else ()))
+        )
         return build_library(structure, wanted).load()
 
 

@@ -32,7 +32,8 @@ def find() -> PlanResult:
 
 
 def make(duration: float | None = 2.0, **more: Any) -> Motion:
-    return time_motion(compile_motion(PRISM), find(), duration, **more)
+    """Return the motion by the inputs of the equilibria."""
+    return time_motion(compile_motion(PRISM), find(), duration, feedforward="static", **more)
 
 
 def test_the_points_of_the_plan_are_passed_at_their_progress() -> None:
@@ -90,8 +91,10 @@ def test_a_duration_below_the_shortest_is_refused_with_cable_time_and_rate() -> 
     with pytest.raises(InvalidValueError) as caught:
         make(0.5 * shortest)
     text, peak = str(caught.value), make(None).peak_rate
-    actuator = make(None).actuators[int(peak.argmax())]
-    assert f"{actuator} of {actuator.removeprefix('pull_')}" in text
+    fastest = [
+        name for name, rate in zip(find().actuator_name, peak, strict=True) if rate > 0.999 * peak.max()
+    ]
+    assert any(f"{name} of {name.removeprefix('pull_')}" in text for name in fastest)
     assert f"{2 * peak.max():.3g}"[:4] in text
     assert " m/s at 0." in text
     assert f"at least {shortest:.6g} s" in text
@@ -120,7 +123,7 @@ def test_twice_the_shortest_duration_ends_at_the_plan_in_the_full_simulation() -
 
 def test_inputs_alone_are_followed_from_the_equilibrium_of_the_scene() -> None:
     found, model = find(), compile_motion(PRISM)
-    motion = time_motion(model, EquilibriumPath(found.change[[0, -1]]), 3.0)
+    motion = time_motion(model, EquilibriumPath(found.change[[0, -1]]), 3.0, feedforward="static")
     np.testing.assert_allclose(motion.coordinate[-1], found.coordinate[-1], atol=2e-3)  # up to rigid motions
     tension = motion.member_tension[-1]
     np.testing.assert_allclose(tension, found.member_tension[-1], atol=1e-4)
@@ -187,4 +190,4 @@ def test_without_rates_a_duration_is_needed() -> None:
     model = compile_motion(fast)
     with pytest.raises(InvalidValueError, match="no rates"):
         time_motion(model, find())
-    assert time_motion(model, find(), 0.01).shortest_duration == 0.0
+    assert time_motion(model, find(), 0.01, samples=11).shortest_duration == 0.0
