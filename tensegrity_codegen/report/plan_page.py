@@ -244,6 +244,7 @@ def _binding(found: PlanResult) -> Section:
             (
                 text_cell(LIMIT_WORDS[item.limit]),
                 text_cell(item.name),
+                text_cell(f"{item.bound:.6g} {item.unit}"),
                 number_cell(100 * item.multiplier, ".4g"),
             )
             for item in found.block.binding
@@ -251,6 +252,7 @@ def _binding(found: PlanResult) -> Section:
         heads = (
             Column("limit", numeric=False),
             Column("of", numeric=False),
+            Column("value"),
             Column("progress for a unit", "% per N, m or N/m"),
         )
         text = f"blocked at {found.block.progress:.1%}"

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.planning.outcome import LIMIT_WORDS, PlanResult
 
 __all__ = [
     "actuators_table",
@@ -83,11 +83,14 @@ def binding_table(found: PlanResult, name: str) -> Table | None:
     if found.block is None or not found.block.binding:
         return None
     table = new_table(
-        f"{name}: limits that bind", "limit", "of", margin="right", **{"progress for a unit": "right"}
+        f"{name}: limits that bind", "limit", "of", value="right", **{"progress for a unit": "right"}
     )
     for item in found.block.binding:
-        margin = f"{item.margin:.3g} {item.unit}"
-        add_row(table, item.limit.replace("_", " "), item.name, margin, f"{item.multiplier:.4g} /{item.unit}")
+        value = f"{item.bound:.6g} {item.unit}"
+        gained = (
+            f"{item.multiplier:.4g} /{item.unit}" if "/" not in item.unit else f"{item.multiplier:.4g} m/N"
+        )
+        add_row(table, LIMIT_WORDS[item.limit], item.name, value, gained)
     return table
 
 

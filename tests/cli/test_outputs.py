@@ -14,6 +14,7 @@ FILES = {
     "simulate": (("simulate", "prism.toml", "--t-end", 0.01, "--samples", 3), "a.npz"),
     "linearize": (("linearize", "prism.toml"), "a.npz"),
     "analyse": (("analyse", "prism.toml"), "a.npz"),
+    "plan": (("plan", "prism.toml", "--to", "height=0.29", "--steps", 1, "--actuate", "cables"), "a.npz"),
     "show": (("show", "prism.toml"), "a.png"),
     "show-svg": (("show", "prism.toml"), "a.svg"),
     "show-pdf": (("show", "prism.toml"), "a.pdf"),

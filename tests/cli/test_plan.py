@@ -60,7 +60,7 @@ def test_text_names_targets_rest_lengths_and_the_outcome(run: Run, prism12: Path
 def test_a_blocked_plan_ends_with_code_three_and_what_binds(run: Run, prism12: Path) -> None:
     ended = run("plan", prism12, "--to", "twist=165", "--actuate", "v1", "--actuate", "v2", "--actuate", "v3")
     assert ended.code == 3
-    assert "least tension of opposite1, opposite2, opposite3" in ended.out
+    assert "least tension of 1 N (opposite1, opposite2, opposite3)" in ended.out
     assert "158.6" in ended.out
 
 

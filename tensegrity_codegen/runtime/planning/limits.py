@@ -67,6 +67,8 @@ class Margins:
         Margins.
     size : ndarray, shape (n,)
         Size of each limit, for tolerances.
+    bound : ndarray, shape (n,) [N, m, N/m]
+        The limits themselves; of ranges, the value of the input.
     slope : ndarray, shape (n, n_actuators) or None
         Derivatives of the margins with respect to the inputs.
     """
@@ -75,6 +77,7 @@ class Margins:
     index: NDArray[np.int64]
     value: FloatArray
     size: FloatArray
+    bound: FloatArray
     slope: FloatArray | None = None
 
     @property
@@ -188,13 +191,14 @@ def _stack(
 ) -> Margins:
     """Return the finite rows, one after the other."""
     kinds: list[str] = []
-    index, value, size, slope = [], [], [], []
+    index, value, size, bound, slope = [], [], [], [], []
     for (kind, margin, limit), derivative in zip(rows, sloping, strict=True):
         kept = np.flatnonzero(np.isfinite(margin))
         kinds += [kind] * len(kept)
         index.append(kept)
         value.append(margin[kept])
         size.append(np.maximum(np.abs(limit[kept]), least[kind]))
+        bound.append(limit[kept])
         if derivative is not None:
             slope.append(derivative[kept])
     return Margins(
@@ -202,5 +206,6 @@ def _stack(
         np.concatenate(index).astype(np.int64),
         np.concatenate(value),
         np.concatenate(size),
+        np.concatenate(bound),
         np.concatenate(slope) if slope else None,
     )

@@ -38,6 +38,8 @@ class Binding:
         ``"least_stiffness"``.
     name : str
         Member, pair of bars, or actuator; "" for the stiffness.
+    bound : float
+        The limit itself; of a range, the rest length.
     margin : float
         Distance from the limit.
     unit : str
@@ -49,6 +51,7 @@ class Binding:
 
     limit: str
     name: str
+    bound: float
     margin: float
     unit: str
     multiplier: float

@@ -176,8 +176,10 @@ def _bindings(
     for row, value in zip(rows, multiplier, strict=True):
         kind = margins.kind[row]
         name = _name(plan_model, kind, int(margins.index[row]))
-        unit = UNITS.get(kind, "N")
-        found.append(Binding(kind, name, float(margins.value[row]), unit, float(value)))
+        unit, bound = UNITS.get(kind, "N"), float(margins.bound[row])
+        if kind == "range":
+            bound += float(plan_model.actuation.rest_length[margins.index[row]])
+        found.append(Binding(kind, name, bound, float(margins.value[row]), unit, float(value)))
     return tuple(found)
 
 
@@ -205,10 +207,9 @@ def _describe_block(path: Path, block: Block) -> str:
     ]
     names: dict[str, list[str]] = {}
     for item in block.binding[:NAMED]:
-        names.setdefault(LIMIT_WORDS[item.limit], []).append(item.name)
-    bound = "; ".join(
-        f"{kind} of {', '.join(n for n in who if n)}".removesuffix(" of ") for kind, who in names.items()
-    )
+        limit = f"{LIMIT_WORDS[item.limit]} of {item.bound:.6g} {item.unit}"
+        names.setdefault(limit, []).append(item.name)
+    bound = "; ".join(f"{limit} ({', '.join(who)})".removesuffix(" ()") for limit, who in names.items())
     more = len(block.binding) - NAMED
     what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
     return (
