@@ -116,11 +116,8 @@ def compare(model: CompiledModel, plan: Reconfiguration, kind: str, degree: int,
         ours, theirs = (min(times[name] for name in found if name in group) for group in (OURS, SCIPY))
         by_auto = times["auto, function"] / times["auto"] if {"auto", SCIPY[-1]} <= found.keys() else np.nan
         least.append(f"| {error:.0e} | {theirs / ours:.0f} | {by_auto:.0f} |")
-    print(
-        "\n| error | C, fastest beside SciPy's fastest | C, auto beside auto with a function |",
-        "|---|---|---|",
-    )
-    print(*least, sep="\n")
+    head = "| error | C, fastest beside SciPy's fastest | C, auto beside auto with a function |"
+    print("", head, "|---|---|---|", *least, sep="\n")
     print(f"\nsmallest error found: {closest['C']:.1e} in C, {closest['SciPy']:.1e} by SciPy")
 
 
