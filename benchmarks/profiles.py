@@ -45,7 +45,7 @@ ERRORS = (1e-6, 1e-8, 1e-10)
 
 @dataclass(frozen=True)
 class Found:
-    """The loosest setting of a method that reaches an error: that error, and the time of a run [s]."""
+    """The loosest setting of a method that reaches an error, the error found, and a call that runs it."""
 
     tolerance: float
     error: float
