@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.control.feedforward import (
     build_feedforward,
     describe_residual,
 )
+from tensegrity_codegen.runtime.control.free_motion import remove_momentum
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.path_knots import find_knots
 from tensegrity_codegen.runtime.control.rates import check_rates, find_shortest
@@ -101,7 +102,8 @@ def time_motion(
     shape = read_law(law)
     wanted = _read_duration(duration, shape)
     plan_model, knots = find_knots(model, path, arguments)
-    timing = Timing(build_smooth_path(plan_model, knots), shape, np.linspace(0.0, 1.0, samples))
+    smooth = remove_momentum(plan_model, knots, build_smooth_path(plan_model, knots))
+    timing = Timing(smooth, shape, np.linspace(0.0, 1.0, samples))
     drive = build_feedforward(feedforward, plan_model, timing)
     shortest = _find_shortest(plan_model, timing, drive)
     length = _choose_duration(wanted, shortest)
