@@ -38,7 +38,7 @@ __all__ = ["plan"]
 
 FloatArray = NDArray[np.float64]
 
-FIXED = 1e-7  # of the slope of a target: what a rigid motion may change it by
+SAME = 9  # digits that order limits which are exceeded; equal ones stay in the order of the structure
 
 
 def plan(
@@ -198,7 +198,8 @@ def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> No
             hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
         )
     margins = compute_margins(limits, at)
-    outside = [int(k) for k in np.argsort(-margins.excess) if margins.excess[k] > WITHIN]
+    order = np.argsort(-np.round(margins.excess, SAME), kind="stable")
+    outside = [int(k) for k in order if margins.excess[k] > WITHIN]
     if outside:
         shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
         more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
