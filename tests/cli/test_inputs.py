@@ -62,6 +62,7 @@ def test_the_written_scene_is_in_equilibrium_without_the_input(run: Run, hanging
     assert "rest_length = 1.0," in (folder / "new.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_energies_of_a_moved_structure_count_the_inputs(run: Run, folder: Path) -> None:
     near = write(folder / "near.toml", FREE)
     far = write(

@@ -152,6 +152,7 @@ def test_tendons_of_bodies(derivative: str, value: str, argument: str) -> None:
     check_second_order(along, slope, np.abs(slope).max(), derivative)
 
 
+@pytest.mark.thorough
 def test_rigid_bars_have_zeros_and_all_emitters_give_the_same_bits() -> None:
     structure = prism(gravity=(0, 0, -9.81), anchored={0: "xyz"})
     rigid = structure.with_changes(spring_constant=np.where(structure.is_bar, 0.0, structure.spring_constant))

@@ -8,6 +8,7 @@ import pytest
 from tensegrity_codegen.runtime.analysis.certificate import find_certificate
 from tensegrity_codegen.runtime.analysis.prestress import find_prestress
 from tensegrity_codegen.runtime.analysis.rank import find_rank
+from tests.cases import thorough
 from tests.runtime.analysis.plain import Plain, icosahedron, make_plain, prism
 
 
@@ -44,7 +45,7 @@ def test_icosahedron_in_closed_form() -> None:
     np.testing.assert_allclose(found.tension[6:], np.sqrt(3 / 8) / 1.5, rtol=1e-12)
 
 
-@pytest.mark.parametrize("p", [3, 4, 5, 6])
+@pytest.mark.parametrize("p", [3, *thorough(4, 5, 6)])
 def test_range_of_twists_of_the_mirrored_prism(p) -> None:
     """All cables are in tension for twists between 90 + 180/p and 270 - 180/p degrees, and only there."""
     low, high = np.radians([90 + 180 / p, 270 - 180 / p])

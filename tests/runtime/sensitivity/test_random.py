@@ -64,6 +64,7 @@ def compare(seed: int) -> float | None:
     return float(np.abs(difference - found.tension @ direction).max() / scale)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("first", [0, *thorough(100, 200, 300)])
 def test_tensions_follow_as_differences_of_equilibria_say(first: int) -> None:
     count = 20 if first == 0 else 100
