@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import ConvergenceError, InvalidValueError
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -55,6 +55,8 @@ def find_knots(
             "not a path", where="path", given=path, allowed="a PlanResult of plan(), or an EquilibriumPath"
         )
     plan_model = PlanModel(model, find_actuation(model, path.actuators), arguments)
+    check_shape(plan_model.base, (len(model.manifest.input_name),), "arguments.input")
+    check_finite(plan_model.base, "arguments.input")
     change = _read_rows(path.change, len(plan_model.columns), "path.change")
     if path.coordinate is None:
         return plan_model, _follow(plan_model, change, path.progress)
@@ -103,8 +105,7 @@ def _read_rows(value: ArrayLike, width: int, where: str) -> FloatArray:
 def _read_progress(value: ArrayLike | None, moved: FloatArray, change: FloatArray) -> FloatArray:
     """Return progress (n_points,) from 0 to 1: as given, else of the distances moved, else of the inputs."""
     if value is not None:
-        progress = np.array(value, dtype=np.float64)
-        check_shape(progress, (len(change),), "path.progress")
+        progress = to_sized(value, (len(change),), "path.progress").ravel()
         check_finite(progress, "path.progress")
         if progress[0] != 0.0 or progress[-1] != 1.0 or np.any(np.diff(progress) <= 0):
             raise InvalidValueError(

@@ -147,6 +147,19 @@ def test_wrong_inputs_of_a_path(change: Any, error: type[Exception], words: str)
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize("progress", ["x", [0.0, 1.0], np.zeros(21), np.full(21, np.nan)])
+def test_wrong_progress_of_a_path(progress: Any) -> None:
+    found = find()
+    with pytest.raises(InvalidValueError, match=r"path\.progress"):
+        time_motion(compile_motion(PRISM), EquilibriumPath(found.change, found.coordinate, progress), 1.0)
+
+
+@pytest.mark.parametrize("values", [[np.nan] * 12, [0.0] * 3])
+def test_wrong_inputs_among_the_arguments(values: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"arguments\.input"):
+        time_motion(compile_motion(PRISM), find(), 1.0, arguments={"input": values})
+
+
 def test_points_that_are_no_equilibria_are_refused() -> None:
     found = find()
     off = found.coordinate + 0.01 * np.sin(np.arange(18))
