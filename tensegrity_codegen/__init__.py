@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.control.loop.disturbances import Gust
     from tensegrity_codegen.runtime.control.lqr import design_lqr
     from tensegrity_codegen.runtime.control.motion import Motion
+    from tensegrity_codegen.runtime.control.tension_distribution import (
+        TensionDistribution,
+        design_distribution,
+    )
     from tensegrity_codegen.runtime.control.time_motion import time_motion
     from tensegrity_codegen.runtime.linear.linearize import LinearModel, linearize
     from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -64,11 +68,13 @@ __all__ = [
     "Sensitivity",
     "Structure",
     "TensegrityError",
+    "TensionDistribution",
     "Trajectory",
     "__version__",
     "analyse",
     "build_library",
     "compile_scene",
+    "design_distribution",
     "design_kalman",
     "design_lqr",
     "equilibrium_sensitivity",
@@ -99,9 +105,11 @@ _HOME = {
     "Profile": "runtime.profiles.profile",
     "Sensitivity": "runtime.sensitivity.record",
     "Structure": "structure.structure",
+    "TensionDistribution": "runtime.control.tension_distribution",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "analyse": "runtime.analysis.analyse",
+    "design_distribution": "runtime.control.tension_distribution",
     "design_kalman": "runtime.control.kalman",
     "design_lqr": "runtime.control.lqr",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",

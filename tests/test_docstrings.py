@@ -37,6 +37,7 @@ MODULES = (
     "runtime.control.loop.disturbances",
     "runtime.control.lqr",
     "runtime.control.motion",
+    "runtime.control.tension_distribution",
     "runtime.control.time_motion",
     "runtime.linear.linearize",
     "runtime.model.model",

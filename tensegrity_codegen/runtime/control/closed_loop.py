@@ -22,6 +22,7 @@ from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust
 from tensegrity_codegen.runtime.control.loop.filter import Filter
 from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -44,6 +45,7 @@ def simulate_control(
     gains: Gains | None = None,
     *,
     estimator: Estimator | None = None,
+    distribution: TensionDistribution | None = None,
     t_end: float | None = None,
     sample: float | None = None,
     coordinate_error: ArrayLike | None = None,
@@ -68,6 +70,8 @@ def simulate_control(
         Feedback; without it the inputs of the motion alone act (open loop).
     estimator : Estimator, optional
         Estimates the state from noisy measurements; without it feedback acts on the true state.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones; it must be for the same motion.
     t_end : float, optional [s]
         End of the simulation, cut to whole samples; by default the end of the motion.
     sample : float, optional [s]
@@ -132,7 +136,7 @@ def simulate_control(
     start = _find_start(way, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
     senses = None if estimator is None else Filter(model, estimator, way, {})
-    loop = _Loop(model, way, Controller(way, gains, bounds, step), plant, bounds, senses, seed)
+    loop = _Loop(model, way, Controller(way, gains, bounds, step, distribution), plant, bounds, senses, seed)
     return loop.run(count)
 
 
@@ -152,7 +156,7 @@ class _Loop:
         """Return the run over so many samples."""
         step = self.controller.sample
         delayed = DelayedInputs(self.bounds, self.controller.command, step)
-        states, commands, inputs, statuses = [self.plant.state], [], [], []
+        states, commands, inputs, statuses, yielding = [self.plant.state], [], [], [], []
         value = self.motion.at(0.0).input.copy()
         tensions, estimates = [self._tension(states[0], value)], []
         noise = np.random.default_rng(self.seed)
@@ -167,8 +171,11 @@ class _Loop:
             commands.append(command)
             inputs.append(value.copy())
             statuses.append(status)
+            yielding.append(self.controller.yielding)
             tensions.append(self._tension(states[-1], value))
         record = self._record(states, commands, inputs, tensions, statuses)
+        if self.controller.distribution is not None:
+            record = replace(record, yielding=np.array(yielding, dtype=bool))
         if self.senses is None or not estimates:
             return record
         table = np.array(estimates)

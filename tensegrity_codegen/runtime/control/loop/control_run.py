@@ -42,10 +42,13 @@ class ControlRun:
     disturbance : ndarray, shape (n_t - 1, n_coordinates), or None
         Estimated disturbance force on each coordinate [N or N m].
     step_status : tuple of str, length n_t - 1
-        Of each command: ``"ok"``, ``"rate_limited"``, ``"range_limited"``, and with a tension distribution
-        ``"least_tension"`` where a tension cannot be reached within rate and range.
+        Of each command: ``"ok"``, ``"rate_limited"``, ``"range_limited"``, and with a distribution of
+        tensions ``"tension_limited"`` (least tensions prevent the forces of feedback), ``"least_tension"``
+        (one cannot be reached within rate and range) and ``"not_solved"`` (feedback was cut instead).
     actuators, coordinate_name, member_name : tuple of str
         Names.
+    yielding : ndarray of bool, shape (n_t - 1, n_members), or None
+        Members whose least tension could not be reached; None without a distribution of tensions.
     """
 
     status: str
@@ -63,6 +66,7 @@ class ControlRun:
     actuators: tuple[str, ...]
     coordinate_name: tuple[str, ...]
     member_name: tuple[str, ...]
+    yielding: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         freeze_fields(self)

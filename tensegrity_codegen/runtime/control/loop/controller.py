@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,35 @@ __all__ = ["Controller"]
 FloatArray = NDArray[np.float64]
 
 SAME = 1e-12  # [m], by which a command may differ from what was wanted
+
+
+class Answer(Protocol):
+    """The command of one sample, its status, and the members whose least tension yields."""
+
+    @property
+    def command(self) -> FloatArray:
+        """Inputs of the actuators, (n_actuators,) [m]."""
+        ...
+
+    @property
+    def status(self) -> str:
+        """Status of the step."""
+        ...
+
+    @property
+    def yielding(self) -> NDArray[np.bool_]:
+        """Members whose least tension yields, (n_members,)."""
+        ...
+
+
+class Distribution(Protocol):
+    """What finds the tensions of a sample."""
+
+    def distribute(
+        self, time: float, coordinate: FloatArray, wanted: FloatArray, low: FloatArray, high: FloatArray
+    ) -> Answer:
+        """Return the command of a sample within the bounds low and high [m]."""
+        ...
 
 
 class Controller:
@@ -29,6 +60,13 @@ class Controller:
         Rates and ranges.
     sample : float [s]
         Time between two commands.
+    distribution : TensionDistribution, optional
+        Finds tensions above the least ones that give the same forces.
+
+    Attributes
+    ----------
+    yielding : ndarray of bool, shape (n_members,), or None
+        Members whose least tension the last command could not reach; None without a distribution.
 
     Notes
     -----
@@ -36,8 +74,17 @@ class Controller:
     errors stand still while a command is cut, so that they do not grow without effect.
     """
 
-    def __init__(self, motion: Motion, gains: Gains | None, bounds: ActuatorBounds, sample: float) -> None:
+    def __init__(
+        self,
+        motion: Motion,
+        gains: Gains | None,
+        bounds: ActuatorBounds,
+        sample: float,
+        distribution: Distribution | None = None,
+    ) -> None:
         self.motion, self.gains, self.bounds, self.sample = motion, gains, bounds, sample
+        self.distribution = distribution
+        self.yielding: NDArray[np.bool_] | None = None
         self.sums = np.zeros(0 if gains is None else len(gains.integral_action))
         self.command = motion.at(0.0).input[bounds.place]
 
@@ -52,7 +99,12 @@ class Controller:
             Coordinates and velocities, true or estimated.
         """
         wanted, error = self.find_wanted(k, state)
-        command, status = self.cut(wanted)
+        if self.distribution is None:
+            command, status = self.cut(wanted)
+        else:
+            n = len(state) // 2
+            found = self.distribution.distribute(k * self.sample, state[:n], wanted, *self.reach())
+            command, status, self.yielding = found.command, found.status, found.yielding
         if status == "ok" and self.gains is not None:
             self.sums = self.sums + self.gains.integral_action @ error
         self.command = command

@@ -1,0 +1,311 @@
+"""Tensions that give the forces which feedback asks for, above the least tensions and near preferred ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
+from tensegrity_codegen.runtime.control.loop.cable_tensions import CableTensions, find_cables
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.planning.quadratic_program import find_minimum, require_solver
+
+__all__ = ["Distributed", "TensionDistribution", "design_distribution"]
+
+FloatArray = NDArray[np.float64]
+
+QUANTITIES = ("member_length", "equilibrium_matrix")
+WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
+FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
+SAME = 1e-9  # [m]
+PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
+
+
+@dataclass(frozen=True)
+class Distributed:
+    """The command of one sample.
+
+    Attributes
+    ----------
+    command : ndarray, shape (n_actuators,) [m]
+        Inputs of the actuators, within rate and range.
+    status : str
+        ``"ok"``, ``"rate_limited"``, ``"range_limited"``, ``"tension_limited"``, ``"least_tension"`` or
+        ``"not_solved"``.
+    yielding : ndarray of bool, shape (n_members,)
+        Members whose least tension cannot be reached within rate and range.
+    """
+
+    command: FloatArray
+    status: str
+    yielding: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class TensionDistribution:
+    """A quadratic program for the tensions of each sample; as of `design_distribution`.
+
+    Attributes
+    ----------
+    model : CompiledModel
+        The model that the controller knows.
+    motion : Motion
+        The motion, with the preferred tensions where none are given.
+    bounds : ActuatorBounds
+        Rates and ranges.
+    cables : CableTensions
+        Rest lengths and laws of the members.
+    least_tension : ndarray, shape (n_members,) [N]
+        Least tensions; -infinity where there is none.
+    preferred : ndarray, shape (n_members,) [N], or None
+        Preferred tensions; None: those of the motion.
+    weight : float
+        eps over the mean square of the entries of A.
+    """
+
+    model: CompiledModel
+    motion: Motion
+    bounds: ActuatorBounds
+    cables: CableTensions
+    least_tension: FloatArray
+    preferred: FloatArray | None
+    weight: float
+
+    def distribute(
+        self, time: float, coordinate: FloatArray, wanted: FloatArray, low: FloatArray, high: FloatArray
+    ) -> Distributed:
+        """Return the command of a sample.
+
+        Parameters
+        ----------
+        time : float [s]
+            Time of the sample.
+        coordinate : ndarray, shape (n_coordinates,)
+            Coordinates, true or estimated.
+        wanted : ndarray, shape (n_actuators,) [m]
+            Inputs that feedback asks for.
+        low, high : ndarray, shape (n_actuators,) [m]
+            Bounds of the command by rates and ranges.
+
+        Returns
+        -------
+        Distributed
+            Command, status, members whose least tension yields.
+        """
+        at = {"coordinate": coordinate}
+        length = np.asarray(self.model.compute("member_length", **at))
+        matrix = self.model.compute("equilibrium_matrix", **at)
+        a = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+        others = self.motion.at(time).input
+        top, yielding = self._tops(others, length, low)
+        asked = self.cables.tension(length, self.cables.rest_length(others, wanted))
+        preferred, command = self._prefer(time), np.clip(wanted, low, high)
+        for _ in range(PASSES):
+            rest = self.cables.rest_length(others, command)
+            program = _Program(
+                a,
+                self.cables.tension(length, rest),
+                self.cables.slope(length, rest)[:, None] * self.cables.incidence,
+            )
+            limits = (low - command, high - command, self.cables.incidence[self.cables.limited], top)
+            change = program.solve(asked, preferred, self.weight, command, limits)
+            if change is None:
+                return Distributed(np.clip(wanted, low, high), "not_solved", yielding)
+            command = np.clip(command + change, low, high)
+            if np.abs(change).max() < SAME:
+                break
+        reached = self.cables.tension(length, self.cables.rest_length(others, command))
+        missed = float(np.abs(a @ (reached - asked)).max())
+        scale = float(np.abs(a).max()) * float(np.abs(asked).max(initial=0.0))
+        status = self._judge(command, low, high, missed <= FORCE * scale, bool(yielding.any()))
+        return Distributed(command, status, yielding)
+
+    def _tops(
+        self, others: FloatArray, length: FloatArray, low: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Return bounds of the inputs of limited members [m], and which members cannot meet them."""
+        rows = self.cables.limited
+        base = self.cables.rest_length(others, np.zeros(len(low)))[rows]
+        longest = self.cables.find_rest_length(length, self.least_tension)[rows]
+        top, least = longest - base, self.cables.incidence[rows] @ low
+        yielding = np.zeros(len(length), dtype=bool)
+        yielding[rows] = top < least - SAME
+        return np.maximum(top, least), yielding
+
+    def _prefer(self, time: float) -> FloatArray:
+        if self.preferred is not None:
+            return self.preferred
+        motion = self.motion
+        columns = [np.interp(time, motion.time, column) for column in motion.member_tension.T]
+        return np.array(columns)
+
+    def _judge(
+        self, command: FloatArray, low: FloatArray, high: FloatArray, is_met: bool, yields: bool
+    ) -> str:
+        if yields:
+            return "least_tension"
+        if is_met:
+            return "ok"
+        at_bound = (command <= low + SAME) | (command >= high - SAME)
+        ranged = (command <= self.bounds.least + SAME) | (command >= self.bounds.most - SAME)
+        if (at_bound & ~ranged).any():
+            return "rate_limited"
+        return "range_limited" if ranged.any() else "tension_limited"
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """The quadratic program about one command.
+
+    a: equilibrium matrix; tension (n_members,) [N]; moved (n_members, n_actuators): derivatives of tensions
+    by the actuators' inputs [N/m].
+    """
+
+    a: FloatArray
+    tension: FloatArray
+    moved: FloatArray
+
+    def solve(
+        self,
+        asked: FloatArray,
+        preferred: FloatArray,
+        weight: float,
+        command: FloatArray,
+        limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    ) -> FloatArray | None:
+        """Return the change of the command (n_actuators,) [m]; None where the solver fails."""
+        low, high, rows, top = limits
+        size = np.linalg.norm(self.moved, axis=0)
+        size = np.where(size > 0.0, size, max(float(size.max(initial=0.0)), 1.0))
+        change = self.moved / size
+        force = self.a @ change
+        eps = weight * max(float(np.mean(self.a**2)), np.finfo(float).tiny)
+        hessian = force.T @ force + eps * (change.T @ change + 1e-9 * np.eye(len(size)))
+        gradient = force.T @ (self.a @ (self.tension - asked)) + eps * change.T @ (self.tension - preferred)
+        found = find_minimum(
+            hessian,
+            gradient,
+            np.vstack([np.eye(len(size)), rows]) / size,
+            np.concatenate([low, np.full(len(top), -np.inf)]),
+            np.concatenate([high, top - rows @ command]),
+        )
+        return None if found is None else found.x / size
+
+
+def design_distribution(
+    model: CompiledModel,
+    motion: Motion,
+    *,
+    least_tension: ArrayLike | None = None,
+    preferred: ArrayLike | None = None,
+    weight: float = WEIGHT,
+    arguments: Mapping[str, Any] | None = None,
+) -> TensionDistribution:
+    """Return the distribution of tensions for a motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion
+        The motion; its tensions are the preferred ones by default.
+    least_tension : float or array_like, shape (n_members,), optional [N]
+        Least tensions of the members that actuators pull; by default those of the scene's ``[limits]``.
+    preferred : float or array_like, shape (n_members,), optional [N]
+        Preferred tensions.
+    weight : float
+        eps over the mean square of the entries of A.
+    arguments : mapping, optional
+        Rest lengths and stiffnesses that the controller knows, where they differ from the scene.
+
+    Returns
+    -------
+    TensionDistribution
+        For `simulate_control`.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError
+        A value out of range, or a least tension that the range of an actuator does not allow: which cable.
+    FormulationError
+        The model lacks a quantity, or a member has a law that is not a linear spring.
+    MissingExtraError
+        DAQP is not installed.
+
+    Notes
+    -----
+    Least |A (T - T_lqr)|^2 + eps |T - T_preferred|^2 over the inputs of the actuators, by Gauss-Newton
+    steps; A T are the forces of tensions on the coordinates. Bounds are exact: rates,
+    ranges, and of each cable rho <= EA l / (EA + t_min), or l - t_min / k. T_lqr follows the law of a taut
+    cable below zero tension too. By DAQP (D. Arnström, A. Bemporad, D. Axehill, IEEE Transactions on
+    Automatic Control 67, 2022).
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, design_distribution, plan, time_motion
+    >>> model = compile_scene("prism12.toml", for_=("plan", "time_motion", "control"))
+    >>> motion = time_motion(model, plan(model, "twist=157", steps=2), duration=1.0)
+    >>> design_distribution(model, motion, least_tension=1.0).least_tension[-1].tolist()
+    1.0
+    """
+    require_solver()
+    check_motion(model, motion)
+    require_quantities(model, QUANTITIES, "a distribution of tensions needs")
+    bounds = find_bounds(model, motion)
+    structure = model.structure
+    assert structure is not None  # find_bounds refuses models without
+    count = len(model.manifest.member_name)
+    stated = structure.limits.least_tension if least_tension is None else least_tension
+    least = _read(stated, count, "least_tension")
+    chosen = None if preferred is None else _read(preferred, count, "preferred")
+    if chosen is not None and not np.isfinite(chosen).all():
+        raise InvalidValueError(
+            "out of range", where="preferred", given=preferred, allowed="finite tensions [N]"
+        )
+    if not np.isfinite(weight) or weight <= 0.0:
+        raise InvalidValueError("out of range", where="weight", given=weight, allowed="a finite number > 0")
+    cables = find_cables(model, bounds, least, merge_inputs(model.manifest, arguments))
+    _check_reach(model, motion, bounds, cables, least)
+    return TensionDistribution(model, motion, bounds, cables, least, chosen, weight)
+
+
+def _read(value: ArrayLike, count: int, where: str) -> FloatArray:
+    given = np.asarray(value, dtype=float)
+    if given.shape not in ((), (count,)) or np.isnan(given).any() or (given == np.inf).any():
+        raise InvalidValueError(
+            "out of range",
+            where=where,
+            given=value,
+            allowed=f"a tension [N], or one for each of {count} members",
+        )
+    return np.broadcast_to(given, (count,)).copy()
+
+
+def _check_reach(
+    model: CompiledModel, motion: Motion, bounds: ActuatorBounds, cables: CableTensions, least: FloatArray
+) -> None:
+    """Raise InvalidValueError for a least tension that a range does not allow somewhere along a motion."""
+    for time, q in zip(motion.time.tolist(), motion.coordinate, strict=True):
+        length = np.asarray(model.compute("member_length", coordinate=q))
+        shortest = cables.rest_length(motion.at(time).input, bounds.least)
+        longest = cables.find_rest_length(length, least)
+        short = [e for e in cables.limited.tolist() if longest[e] < shortest[e] - SAME]
+        if short:
+            e = short[0]
+            most = float(cables.tension(length, shortest)[e])
+            raise InvalidValueError(
+                "the range of an actuator does not allow the least tension",
+                where=f"least_tension of {model.manifest.member_name[e]}",
+                given=f"{least[e]:g} N, at t = {time:.4g} s a rest length of {longest[e]:.6g} m",
+                allowed=f"at most {most:.4g} N, with the shortest rest length of {shortest[e]:.6g} m",
+                hint="a smaller least tension, or a larger range",
+            )
