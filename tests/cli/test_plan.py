@@ -42,6 +42,37 @@ def test_a_plan_is_found_written_and_followed_by_a_motion(run: Run, folder: Path
         np.testing.assert_allclose(file["input"][-1], change[-1], atol=1e-12)
 
 
+def test_a_plan_in_time_is_followed_by_a_motion(run: Run, folder: Path, prism12: Path) -> None:
+    words = ("plan", prism12, "--to", "twist=157", "--steps", 5, "--duration", 0.5)
+    data = run(*words, "--motion", "motion.csv", "--json").data
+    motion = data["motion"]
+    assert motion["duration"] == 0.5
+    assert 0 < motion["shortest_duration"] < 0.5
+    assert max(motion["peak_rate"].values()) <= 0.05
+    assert (folder / "motion.csv").read_text().splitlines()[0] == "time,v1,v2,v3,o1,o2,o3"
+    words = ("simulate", prism12, "--profile", "motion.csv", "--profile-kind", "cubic", "--t-end", 0.5)
+    moved = run(*words, "--samples", 2, "--out", "run.npz", "--json")
+    assert moved.code == 0, moved.err
+    run(
+        "plan", prism12, "--to", "twist=157", "--steps", 5, "--out", "plan.npz", "--motion", "m.npz", "--json"
+    )
+    with np.load("run.npz", allow_pickle=False) as file, np.load("plan.npz", allow_pickle=False) as plan:
+        assert np.abs(file["node_position"][-1] - plan["node_position"][-1]).max() < 1e-4
+    with np.load("m.npz", allow_pickle=False) as file:
+        assert file["coordinate"].shape == (201, 18)
+        assert file["actuator_name"].tolist() == ["v1", "v2", "v3", "o1", "o2", "o3"]
+
+
+def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, folder: Path, prism12: Path) -> None:
+    words = ("plan", prism12, "--to", "twist=157", "--steps", 5, "--duration", 0.12)
+    ended = run(*words, "--motion", "motion.csv", "--out", "plan.npz")
+    assert ended.code == 2
+    assert "of opposite" in ended.err
+    assert "m/s at 0.0" in ended.err
+    assert not (folder / "motion.csv").exists()
+    assert not (folder / "plan.npz").exists()
+
+
 def test_a_page_is_written(run: Run, folder: Path, prism12: Path) -> None:
     pytest.importorskip("matplotlib")
     data = run("plan", prism12, "--to", "twist=156", "--steps", 2, "--page", "plan.html", "--json").data

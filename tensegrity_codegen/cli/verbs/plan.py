@@ -13,6 +13,7 @@ from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.timed_plan import MotionOption, check_motion_file, describe_motion, time_plan
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.files import check_ending, check_output, replaced
@@ -80,6 +81,7 @@ def plan(
     duration: DurationOption = None,
     out: OutOption = None,
     page: PageOption = None,
+    motion: MotionOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -95,20 +97,25 @@ def plan(
     with output.guard(scene):
         files = list(out or [])
         _check_files(files, page, scene, overwrite)
-        subject, model, chosen = _compile(output, scene, to, actuate, compiler)
+        check_motion_file(motion, scene, overwrite)
+        analysis = "plan" if motion is None else "time_motion"
+        subject, model, chosen = _compile(output, scene, to, actuate, compiler, analysis)
         arguments = read_inputs(input, subject, output)
         found = _plan(
             output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
             least_progress=least_progress, duration=duration,
         )  # fmt: skip
+        timed = time_plan(output, model, found, motion, duration=duration, arguments=arguments)
         _write(found, files)
         if page is not None:
             _write_page(found, subject, page)
-        if actuate and any(file.suffix.lower() == ".csv" for file in files):
+        profiles = [*files, *([motion] if motion is not None and timed is not None else [])]
+        if actuate and any(file.suffix.lower() == ".csv" for file in profiles):
             output.warn(
                 "the scene needs [[actuators]] of these names for `simulate --profile` to follow the plan"
             )
-        _report(output, subject, found, {"out": [str(file) for file in files], "page": page})
+        written = {"out": [str(file) for file in files], "page": None if page is None else str(page)}
+        _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:
             raise typer.Exit(3)
 
@@ -126,7 +133,12 @@ def _check_files(files: Sequence[Path], page: Path | None, scene: Path, overwrit
 
 
 def _compile(
-    output: Output, scene: Path, to: Sequence[str], actuate: Sequence[str] | None, compiler: str | None
+    output: Output,
+    scene: Path,
+    to: Sequence[str],
+    actuate: Sequence[str] | None,
+    compiler: str | None,
+    analysis: str,
 ) -> tuple[Subject, Any, tuple[str, ...] | None]:
     """Return the structure with its actuators, its model, and the names of the actuators that move."""
     from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
@@ -143,7 +155,7 @@ def _compile(
     if actuate:
         subject, chosen = actuate_members(subject, actuate)
     statics = with_statics(subject, request)
-    needs = find_needs("plan", subject, statics).alone(statics)
+    needs = find_needs(analysis, subject, statics).alone(statics)
     wanted = needs.wanting(*needs.quantities, *quantities)
     return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
 
@@ -178,7 +190,7 @@ def _write_page(found: PlanResult, subject: Subject, path: Path) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _report(output: Output, subject: Subject, found: PlanResult, files: dict[str, Any]) -> None:
+def _report(output: Output, subject: Subject, found: PlanResult, more: dict[str, Any]) -> None:
     """Print the plan: targets, rest lengths, what limits it."""
     from tensegrity_codegen.report.plans import (
         actuators_table,
@@ -189,7 +201,7 @@ def _report(output: Output, subject: Subject, found: PlanResult, files: dict[str
         targets_table,
     )
 
-    data = describe_plan(found) | files | {"page": None if files["page"] is None else str(files["page"])}
+    data = describe_plan(found) | more
     name = subject.name
     tables = [
         build(found, name) for build in (targets_table, actuators_table, binding_table, certificate_table)
@@ -197,6 +209,9 @@ def _report(output: Output, subject: Subject, found: PlanResult, files: dict[str
     lines = describe_extremes(found)
     if found.time is not None:
         lines.append(f"takes {found.time[-1]:.6g} s")
+    if more["motion"] is not None:
+        facts = more["motion"]
+        lines.append(f"motion of {facts['duration']:.6g} s, shortest {facts['shortest_duration']:.6g} s")
     shown = [table for table in tables if table is not None]
     output.result(data, *shown, *lines, f"{found.status}: {found.message}")
 

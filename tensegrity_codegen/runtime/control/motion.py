@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
+from tensegrity_codegen.files import check_ending, replaced
+from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.frozen import freeze_fields
 
@@ -119,6 +122,30 @@ class Motion:
         """Return the arrays by name, for an ``.npz`` file."""
         found = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return found | {"actuator_name": np.array(self.actuators), "input_name": np.array(self.input_name)}
+
+    def write(self, path: str | Path) -> None:
+        """Write the motion to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.npz``: all arrays. ``.csv``: time [s] and the inputs of the actuators [m] at the knots, for
+            ``read_profile`` and ``simulate --profile`` with the kind ``"cubic"``.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written, or has another ending.
+        """
+        check_ending(path, ".npz", ".csv")
+        if Path(path).suffix.lower() == ".npz":
+            write_arrays(path, self.arrays())
+            return
+        columns = [self.input_name.index(name) for name in self.actuators]
+        with replaced(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(",".join(("time", *self.actuators)) + "\n")
+            for time, row in zip(self.time, self.input[:, columns], strict=True):
+                stream.write(",".join(repr(float(number)) for number in (time, *row)) + "\n")
 
     def at(self, time: float) -> MotionPoint:
         """Return the motion at a time [s]; before the first and after the last knot it is at rest there.
