@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
@@ -28,6 +28,7 @@ from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
@@ -127,6 +128,7 @@ def simulate_control(
     step = _find_sample(gains, estimator, sample)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0, arguments)
     check_motion(model, way)
+    _check_parts(model, way, gains, estimator, distribution)
     bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
     count = _count_samples(way.duration if t_end is None else t_end, step)
     given = merge_inputs(model.manifest, arguments)
@@ -161,10 +163,14 @@ class _Loop:
         tensions, estimates = [self._tension(states[0], value)], []
         noise = np.random.default_rng(self.seed)
         for k in range(count):
-            known = self._estimate(k * step, states[-1], value, noise)
-            command, status = self.controller.step(k, known[: len(states[-1])])
-            value = self.motion.at((k + 0.5) * step).input.copy()
-            if not self._advance(k * step, delayed.push(command), value):
+            try:
+                known = self._estimate(k * step, states[-1], value, noise)
+                command, status = self.controller.step(k, known[: len(states[-1])])
+                value = self.motion.at((k + 0.5) * step).input.copy()
+                if not self._advance(k * step, delayed.push(command), value):
+                    break
+            except NonFiniteError:
+                self.plant.word = "the estimate is not finite"
                 break
             estimates.append(known)
             states.append(self.plant.state)
@@ -243,6 +249,34 @@ class _Loop:
             coordinate_name=manifest.coordinate_name,
             member_name=manifest.member_name,
         )
+
+
+def _check_parts(
+    model: CompiledModel,
+    motion: Motion,
+    gains: Gains | None,
+    estimator: Estimator | None,
+    distribution: TensionDistribution | None,
+) -> None:
+    """Raise InvalidValueError for gains, an estimator or a distribution of another model or motion."""
+    states, members = name_states(model.manifest), model.manifest.member_name
+    parts = {
+        "gains": gains is None or (gains.actuators == motion.actuators and gains.state_name == states),
+        "estimator": estimator is None or estimator.state_name[: len(states)] == states,
+        "distribution": distribution is None
+        or (
+            distribution.bounds.names == motion.actuators
+            and distribution.model.manifest.member_name == members
+        ),
+    }
+    for name, fits in parts.items():
+        if not fits:
+            raise InvalidValueError(
+                "designed for another model or motion",
+                where=name,
+                given=f"a design for other actuators, states or members than those of {model.manifest.name}",
+                allowed=f"a design for the actuators {', '.join(motion.actuators)}",
+            )
 
 
 def _find_sample(gains: Gains | None, estimator: Estimator | None, sample: float | None) -> float:

@@ -217,3 +217,24 @@ def test_runs_with_one_seed_are_equal(
     )
     assert np.array_equal(first.coordinate, second.coordinate)
     assert not np.array_equal(first.coordinate, other.coordinate)
+
+
+def test_designs_for_other_actuators_are_refused(
+    model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
+) -> None:
+    with pytest.raises(InvalidValueError, match="gains: designed for another model or motion"):
+        simulate_control(model, motion, replace(gains, actuators=gains.actuators[::-1]))
+    with pytest.raises(InvalidValueError, match="estimator: designed for another"):
+        simulate_control(model, motion, gains, estimator=replace(estimator, state_name=("x",)))
+
+
+def test_a_loop_that_goes_wrong_ends_with_a_status(
+    model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
+) -> None:
+    """An estimator with gains a thousand times too large, and measurements far from its start."""
+    wild = replace(estimator, L=1000.0 * estimator.L)
+    run = simulate_control(model, motion, gains, estimator=wild, t_end=3.0, coordinate_error=np.full(6, 0.1))
+    assert run.status == "unstable"
+    assert run.message
+    assert np.isfinite(run.coordinate).all()
+    assert len(run.time) == len(run.coordinate) == len(run.step_status) + 1
