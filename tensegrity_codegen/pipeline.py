@@ -6,7 +6,7 @@ scene.toml --read_scene--> Scene --assemble_scene--> Structure or BodySystem, Mo
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tensegrity_codegen.analyses import equilibrium_quantities, find_needs, want_analyses
@@ -29,6 +29,7 @@ from tensegrity_codegen.settle import (
     settle_structure,
     with_statics,
 )
+from tensegrity_codegen.structure.actuate import actuate_members
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
@@ -124,6 +125,7 @@ def compile_scene(
     integrators: tuple[str, ...] = (),
     solvers: tuple[str, ...] = (),
     parameters: Mapping[str, tuple[int, ...]] | None = None,
+    actuate: Sequence[str] = (),
 ) -> CompiledModel:
     """Read a scene, generate and compile its library, and load it.
 
@@ -148,6 +150,9 @@ def compile_scene(
         Solvers in addition to those of the scene.
     parameters : mapping of str to tuple of int, optional
         Run-time parameters in addition to those of the scene: name -> indices of nodes or members.
+    actuate : sequence of str
+        Members that get an actuator each, of their names, beside the actuators of the scene: names of
+        members, groups and classes, ``"cables"`` or ``"all"``.
 
     Returns
     -------
@@ -175,6 +180,8 @@ def compile_scene(
     structure, request = load_scene(path)
     if isinstance(for_, str):
         for_ = (for_,)
+    if actuate:
+        structure, _ = actuate_members(structure, (actuate,) if isinstance(actuate, str) else actuate)
     request = want_analyses(structure, request, for_, method=method, rtol=rtol)
     wider = request.wanting(
         *request.quantities,

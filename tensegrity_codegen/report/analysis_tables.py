@@ -41,7 +41,7 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
     rank = found.rank
     below = "none counts as zero" if math.isnan(rank.below) else f"{rank.below:.3g}"
     stiffness = f"{found.smallest_eigenvalue:.6g}"
-    if found.stiffness.is_neutral:
+    if found.stiffness.is_neutral and found.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
     return (
         ("coordinates, members", f"{len(rank.free_motion)}, {rank.selfstress.shape[1]}"),

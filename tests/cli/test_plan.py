@@ -148,3 +148,25 @@ def test_a_start_outside_the_limits_is_refused_with_the_amount(run: Run, prism12
     ended = run("plan", prism12, "--to", "twist=160", "--json")
     assert ended.code == 2
     assert "least tension of opposite1: exceeded by 2.54072 N" in ended.data["problem"]
+
+
+def test_a_rope_without_tension_at_the_stated_place_is_settled_first(run: Run, folder: Path) -> None:
+    """The stiffness at the stated place is zero; the mass hangs below the anchor."""
+    (folder / "rope.toml").write_text(
+        'name = "rope"\naxes = "xz"\n'
+        '[classes.rope]\nkind = "cable"\nspring_constant = 1000\n'
+        "[nodes]\nl = { position = [0, 1], anchored = true }\nm = { position = [0.3, 0.1] }\n"
+        '[members]\ncl = { class = "rope", nodes = ["l", "m"], rest_length = 0.99 }\n'
+        '[[loads]]\nnode = "m"\nforce = [0, -10]\n',
+        encoding="utf-8",
+    )
+    ended = run("plan", "rope.toml", "--to", "m.z=0.2", "--actuate", "cables", "--out", "rope.csv", "--json")
+    assert ended.code == 0
+    assert ended.data["status"] == "found"
+    assert "--duration SECONDS" in ended.err  # without a rate the file has no times
+
+
+def test_the_actuator_that_needs_more_time_is_named(run: Run, prism12: Path) -> None:
+    ended = run("plan", prism12, "--to", "twist=157", "--steps", 2, "--duration", 0.01, "--json")
+    assert ended.code == 2
+    assert "actuator 'o" in ended.data["hint"]

@@ -114,6 +114,11 @@ def plan(
             output.warn(
                 "the scene needs [[actuators]] of these names for `simulate --profile` to follow the plan"
             )
+        if found.time is None and any(file.suffix.lower() == ".csv" for file in files):
+            output.warn(
+                "no actuator has a rate, so the .csv has the progress in place of times: with --duration "
+                "SECONDS `simulate --profile` can follow it"
+            )
         written = {"out": [str(file) for file in files], "page": None if page is None else str(page)}
         _report(output, subject, found, written | {"motion": describe_motion(timed, motion)})
         if not found.is_found:

@@ -83,7 +83,7 @@ def find_actuation(model: CompiledModel, names: Sequence[str] | None = None) -> 
             where=f"{scene}: actuators",
             given="none",
             allowed="at least one table [[actuators]] with a name and members",
-            hint="add [[actuators]] to the scene, or plan with all cables: `actuate=cables`",
+            hint="add [[actuators]] to the scene, or let each cable have one: `actuate=cables`",
         )
     by_name = {actuator.name: actuator for actuator in known}
     wanted = list(by_name) if names is None else list(names)

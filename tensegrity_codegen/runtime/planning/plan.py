@@ -150,7 +150,7 @@ def _record(
     plan_model: PlanModel, path: Path, start: Start, actuation: Actuation, duration: float | None
 ) -> PlanResult:
     change = np.array([point.at.change for point in path.points])
-    time = compute_times(change, actuation.rate, duration)
+    time = compute_times(change, actuation.rate, duration, actuation.names)
     return record_path(plan_model, path, time, start.warnings)
 
 

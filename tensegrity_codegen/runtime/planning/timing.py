@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +27,9 @@ def check_duration(duration: float | None) -> None:
         )
 
 
-def compute_times(change: FloatArray, rate: FloatArray, duration: float | None) -> FloatArray | None:
+def compute_times(
+    change: FloatArray, rate: FloatArray, duration: float | None, names: Sequence[str]
+) -> FloatArray | None:
     """Return the times at which the points of a plan are reached.
 
     Parameters
@@ -36,6 +40,8 @@ def compute_times(change: FloatArray, rate: FloatArray, duration: float | None) 
         Largest rates, infinite without a limit.
     duration : float, optional
         Time of the whole plan [s]; by default the shortest that the rates permit.
+    names : sequence of str
+        Names of the actuators, for the error.
 
     Returns
     -------
@@ -65,7 +71,7 @@ def compute_times(change: FloatArray, rate: FloatArray, duration: float | None) 
             where="duration",
             given=f"{duration:g} s",
             allowed=f"at least {own.sum():.6g} s",
-            hint=f"actuator number {int(slowest.argmax()) + 1} moves longest",
+            hint=f"actuator {names[int(slowest.argmax())]!r} moves longest: {slowest.max():.6g} s",
         )
     total = float(own.sum())
     if duration is not None and total > 0:

@@ -23,6 +23,8 @@ __all__ = ["Bordered", "factorise"]
 
 FloatArray = NDArray[np.float64]
 
+LEAST_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no stiffness at all
+
 
 class Bordered:
     """The factors of a stiffness with rows `border` (n_border, n), which hold the motions `held` (n, k)."""
@@ -82,10 +84,17 @@ def factorise(stiffness: Any, border: Any, held: FloatArray, rounding: float) ->
     """Return the factors, and whether the stiffness is regular on what the border leaves.
 
     Where a pivot is zero the factors are those of a stiffness with the eigenvalues raised by `rounding`
-    [N/m], which show the direction that nothing resists.
+    [N/m] or more, which show the direction that nothing resists.
     """
     try:
         return Bordered(stiffness, border, held), True
     except RuntimeError:  # a pivot is zero
-        raised = stiffness + rounding * sparse.eye_array(stiffness.shape[0])
-        return Bordered(sparse.csc_array(raised), border, held), False
+        return _factorise_raised(stiffness, border, held, rounding or LEAST_RAISE), False
+
+
+def _factorise_raised(stiffness: Any, border: Any, held: FloatArray, raised: float) -> Bordered:
+    try:
+        whole = stiffness + raised * sparse.eye_array(stiffness.shape[0])
+        return Bordered(sparse.csc_array(whole), border, held)
+    except RuntimeError:  # a pivot is still zero, as where rounding takes away what was added
+        return _factorise_raised(stiffness, border, held, 100 * raised)

@@ -169,9 +169,12 @@ def _check_rest(body: ast.AST, text: str) -> None:
                 allowed=f"{node.id}=VALUE, or an expression without it",
             )
     if isinstance(body, ast.Name) and body.id not in (*QUANTITIES, POSITION, "time"):
-        known = [*SHAPES, *QUANTITIES]
         raise UnknownNameError(
-            "unknown target", where=f"target {text}", given=body.id[:80], hint=suggest(body.id, known)
+            "unknown target",
+            where=f"target {text}",
+            given=body.id[:80],
+            allowed=f"{', '.join(SHAPES)}, or an expression of quantities and places such as node.x",
+            hint=suggest(body.id, [*SHAPES, *QUANTITIES]),
         )
     if isinstance(body, ast.Call) and isinstance(body.func, ast.Name) and body.func.id not in FUNCTIONS:
         known = [*SHAPES, *FUNCTIONS]
