@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, SingularStiffnessError
+from tensegrity_codegen.runtime.planning.immobility import describe_immobility
 from tensegrity_codegen.runtime.planning.limits import WITHIN, Margins, PlanLimits, compute_margins
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.planning.slopes import Slopes, compute_slopes
-from tensegrity_codegen.runtime.planning.step_problem import Program, Step
+from tensegrity_codegen.runtime.planning.step_problem import EASED, INSIDE, Program, Step
 from tensegrity_codegen.runtime.planning.targets.targets import Targets
 
 __all__ = ["Path", "PathPoint", "Progress"]
@@ -95,6 +96,8 @@ class Path:
         self.least_progress = least_progress
         self.slopes = self._find_slopes(start, start)
         self.failure = ""  # why the last step was shortened
+        self.is_limited = True  # whether limits are to blame for it
+        self.inside = INSIDE  # margin that the programs of the step leave to limits
 
     @property
     def is_done(self) -> bool:
@@ -107,14 +110,13 @@ class Path:
         """Make one step, or shorten the next one; return whether the path can go on."""
         here = self.points[-1]
         ask = min(self.pace, 1.0 - here.progress)
+        self.inside = INSIDE
         program = self._build_program(here.at, here.target, here.progress)
-        step = program.find_step(ask) or program.find_furthest(0.0, ask)
+        step = program.find_step(ask) or self._find_last(here, ask) or program.find_furthest(0.0, ask)
         if step is None:
             return self._shorten("no step satisfies the limits to first order")
-        if step.progress < LEAST_PROGRESS:
-            limited = "the limits leave no progress"
-            self.failure = limited if len(step.binding) else "no change of the rest lengths moves the target"
-            return False
+        if step.progress < LEAST_PROGRESS and here.progress + step.progress < 1.0 - END:
+            return self._stop(program, ask)
         reached = self._reach(here, step)
         if reached is None:
             return self._shorten(self.failure)
@@ -123,6 +125,26 @@ class Path:
         self.radius = min(GROW * self.radius, self.most_radius)
         self.pace = min(GROW * self.pace, self.most_pace)
         return not self._is_slow(reached.progress - here.progress, ask, share)
+
+    def _find_last(self, here: PathPoint, ask: float) -> Step | None:
+        """Return the step to a target on a limit, which is met within the tolerance of limits."""
+        if here.progress + ask < 1.0 - END:
+            return None
+        self.inside = EASED
+        step = self._build_program(here.at, here.target, here.progress).find_step(ask)
+        if step is None:
+            self.inside = INSIDE
+        return step
+
+    def _stop(self, program: Program, ask: float) -> bool:
+        """Say why there is no progress: limits, or targets that do not move; the path ends."""
+        self.failure = "the limits leave no progress"
+        if program.find_free(ask) < LEAST_PROGRESS:
+            self.is_limited = False
+            self.failure = describe_immobility(
+                self.targets.names, self.slopes.target, self.direction, self.points[-1].at.point.longest
+            )
+        return False
 
     def find_bound(self) -> Step | None:
         """Return the step of most progress at the last point, of the limits linearised."""
@@ -150,7 +172,7 @@ class Path:
     def _build_program(self, at: PlanPoint, target: FloatArray, progress: float) -> Program:
         margins = compute_margins(self.limits, at, self.slopes)
         defect = self.first + progress * self.direction - target
-        return Program(margins, self.slopes, defect, self.direction, self.radius, self.unit)
+        return Program(margins, self.slopes, defect, self.direction, self.radius, self.unit, self.inside)
 
     def _reach(self, here: PathPoint, step: Step) -> PathPoint | None:
         """Return the point that a step leads to, after corrections; None where it cannot be kept."""

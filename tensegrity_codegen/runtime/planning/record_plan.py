@@ -161,7 +161,7 @@ def _find_block(plan_model: PlanModel, path: Path) -> Block:
     """Return where a path ends, with the limits that bind there by the program of most progress."""
     last = path.points[-1]
     bound = path.find_bound()
-    if bound is None:
+    if bound is None or not path.is_limited:
         return Block(last.progress, last.target, float("nan"), (), path.failure)
     weight = bound.multiplier * last.margins.size[bound.binding]
     order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SAME), kind="stable")

@@ -11,7 +11,7 @@ asked; where that has no solution, as large as possible.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,14 @@ from tensegrity_codegen.runtime.planning.limits import Margins
 from tensegrity_codegen.runtime.planning.quadratic_program import find_largest, find_minimum
 from tensegrity_codegen.runtime.planning.slopes import Slopes
 
-__all__ = ["Program", "Step"]
+__all__ = ["EASED", "INSIDE", "Program", "Step"]
 
 FloatArray = NDArray[np.float64]
 
 STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
 GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought
 INSIDE = 1e-7  # of the size of a limit: where steps aim
+EASED = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
 BINDS = 1e-7  # of the largest multiplier
 
 
@@ -61,6 +62,8 @@ class Program:
         Largest change of an input.
     unit : float [m]
         Scale of the changes.
+    inside : float
+        Margin that is left to each limit, as a part of its size.
     """
 
     margins: Margins
@@ -69,6 +72,7 @@ class Program:
     direction: FloatArray
     radius: float
     unit: float
+    inside: float = INSIDE
 
     def find_step(self, progress: float) -> Step | None:
         """Return the step with this progress, None where there is none."""
@@ -89,6 +93,12 @@ class Program:
             return None
         return self._read(found.x[:count], least + (most - least) * float(found.x[-1]), found.multiplier)
 
+    def find_free(self, most: float) -> float:
+        """Return the most progress within [0, most] that the bound of the step permits without limits."""
+        margins = replace(self.margins, value=np.full(len(self.margins.value), np.inf))
+        found = replace(self, margins=margins).find_furthest(0.0, most)
+        return 0.0 if found is None else found.progress
+
     def find_bound(self) -> Step | None:
         """Return the step with the most progress of all, of the limits linearised; None if there is none."""
         rows, lower, upper = self._constraints_with_progress(0.0, 1.0)
@@ -101,7 +111,7 @@ class Program:
         """Rows of the margins that a step within the radius can reach."""
         assert self.margins.slope is not None
         reach = np.abs(self.margins.slope).sum(axis=1) * self.radius
-        return np.flatnonzero(self.margins.value - INSIDE * self.margins.size < reach)
+        return np.flatnonzero(self.margins.value - self.inside * self.margins.size < reach)
 
     @property
     def _goal_unit(self) -> float:
@@ -116,7 +126,7 @@ class Program:
         near, count = self._near, len(self.slopes.target.T)
         assert self.margins.slope is not None
         goal = (self.defect + progress * self.direction) / self._goal_unit
-        aim = (INSIDE * self.margins.size - self.margins.value)[near]
+        aim = (self.inside * self.margins.size - self.margins.value)[near]
         box = np.full(count, self.radius / self.unit)
         targets = self.slopes.target * (self.unit / self._goal_unit)
         rows = np.vstack([targets, self.margins.slope[near] * self.unit, np.eye(count)])

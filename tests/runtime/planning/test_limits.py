@@ -77,6 +77,20 @@ def test_the_clearance(model: Any) -> None:
     assert any(item.limit == "clearance" for item in found.binding[-1])
 
 
+@pytest.mark.parametrize("target", ['member_tension["vertical1"]=19', 'bar_distance["bar1_bar2"]=0.03'])
+def test_a_target_on_its_limit_is_met(model: Any, target: str) -> None:
+    limits = {"least_tension": np.where(model.structure.is_bar, -np.inf, 1.0), "clearance": 0.03}
+    if "tension" in target:
+        limits = {"least_tension": limits["least_tension"]}
+        limits["least_tension"][model.structure.member_name.index("vertical1")] = 19.0
+    found = find(model, target, **limits)
+    assert found.status == "found", found.message
+    assert found.progress[-1] == 1.0
+    np.testing.assert_allclose(found.target[-1], found.goal, rtol=1e-8)
+    assert found.bar_distance.min() >= limits.get("clearance", 0.002) * (1 - WITHIN)
+    assert np.all(found.member_tension >= limits["least_tension"] * (1 - WITHIN))
+
+
 def test_the_range_of_one_actuator() -> None:
     structure = actuate(build_prism(155.0), within=0.005)
     found = plan(compile_plan(limit(structure)), "twist=158")

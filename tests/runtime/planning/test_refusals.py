@@ -94,8 +94,19 @@ def test_the_multiplier_is_the_progress_for_a_unit_of_the_limit() -> None:
 def test_a_target_that_nothing_moves_is_named() -> None:
     prism = build_prism(150.0, opposite=False)  # its twist is stationary
     found = find_blocked(limit(actuate(prism)), "twist=155")
-    assert "no change of the rest lengths moves the target" in found.message
+    assert "no actuator changes twist here, to first order" in found.message
     assert found.n_steps == 0
+    assert found.block is not None
+    assert found.block.binding == ()
+
+
+def test_too_few_actuators_for_the_targets_are_counted(model: CompiledModel) -> None:
+    pair = ["pull_vertical1", "pull_opposite1"]
+    found = plan(model, {"tilt": 10.0, "twist": 160.0, "height": 0.29}, actuators=pair)
+    assert found.status == "blocked"
+    assert "the targets have 4 components (tilt.towards, tilt.sideways, twist, height)" in found.message
+    assert "the actuators (2) change only 2 of them independently" in found.message
+    assert plan(model, "twist=155.5", actuators=pair[:1], steps=2).n_steps > 0
 
 
 # --- infeasible ------------------------------------------------------------------------------------
