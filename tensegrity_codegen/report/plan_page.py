@@ -277,8 +277,10 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
     table = Table("Changes of length, A^T d", (Column("member", numeric=False), Column("change")), rows, note)
     text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
     why = Paragraph(
-        "In these displacements tensions in balance with every cable in tension would do negative work, but "
-        "tensions in balance do none: so there are none at this shape."
+        "Tensions t that balance loads f satisfy t . e = f . d in all displacements d, where e = A^T d are "
+        "the changes of length. In these displacements f . d is zero or positive, and t . e zero or negative "
+        "as no cable is in compression. One of them is not zero where the cables that must be in tension "
+        "are: so there are no such tensions at this shape."
     )
     blocks: list[Block] = [why]
     if found.proof_position is not None and found.proof_displacement is not None:

@@ -162,6 +162,7 @@ def _describe_proof(found: PlanResult) -> dict[str, Any] | None:
         "is_verified": proof.is_verified,
         "shortening": [found.member_name[e] for e in proof.shortening],
         "error": proof.error,
+        "load_work": proof.load_work,
         "displacement": proof.displacement,
         "elongation": dict(zip(found.member_name, proof.elongation.tolist(), strict=True)),
     }

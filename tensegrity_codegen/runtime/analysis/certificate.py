@@ -57,7 +57,7 @@ class Certificate:
     error : float
         The larger of `bar_change` and `cable_lengthening`, over the largest shortening (or displacement).
     is_verified : bool
-        Whether `error` is below 1e-9, and a cable shortens or loads do work.
+        Whether `error` is below 1e-9, and a cable that must be in tension shortens or loads do work.
     """
 
     displacement: FloatArray
@@ -95,6 +95,7 @@ def find_certificate(
     *,
     load: FloatArray | None = None,
     rank: Rank | None = None,
+    required: NDArray[np.bool_] | None = None,
 ) -> Certificate | None:
     """Find displacements which prove that no tensions have all cables in tension.
 
@@ -103,11 +104,13 @@ def find_certificate(
     equilibrium_matrix : ndarray, shape (n_coordinates, n_members)
         A; A^T d are the changes of lengths in displacements d.
     tension_only : ndarray of bool, shape (n_members,)
-        Members that must be in tension. The others are bars, which may have either sign.
+        Members that cannot be in compression. The others are bars, which may have either sign.
     load : ndarray, shape (n_coordinates,) [N], optional
         Loads that the tensions balance: A t = load. By default there are none.
     rank : Rank, optional
         That of the matrix, if it is known.
+    required : ndarray of bool, shape (n_members,), optional
+        Those of `tension_only` that must be in tension; the others may be slack. By default all.
 
     Returns
     -------
@@ -126,7 +129,8 @@ def find_certificate(
     -----
     Exactly one of two statements is true (Farkas, Gordan). Tensions exist: A t = f, t_c > 0 for each cable.
     Or displacements exist: (A^T d)_b = 0 for bars, (A^T d)_c <= 0 for cables, f . d >= 0, and one of the
-    inequalities is strict. The elongations e = A^T d are the vectors with N e = 0, N the self-stresses; so
+    inequalities is strict. For cables that may be slack the first is t_c >= 0, and theirs need not be strict.
+    The elongations e = A^T d are the vectors with N e = 0, N the self-stresses; so
     the linear programs have the shortenings of cables for unknowns, and d follows from e.
     """
     check_shape(tension_only, (equilibrium_matrix.shape[1],), "tension_only")
@@ -134,23 +138,29 @@ def find_certificate(
     force = np.zeros(len(equilibrium_matrix)) if load is None else np.asarray(load, dtype=float)
     check_shape(force, (len(equilibrium_matrix),), "load")
     check_finite(force, "load")
+    if required is not None:
+        check_shape(required, tension_only.shape, "required")
+        required = required & tension_only
     if not check_balanced(rank, force):
         pushed = rank.free_motion @ (rank.free_motion.T @ force)
-        return _describe(equilibrium_matrix, tension_only, pushed, force)
+        return _describe(equilibrium_matrix, tension_only, pushed, force, required)
     found = None
-    for shortening in _find_shortenings(rank.selfstress, tension_only, rank.find_tension(force)[0]):
-        found = _describe(equilibrium_matrix, tension_only, rank.find_displacement(-shortening), force)
+    pull, any_slack = rank.find_tension(force)[0], required is not None
+    for shortening in _find_shortenings(rank.selfstress, tension_only, pull, with_work=any_slack):
+        motion = rank.find_displacement(-shortening)
+        found = _describe(equilibrium_matrix, tension_only, motion, force, required)
         if found.is_verified:
             return found
     return found
 
 
 def _find_shortenings(
-    selfstress: FloatArray, tension_only: NDArray[np.bool_], load_tension: FloatArray
+    selfstress: FloatArray, tension_only: NDArray[np.bool_], load_tension: FloatArray, *, with_work: bool
 ) -> Iterator[FloatArray]:
     """Return shortenings (n_members,) of motions that may prove it, the largest 1, the best first.
 
     Shortenings y >= 0 of cables belong to a motion where N y = 0, and loads do the work -t_load . y.
+    with_work: the last is the one in which loads do the most work.
     """
     cables = np.flatnonzero(tension_only)
     size = float(np.abs(load_tension).max(initial=0.0))
@@ -163,6 +173,22 @@ def _find_shortenings(
             result = np.zeros(len(tension_only))
             result[cables[chosen]] = part / part.max()
             yield result
+    worked = _find_most_work(selfstress[:, cables], pull) if with_work and pull.any() else None
+    if worked is not None and worked.max() > 0.0:
+        result = np.zeros(len(tension_only))
+        result[cables] = worked / worked.max()
+        yield result
+
+
+def _find_most_work(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
+    """Return the shortenings from 0 to 1 in which loads do the most work -pull . y, (n,)."""
+    basis = _find_null_space(modes)
+    count, free = basis.shape
+    if free == 0:
+        return None
+    limit = np.repeat([0.0, 1.0], count)
+    part = find_optimum(pull @ basis, sparse.csr_array(sparse.vstack([-basis, basis])), limit)
+    return None if part is None else np.asarray(np.clip(basis @ part, 0.0, None))
 
 
 def _find_support(modes: FloatArray, pull: FloatArray) -> FloatArray:
@@ -229,7 +255,11 @@ def _find_null_space(modes: FloatArray) -> Any:
 
 
 def _describe(
-    matrix: FloatArray, tension_only: NDArray[np.bool_], motion: FloatArray, load: FloatArray
+    matrix: FloatArray,
+    tension_only: NDArray[np.bool_],
+    motion: FloatArray,
+    load: FloatArray,
+    required: NDArray[np.bool_] | None = None,
 ) -> Certificate:
     """Return the certificate of a motion, everything measured from the motion itself."""
     elongation = matrix.T @ motion
@@ -244,7 +274,8 @@ def _describe(
     work, error = float(load @ motion), max(bar_change, lengthening)
     scale_of_work = float(np.linalg.norm(load) * np.linalg.norm(motion))
     does_work = work > VERIFIED * scale_of_work
-    is_proof = (len(shortening) > 0 or does_work) and work >= -VERIFIED * scale_of_work
+    shortens = len(shortening) > 0 if required is None else bool(required[shortening].any())
+    is_proof = (shortens or does_work) and work >= -VERIFIED * scale_of_work
     return Certificate(
         displacement=motion,
         elongation=elongation,

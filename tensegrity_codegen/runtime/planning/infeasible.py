@@ -25,6 +25,8 @@ ENTRY = re.compile(
     r"(member_length|member_tension|rest_length|bar_distance)\s*[(\[]\s*[\"']?([^\"'\])]+)[\"']?\s*[)\]]"
 )
 SURE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
+PROVED = 1e-6  # part of the largest shortening, or of the work that loads could do: a proof by less is none
+STRAIGHT = 1e-5  # change of the targets' slopes, over the largest, that counts as none
 MOST_ITERATIONS = 30
 CONVERGED = 1e-10  # of the structure's size
 RANK = 1e-8  # of the largest singular value
@@ -157,9 +159,9 @@ def _above(limit: str, given: float, allowed: float, unit: str) -> tuple[str, fl
 
 
 def find_shape_certificate(
-    plan_model: PlanModel, problem: StaticProblem, coordinate: FloatArray
+    plan_model: PlanModel, problem: StaticProblem, coordinate: FloatArray, required: NDArray[np.bool_]
 ) -> tuple[Certificate | None, bool]:
-    """Return the proof that no tensions with all cables in tension balance the loads at a shape.
+    """Return the proof that no tensions with some cables in tension, and no others in compression, balance.
 
     Parameters
     ----------
@@ -169,6 +171,8 @@ def find_shape_certificate(
         Its static problem.
     coordinate : ndarray, shape (n_coordinates,)
         The shape.
+    required : ndarray of bool, shape (n_members,)
+        Members that must be in tension; other cables may be slack, and other bars have either sign.
 
     Returns
     -------
@@ -190,10 +194,16 @@ def find_shape_certificate(
     length = np.asarray(problem.compute("member_length", coordinate))
     far = float(np.abs(problem.node_position(coordinate)).max(initial=0.0))
     rank = find_rank(matrix, rounding=EPSILON * max(far / float(length.min()), 1.0))
-    found = find_certificate(
-        matrix, np.asarray(structure.tension_only), load=load if loaded else None, rank=rank
-    )
-    return (found if found is not None and found.is_verified else None), loaded
+    pulled = np.asarray(structure.tension_only) | required
+    found = find_certificate(matrix, pulled, load=load if loaded else None, rank=rank, required=required)
+    return (found if found is not None and _is_sure(found, required, load) else None), loaded
+
+
+def _is_sure(found: Certificate, required: NDArray[np.bool_], load: FloatArray) -> bool:
+    """Return whether a proof holds beyond the error of the shape."""
+    shortening = float(-found.elongation[required].min(initial=0.0))
+    most_work = float(np.linalg.norm(load) * np.linalg.norm(found.displacement))
+    return found.is_verified and (shortening > PROVED or found.load_work > PROVED * most_work)
 
 
 def find_fixed_shape(
@@ -215,7 +225,8 @@ def find_fixed_shape(
     Returns
     -------
     ndarray, shape (n_coordinates,), or None
-        None where the targets leave the shape free, or no shape near the start has their values.
+        None where the targets leave the shape free, where no shape near the start has their values, and
+        where they are not linear in the coordinates, as then other shapes may have their values too.
     """
     goal = targets.near(targets.goal, targets.evaluate(problem, start))
     free = len(start) - neutral.shape[1]
@@ -223,10 +234,10 @@ def find_fixed_shape(
         return None
     place, size = start.copy(), problem.extent(start, np.asarray(problem.compute("member_length", start)))
     try:
+        if not _is_linear(problem, targets, start, size):
+            return None
         for _ in range(MOST_ITERATIONS):
-            slope = np.array(
-                [_difference(problem, targets, place, unit, size) for unit in np.eye(len(place))]
-            ).T
+            slope = _find_slope(problem, targets, place, size)
             if np.linalg.matrix_rank(slope, tol=RANK * float(np.linalg.norm(slope, 2))) < free:
                 return None
             gap = goal - targets.near(targets.evaluate(problem, place), goal)
@@ -238,6 +249,24 @@ def find_fixed_shape(
     except (NonFiniteError, np.linalg.LinAlgError):
         return None
     return None
+
+
+def _is_linear(problem: StaticProblem, targets: Targets, start: FloatArray, size: float) -> bool:
+    """Return whether the slopes of the targets are the same at the start and at two shapes far from it."""
+    first = _find_slope(problem, targets, start, size)
+    largest = float(np.abs(first).max(initial=0.0))
+    draw = np.random.default_rng(0)
+    for _ in range(2):
+        other = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
+        bend = np.abs(_find_slope(problem, targets, other, size) - first).max(initial=0.0)
+        if not bend <= STRAIGHT * largest:
+            return False
+    return True
+
+
+def _find_slope(problem: StaticProblem, targets: Targets, place: FloatArray, size: float) -> FloatArray:
+    """Return the derivatives of the targets, (n_targets, n_coordinates)."""
+    return np.array([_difference(problem, targets, place, unit, size) for unit in np.eye(len(place))]).T
 
 
 def _difference(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnstableError
+from tensegrity_codegen.errors import InvalidValueError, SingularStiffnessError, StructureError, UnstableError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import Actuation, find_actuation
 from tensegrity_codegen.runtime.planning.infeasible import (
@@ -32,6 +32,8 @@ from tensegrity_codegen.runtime.planning.start import Start, find_start
 from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
 from tensegrity_codegen.runtime.planning.targets.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.planning.timing import check_duration, compute_times
+from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
+from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.structure.limits import Limits
 
 __all__ = ["plan"]
@@ -92,7 +94,7 @@ def plan(
         No actuators.
     UnknownNameError, InvalidValueError, NonFiniteError
         A wrong target, actuator or argument; a start outside the limits.
-    UnstableError, ConvergenceError
+    UnstableError, SingularStiffnessError, ConvergenceError
         No stable equilibrium to start from.
     MissingExtraError
         DAQP is not installed.
@@ -165,12 +167,14 @@ def _find_proof(
     shape = find_fixed_shape(problem, targets, start.coordinate, start.neutral)
     if shape is None:
         return None
-    certificate, _ = find_shape_certificate(plan_model, problem, shape)
+    required = np.asarray(limits.least_tension > 0.0)
+    certificate, _ = find_shape_certificate(plan_model, problem, shape, required)
     if certificate is None:
         return None
+    least = "the cables that have a least tension in tension, and " if required.any() else ""
     text = (
-        "the targets fix the whole shape, and at that shape no tensions with all cables in tension are in "
-        "balance"
+        f"the targets fix the whole shape, and at that shape no tensions are in balance with {least}no cable "
+        "in compression"
     )
     return certificate, text, shape
 
@@ -189,17 +193,11 @@ def _check_options(steps: int, max_steps: int, least_progress: float, duration: 
 
 
 def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> None:
-    """Raise where the start violates limits, or is unstable."""
-    if len(at.eigenvalue) and at.eigenvalue[0] <= 0:
-        raise UnstableError(
-            "the start is an unstable equilibrium",
-            where=plan_model.model.manifest.name,
-            evidence={"smallest_eigenvalue": float(at.eigenvalue[0])},
-            hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
-        )
+    """Raise where the start violates limits, or is not stable."""
     margins = compute_margins(limits, at)
     order = np.argsort(-np.round(margins.excess, SAME), kind="stable")
-    outside = [int(k) for k in order if margins.excess[k] > WITHIN]
+    stated = np.array([kind != "least_stiffness" or limits.least_stiffness > 0 for kind in margins.kind])
+    outside = [int(k) for k in order if margins.excess[k] > WITHIN and stated[k]]
     if outside:
         shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
         more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
@@ -208,6 +206,30 @@ def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> No
             where=f"{plan_model.model.manifest.name}: limits",
             allowed="a start within all limits",
             hint="change the rest lengths or the prestress of the scene, or the limits",
+        )
+    _check_stability(plan_model, at)
+
+
+def _check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
+    """Raise where the start is unstable, or neutral: a stiffness within rounding of zero is not unstable."""
+    problem, name = plan_model.problem(at.change), plan_model.model.manifest.name
+    stability = find_stability(problem, at.point)
+    if stability.is_unstable:
+        raise UnstableError(
+            "the start is an unstable equilibrium",
+            where=name,
+            evidence={"smallest_eigenvalue": stability.told_eigenvalue},
+            hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
+        )
+    if stability.is_neutral:
+        motions = find_neutral(problem, at.coordinate, stability).names
+        shown = f" ({', '.join(motions)})" if motions else ""
+        raise SingularStiffnessError(
+            f"the start is neutral: nothing resists some of its motions{shown}",
+            where=name,
+            evidence={"smallest_eigenvalue": stability.told_eigenvalue, "rounding": stability.rounding},
+            hint="prestress the structure; anchor or join parts that are not connected; `equilibrium` and "
+            "`analyse` name such motions",
         )
 
 

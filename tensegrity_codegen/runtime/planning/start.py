@@ -14,12 +14,14 @@ from tensegrity_codegen.runtime.planning.infeasible import find_shape_certificat
 from tensegrity_codegen.runtime.planning.limits import PlanLimits
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 
 __all__ = ["Start", "find_start"]
 
 FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
+TAUT = 1e-9  # of the length: a cable as long as its rest length is not slack
 NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
 
 
@@ -64,13 +66,10 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     longest = 1.0 if point is None else point.longest
     near = None if point is None else plan_model.find_point(change, stated, NEAR * longest)
     if point is not None and (near is None or not _is_sound(near, limits)):
-        certificate, loaded = find_shape_certificate(plan_model, problem, stated)
+        required = _find_required(plan_model, problem, stated, limits)
+        certificate, loaded = find_shape_certificate(plan_model, problem, stated, required)
         if certificate is not None and (near is not None or not loaded):
-            message = (
-                "at the stated shape no tensions with all cables in tension are in balance, whatever "
-                "the rest lengths: no plan starts from it"
-            )
-            return Start(None, certificate, message, stated)
+            return Start(None, certificate, _describe_stated(limits), stated)
     if near is not None:
         return Start(near)
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
@@ -91,8 +90,35 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     return Start(at, warnings=(text, *found.warnings))
 
 
+def _find_required(
+    plan_model: PlanModel, problem: StaticProblem, stated: FloatArray, limits: PlanLimits
+) -> NDArray[np.bool_]:
+    """Return which members must be in tension: with a least tension, or cables that are not slack."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    length = np.asarray(problem.compute("member_length", stated)).ravel()
+    _, tension = problem.forces(stated)
+    rest, names = np.array(structure.rest_length), plan_model.model.manifest.input_name
+    for item in structure.inputs:
+        if item.kind == "rest_length":
+            rest[list(item.targets)] += plan_model.base[names.index(item.name)]
+    is_taut = (tension > 0.0) | (np.abs(length - rest) <= TAUT * length)
+    return np.asarray((limits.least_tension > 0.0) | (structure.tension_only & is_taut))
+
+
+def _describe_stated(limits: PlanLimits) -> str:
+    """Return what is proved of the stated shape, and what to do."""
+    least = " or that have a least tension" if bool(np.any(limits.least_tension > 0.0)) else ""
+    return (
+        "at the stated shape no tensions, whatever the rest lengths, are in balance with the cables in "
+        f"tension that are not slack there{least}: no plan starts from the stated shape. A plan may exist "
+        f"from another shape: settle the scene first "
+        "(`equilibrium SCENE -o NEW.toml`) and plan from there"
+    )
+
+
 def _is_sound(at: PlanPoint, limits: PlanLimits) -> bool:
-    """Return whether an equilibrium is stable, with all cables in tension that have a least tension."""
+    """Return whether an equilibrium is stable, with all members in tension that have a least tension."""
     stiffest = float(abs(at.stiffness).max()) if at.stiffness.nnz else 0.0
     is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > SINGULAR * stiffest
-    return is_stable and bool(np.all(at.tension[np.isfinite(limits.least_tension)] > 0.0))
+    return is_stable and bool(np.all(at.tension[limits.least_tension > 0.0] > 0.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
@@ -140,3 +141,31 @@ def test_wrong_shapes_are_refused() -> None:
         find_certificate(structure.matrix, structure.is_cable[1:])
     with pytest.raises(InvalidValueError, match="load"):
         find_certificate(structure.matrix, structure.is_cable, load=np.zeros(3))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_cables_that_may_be_slack_are_in_tension_or_not(seed) -> None:
+    """Farkas with t > 0 for some cables and t >= 0 for the others, against an independent linear program."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 7))
+    pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if rng.random() < 0.8] or [(0, 1)]
+    bars = int(rng.integers(0, len(pairs)))
+    structure = make_plain(rng.normal(size=(n, 3)), pairs[:bars], pairs[bars:])
+    matrix, cable = structure.matrix, structure.is_cable
+    required = cable & (rng.random(len(pairs)) < rng.choice([0.0, 0.3]))
+    load = matrix @ rng.normal(size=len(pairs)) if seed % 4 else np.zeros(len(matrix))
+    proof = find_certificate(matrix, cable, load=load, required=required)
+    # Without loads tensions can be scaled: 1 stands for any least tension. With loads a small one does.
+    least = 1e-4 if load.any() else 1.0
+    low = np.where(required, least, np.where(cable, 0.0, -np.inf))
+    bounds = np.column_stack([low, np.full(len(low), np.inf)])
+    exists = linprog(np.zeros(len(low)), A_eq=matrix, b_eq=load, bounds=bounds, method="highs").status == 0
+    assert (proof is not None and proof.is_verified) is not exists
+    if not exists:
+        assert proof is not None
+        elongation = matrix.T @ proof.displacement
+        assert np.abs(elongation[~cable]).max(initial=0.0) < 1e-9
+        assert elongation[cable].max(initial=0.0) < 1e-9
+        work = float(load @ proof.displacement)
+        assert work > -1e-9
+        assert work > 1e-9 or elongation[required].min() < -1e-9

@@ -10,8 +10,10 @@ import pytest
 from tensegrity_codegen.errors import (
     FormulationError,
     InvalidValueError,
+    SingularStiffnessError,
     StructureError,
     UnknownNameError,
+    UnstableError,
 )
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -19,6 +21,8 @@ from tensegrity_codegen.runtime.planning.infeasible import Contradiction
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.planning.plan import plan
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.planning.structures import CLASSES, actuate, assemble, build_prism, compile_plan, limit
 
 PRISM = build_prism(155.0)
@@ -113,17 +117,114 @@ def test_too_few_actuators_for_the_targets_are_counted(model: CompiledModel) -> 
 
 
 @pytest.mark.parametrize("tension", [5.0, 0.0])
-def test_a_prism_of_9_cables_at_160_degrees_has_no_plan(tension: float) -> None:
+def test_no_plan_starts_from_a_prism_of_9_cables_at_160_degrees(tension: float) -> None:
     shape = {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "twist": 160.0}
     classes = {**CLASSES, "cable": {**CLASSES["cable"], "prestress": tension}}
     structure = limit(actuate(assemble({"name": "prism", "classes": classes, "shape": shape})))
-    found = plan(compile_plan(structure), "twist=165")
-    assert found.status == "infeasible"
-    assert isinstance(found.certificate, Certificate)
+    model = compile_plan(structure)
     matrix = equilibrium_matrix(structure.node_position, structure.connectivity)
-    elongation = matrix.T @ found.certificate.displacement
-    np.testing.assert_allclose(elongation[~structure.is_bar], -1.0, atol=1e-9)
-    assert np.abs(elongation[structure.is_bar]).max() < 1e-9
+    for limits in (None, Limits()):
+        found = plan(model, "twist=165", limits=limits)
+        assert found.status == "infeasible"
+        assert "no plan starts from the stated shape" in found.message
+        assert "equilibrium SCENE -o NEW.toml" in found.message
+        assert isinstance(found.certificate, Certificate)
+        elongation = matrix.T @ found.certificate.displacement
+        np.testing.assert_allclose(elongation[~structure.is_bar], -1.0, atol=1e-9)
+        assert np.abs(elongation[structure.is_bar]).max() < 1e-9
+
+
+def build_two_cables(x: float, rest: tuple[float, float], right: float = 1.0) -> Structure:
+    """Return a node with 10 N downwards that hangs from two cables, in a plane."""
+    document = {
+        "name": "hung",
+        "nodes": {
+            "l": {"position": [-1.0, 0.0, 1.0], "anchored": True},
+            "r": {"position": [right, 0.0, 1.0], "anchored": True},
+            "m": {"position": [x, 0.0, 0.0], "anchored": "y"},
+        },
+        "members": {
+            name: {"kind": "cable", "nodes": [end, "m"], "spring_constant": 1000.0, "rest_length": length}
+            for name, end, length in zip(("cl", "cr"), "lr", rest, strict=True)
+        },
+        "loads": [{"node": "m", "force": [0.0, 0.0, -10.0]}],
+    }
+    return actuate(assemble(document))
+
+
+def require(least: float) -> Limits:
+    return Limits(
+        least_tension=np.full(2, least),
+        most_tension=np.full(2, np.inf),
+        yield_stress=np.full(2, np.inf),
+        buckling=np.zeros(2),
+    )
+
+
+def test_a_shape_that_slack_cables_permit_is_no_contradiction() -> None:
+    """The node hangs straight below l; the other cable is slack, and may be."""
+    model = compile_plan(build_two_cables(-1.0, (0.99, 3.0), right=0.0))
+    targets = {"m.x": -1.0, "m.z": 0.2}
+    for limits in (None, require(0.0)):
+        found = plan(model, targets, limits=limits, steps=4)
+        assert found.status == "found"
+        assert found.member_tension[:, 1].max() == 0.0
+    needed = plan(model, targets, limits=require(0.5))
+    assert needed.status == "infeasible"
+    assert isinstance(needed.certificate, Certificate)
+    assert needed.certificate.shortening == (1,)
+
+
+def test_the_shape_below_an_anchor_is_allowed_and_the_one_beyond_is_not() -> None:
+    lengths = np.hypot([1.1, 0.9], 1.0)
+    tension = 10.0 * np.array([0.45, 0.55]) * lengths
+    structure = build_two_cables(0.1, tuple(lengths - tension / 1000.0))
+    model = compile_plan(structure)
+    edge = plan(model, {"m.x": 1.0, "m.z": 0.0}, steps=10)
+    assert edge.status == "found"
+    assert abs(edge.member_tension[-1, 0]) < 1e-5
+    beyond = plan(model, {"m.x": 1.1, "m.z": 0.0}, steps=10)
+    assert beyond.status == "infeasible"
+    proof = beyond.certificate
+    assert isinstance(proof, Certificate)
+    vector = np.array([[2.1, -1.0], [0.1, -1.0]])
+    elongation = vector @ proof.displacement / np.linalg.norm(vector, axis=1)
+    assert elongation.max() < 1e-9
+    assert proof.displacement @ [0.0, -10.0] == pytest.approx(proof.load_work)
+    assert proof.load_work > 0.01
+    assert "no cable in compression" in beyond.message
+    # Not linear in the coordinates: another shape may have these lengths too, so that nothing is proved.
+    far = {'member_length["cl"]': float(np.hypot(2.1, 1.0)), 'member_length["cr"]': float(np.hypot(0.1, 1.0))}
+    assert plan(model, far, steps=10).status == "blocked"
+
+
+def test_a_neutral_start_is_not_called_unstable_and_limits_come_first() -> None:
+    loose = PRISM.with_changes(rest_length=PRISM.member_length())  # of 12 cables, without prestress
+    model = compile_plan(limit(actuate(loose)))
+    with pytest.raises(StructureError, match="the start is outside the limits") as caught:
+        plan(model, "twist=160")
+    assert "exceeded by 1 N" in str(caught.value)
+    assert "and 9 more" in str(caught.value)
+    with pytest.raises(SingularStiffnessError, match="the start is neutral"):
+        plan(model, "twist=160", limits=Limits())
+
+
+def test_a_bar_on_end_is_an_unstable_start() -> None:
+    document = {
+        "name": "column",
+        "nodes": {
+            "foot": {"position": [0.0, 0.0, 0.0], "anchored": True},
+            "top": {"position": [0.0, 0.0, 1.0]},
+            "far": {"position": [3.0, 0.0, 1.0], "anchored": True},
+        },
+        "members": {
+            "bar": {"kind": "bar", "nodes": ["foot", "top"], "spring_constant": 1e4, "rest_length": 1.001},
+            "cable": {"kind": "cable", "nodes": ["top", "far"], "spring_constant": 1e3, "rest_length": 4.0},
+        },
+        "loads": [{"node": "top", "force": [0.0, 0.0, -10.0]}],
+    }
+    with pytest.raises(UnstableError, match="the start is an unstable equilibrium"):
+        plan(compile_plan(actuate(assemble(document))), "top.z=1.1")
 
 
 def test_targets_that_fix_a_shape_without_prestress_have_no_plan() -> None:
