@@ -36,6 +36,7 @@ SMALLEST_CHANGE = 1e-6  # of the largest change: shorter steps are not tried
 UNIT = 1e-3  # of the longest member: scale of changes
 LEAST_PROGRESS = 1e-6  # of a step that counts at all
 LAST, DEAD = 8, 1e-4  # the last steps together make less progress than this: it has died out
+FADED = 0.05  # of `least_progress`: the same, as a part of what such steps would make at the start
 REACH = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
 SOFT = 3.0  # steps after which the smallest eigenvalue could reach its limit
 
@@ -95,6 +96,8 @@ class Path:
         self.most_pace = self.pace = 1.0 / steps
         self.least_progress = least_progress
         self.slopes = self._find_slopes(start, start)
+        self.first_free: float | None = None  # progress that the largest step at the start could make
+        self.expected: list[float] = []  # of each step, the progress that such a step would make at the start
         self.failure = ""  # why the last step was shortened
         self.is_limited = True  # whether limits are to blame for it
         self.inside = INSIDE  # margin that the programs of the step leave to limits
@@ -121,10 +124,35 @@ class Path:
         if reached is None:
             return self._shorten(self.failure)
         self.points.append(reached)
-        share = self.radius / self.most_radius
+        return self._judge(program, ask, reached.progress - here.progress)
+
+    def _judge(self, program: Program, ask: float, made: float) -> bool:
+        """Return whether the path can go on after a step; set the size of the next one.
+
+        Parameters
+        ----------
+        program : Program
+            That of the step.
+        ask, made : float
+            Progress asked for, and made.
+        """
+        if self.first_free is None:
+            self.first_free = program.find_free(1.0)
+        self.expected.append(min(ask, program.radius / self.most_radius * self.first_free))
+        least, meant = self.least_progress * ask, made
+        if made < least:  # without limits, the bound of the step may permit less than asked for
+            least = min(least, self.least_progress * program.find_free(ask))
+            bound = program.find_bound(ask)
+            meant = 0.0 if bound is None else bound.progress
+        if made < least <= meant:  # limits leave more to first order: shorter steps follow them better
+            self.failure = "the corrections of the steps leave too little progress"
+            return self.is_done or (self._shorten(self.failure) and not self._has_died_out())
         self.radius = min(GROW * self.radius, self.most_radius)
         self.pace = min(GROW * self.pace, self.most_pace)
-        return not self._is_slow(reached.progress - here.progress, ask, share)
+        if made < least and not self.is_done:
+            self.failure = f"the limits leave {made:.3g} of the way in a step, see `least_progress`"
+            return False
+        return not self._has_died_out()
 
     def _find_last(self, here: PathPoint, ask: float) -> Step | None:
         """Return the step to a target on a limit, which is met within the tolerance of limits."""
@@ -152,16 +180,18 @@ class Path:
         here = self.points[-1]
         return self._build_program(here.at, here.target, here.progress).find_bound()
 
-    def _is_slow(self, made: float, ask: float, share: float) -> bool:
-        """Return whether the limits leave too little progress; share: of the largest radius, in the step."""
-        if self.is_done:
+    def _has_died_out(self) -> bool:
+        """Return whether the last steps together make next to no progress, or little of that of the first."""
+        if self.is_done or len(self.points) <= LAST:
             return False
-        if made < self.least_progress * min(ask, share * self.most_pace):
-            self.failure = f"the limits leave {made:.3g} of the way in a step, see `least_progress`"
-            return True
-        self.failure = "progress has died out"
-        ago = self.points[max(len(self.points) - 1 - LAST, 0)].progress
-        return len(self.points) > LAST and self.points[-1].progress - ago < DEAD
+        made = self.points[-1].progress - self.points[-1 - LAST].progress
+        meant = sum(self.expected[-LAST:])
+        self.failure = (
+            f"progress has died out: {made:.3g} of the way in the last {LAST} steps, {made / meant:.2g} of "
+            f"what they would make at the start; a step changes rest lengths by {self.most_radius:.3g} m at "
+            "most, fewer steps (`steps`) permit more"
+        )
+        return made < DEAD or made < FADED * self.least_progress * meant
 
     def _shorten(self, why: str) -> bool:
         self.failure = why

@@ -25,7 +25,8 @@ __all__ = ["EASED", "INSIDE", "Program", "Step"]
 FloatArray = NDArray[np.float64]
 
 STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
-GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought
+GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought; it should not cut it, so
+LARGE = 50.0  # changes of more units than this weigh no more than these
 INSIDE = 1e-7  # of the size of a limit: where steps aim
 EASED = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
 BINDS = 1e-7  # of the largest multiplier
@@ -86,7 +87,7 @@ class Program:
         rows, lower, upper = self._constraints_with_progress(least, most)
         count = rows.shape[1] - 1
         hessian = np.diag(np.append(np.zeros(count), 1.0))
-        hessian[:count, :count] = GENTLE * self._hessian()
+        hessian[:count, :count] = GENTLE * min((LARGE * self.unit / self.radius) ** 2, 1.0) * self._hessian()
         gradient = np.append(np.zeros(count), -1.0)
         found = find_minimum(hessian, gradient, rows, lower, upper)
         if found is None:
@@ -96,13 +97,13 @@ class Program:
     def find_free(self, most: float) -> float:
         """Return the most progress within [0, most] that the bound of the step permits without limits."""
         margins = replace(self.margins, value=np.full(len(self.margins.value), np.inf))
-        found = replace(self, margins=margins).find_furthest(0.0, most)
-        return 0.0 if found is None else found.progress
+        found = replace(self, margins=margins).find_bound(most)
+        return 0.0 if found is None else min(found.progress, most)
 
-    def find_bound(self) -> Step | None:
-        """Return the step with the most progress of all, of the limits linearised; None if there is none."""
+    def find_bound(self, most: float = np.inf) -> Step | None:
+        """Return the step with the most progress up to `most`, of the limits linearised; None without one."""
         rows, lower, upper = self._constraints_with_progress(0.0, 1.0)
-        lower[-1], upper[-1] = -np.inf, np.inf
+        lower[-1], upper[-1] = -np.inf, most
         found = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
         return None if found is None else self._read(found.x[:-1], float(found.x[-1]), found.multiplier)
 

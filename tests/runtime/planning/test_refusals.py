@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.errors import (
     FormulationError,
     InvalidValueError,
@@ -111,6 +113,44 @@ def test_too_few_actuators_for_the_targets_are_counted(model: CompiledModel) -> 
     assert "the targets have 4 components (tilt.towards, tilt.sideways, twist, height)" in found.message
     assert "the actuators (2) change only 2 of them independently" in found.message
     assert plan(model, "twist=155.5", actuators=pair[:1], steps=2).n_steps > 0
+
+
+@pytest.fixture(scope="module")
+def motors() -> CompiledModel:
+    """Return the example scene with a motor of wide range on each of six cables."""
+    document = tomllib.loads(list_examples()["prism12"])
+    for actuator in document["actuators"]:
+        actuator["range"] = [0.01, 1.0]
+    return compile_plan(assemble(document))
+
+
+@pytest.mark.parametrize("goal", [0.0, -0.3, -3.0])
+def test_a_path_goes_as_far_whatever_the_distance_of_the_target(goal: float, motors: CompiledModel) -> None:
+    found = plan(motors, {"height": goal})
+    assert found.status == "blocked"
+    assert 0.03 < found.target[-1, 0] < 0.06
+    assert names(found, "clearance") == ["bar1 and bar2", "bar1 and bar3", "bar2 and bar3"]
+
+
+@pytest.mark.parametrize("steps", [1, 2, 20])
+def test_few_steps_reach_the_target_too(steps: int, motors: CompiledModel) -> None:
+    found = plan(motors, "height=0.15", steps=steps)
+    assert found.status == "found", found.message
+
+
+def test_a_node_between_two_ropes_is_blocked_by_the_range_or_by_the_size_of_steps() -> None:
+    cable = {"class": "cable", "rest_length": 1.0}
+    nodes = {"a": {"position": [-1.0, 0.0, 1.0], "anchored": True}}
+    nodes |= {"b": {"position": [1.0, 0.0, 1.0], "anchored": True}, "m": {"position": [0.0, 0.0, 0.5]}}
+    nodes |= {"c": {"position": [0.0, 1.0, 0.0], "anchored": True}}
+    nodes |= {"d": {"position": [0.0, -1.0, 0.0], "anchored": True}}
+    ends = {f"{name}m": {**cable, "nodes": [name, "m"]} for name in "abcd"}
+    ropes = actuate(assemble({"name": "ropes", "classes": CLASSES, "nodes": nodes, "members": ends}))
+    found = plan(compile_plan(limit(ropes)), "m.z=1.5")  # above all anchors
+    assert found.status == "blocked"
+    assert 0.6 < found.target[-1, 0] < 1.0
+    assert found.block is not None
+    assert found.block.binding or "a step changes rest lengths by" in found.message
 
 
 # --- infeasible ------------------------------------------------------------------------------------
