@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, SingularStiffnessError, StructureError, UnstableError
+from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import Actuation, find_actuation
 from tensegrity_codegen.runtime.planning.infeasible import (
@@ -28,12 +28,10 @@ from tensegrity_codegen.runtime.planning.path import Path, Progress
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
 from tensegrity_codegen.runtime.planning.record_plan import describe_margin, record_infeasible, record_path
-from tensegrity_codegen.runtime.planning.start import Start, find_start
+from tensegrity_codegen.runtime.planning.start import Start, check_stability, find_start
 from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
 from tensegrity_codegen.runtime.planning.targets.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.planning.timing import check_duration, compute_times
-from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
-from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.structure.limits import Limits
 
 __all__ = ["plan"]
@@ -207,30 +205,7 @@ def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> No
             allowed="a start within all limits",
             hint="change the rest lengths or the prestress of the scene, or the limits",
         )
-    _check_stability(plan_model, at)
-
-
-def _check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
-    """Raise where the start is unstable, or neutral: a stiffness within rounding of zero is not unstable."""
-    problem, name = plan_model.problem(at.change), plan_model.model.manifest.name
-    stability = find_stability(problem, at.point)
-    if stability.is_unstable:
-        raise UnstableError(
-            "the start is an unstable equilibrium",
-            where=name,
-            evidence={"smallest_eigenvalue": stability.told_eigenvalue},
-            hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
-        )
-    if stability.is_neutral:
-        motions = find_neutral(problem, at.coordinate, stability).names
-        shown = f" ({', '.join(motions)})" if motions else ""
-        raise SingularStiffnessError(
-            f"the start is neutral: nothing resists some of its motions{shown}",
-            where=name,
-            evidence={"smallest_eigenvalue": stability.told_eigenvalue, "rounding": stability.rounding},
-            hint="prestress the structure; anchor or join parts that are not connected; `equilibrium` and "
-            "`analyse` name such motions",
-        )
+    check_stability(plan_model, at)
 
 
 def _check_held(plan_model: PlanModel, targets: Targets, at: PlanPoint) -> None:

@@ -7,21 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import StructureError
+from tensegrity_codegen.errors import SingularStiffnessError, StructureError, UnstableError
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.planning.infeasible import find_shape_certificate
 from tensegrity_codegen.runtime.planning.limits import PlanLimits
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
+from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 
-__all__ = ["Start", "find_start"]
+__all__ = ["Start", "check_stability", "find_start"]
 
 FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
 TAUT = 1e-9  # of the length: a cable as long as its rest length is not slack
+NAMED = 3  # nodes that are named in a motion without resistance
 NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
 
 
@@ -122,3 +125,45 @@ def _is_sound(at: PlanPoint, limits: PlanLimits) -> bool:
     stiffest = float(abs(at.stiffness).max()) if at.stiffness.nnz else 0.0
     is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > SINGULAR * stiffest
     return is_stable and bool(np.all(at.tension[limits.least_tension > 0.0] > 0.0))
+
+
+def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
+    """Raise where an equilibrium is unstable, or neutral: a stiffness of zero to rounding is not unstable.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+    at : PlanPoint
+        The equilibrium.
+
+    Raises
+    ------
+    UnstableError
+        The smallest eigenvalue is negative beyond rounding.
+    SingularStiffnessError
+        It is zero to rounding; the nodes that move most are named.
+    """
+    problem, name = plan_model.problem(at.change), plan_model.model.manifest.name
+    stability = find_stability(problem, at.point)
+    if stability.is_unstable:
+        raise UnstableError(
+            "the start is an unstable equilibrium",
+            where=name,
+            evidence={"smallest_eigenvalue": stability.told_eigenvalue},
+            hint="start from a stable one: find it with `equilibrium`, or raise the prestress",
+        )
+    if not stability.is_neutral:
+        return
+    count = find_neutral(problem, at.coordinate, stability).mechanism.shape[2]
+    field = problem.node_velocities(at.coordinate, stability.direction[:, None])[:, :, 0]
+    size = np.linalg.norm(field, axis=1)
+    nodes = [plan_model.model.manifest.node_name[k] for k in np.argsort(-size, kind="stable")[:NAMED]]
+    many = f"{count} independent motions" if count > 1 else "a motion"
+    whole = " besides rigid motions of the whole" if at.neutral.shape[1] else ""
+    raise SingularStiffnessError(
+        f"the start is neutral: nothing resists {many}{whole}, such as one of the nodes {', '.join(nodes)}",
+        where=name,
+        evidence={"smallest_eigenvalue": stability.told_eigenvalue, "rounding": stability.rounding},
+        hint="prestress the structure, or anchor or join unconnected parts; `analyse` shows the motions",
+    )
