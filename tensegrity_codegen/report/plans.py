@@ -74,7 +74,8 @@ def actuators_table(found: PlanResult, name: str) -> Table | None:
     table = new_table(f"{name}: rest lengths", "actuator", **heads)
     for k, actuator in enumerate(found.actuator_name):
         start, end = found.rest_length[0, k], found.rest_length[-1, k]
-        add_row(table, actuator, f"{start:.6f}", f"{end:.6f}", f"{1000 * (end - start):+.3f}")
+        own = 1000 * float(found.change[-1, k] - found.change[0, k])  # that of its own input
+        add_row(table, actuator, f"{start:.6f}", f"{end:.6f}", f"{own:+.3f}")
     return table
 
 

@@ -132,7 +132,7 @@ def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: flo
         coordinate=q,
         velocity=v,
         acceleration=a,
-        rest_length=plan_model.actuation.rest_length + driven.change,
+        rest_length=plan_model.rest_length(driven.change),
         input=np.array([plan_model.inputs(row) for row in driven.change]),
         member_tension=driven.tension,
         peak_rate=driven.peaks.rate,

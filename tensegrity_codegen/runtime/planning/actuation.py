@@ -1,9 +1,10 @@
-"""The actuators of a plan: which inputs of the model they are, and how far and how fast they move."""
+"""The actuators of a plan: which inputs they are, how far and how fast they move, ranges of their members."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from tensegrity_codegen.errors import InvalidValueError, StructureError, Unknown
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Actuator
 
-__all__ = ["Actuation", "find_actuation"]
+__all__ = ["Actuation", "MemberRanges", "find_actuation", "find_held_rest_lengths", "find_member_ranges"]
 
 FloatArray = NDArray[np.float64]
 
@@ -110,3 +111,88 @@ def find_actuation(model: CompiledModel, names: Sequence[str] | None = None) -> 
         np.array([item.range[1] - lengths.max() for item, lengths in zip(chosen, rest, strict=True)]),
         np.array([item.rate for item in chosen]),
     )
+
+
+@dataclass(frozen=True)
+class MemberRanges:
+    """A row for each actuator with a range and each of its members that the plan moves.
+
+    Attributes
+    ----------
+    name : tuple of str
+        Names of the actuators.
+    member : ndarray of int, shape (n,)
+        Members.
+    rest_length : ndarray, shape (n,) [m]
+        Rest lengths of the members where the actuators of the plan are at 0.
+    least, most : ndarray, shape (n,) [m]
+        Bounds of the rest lengths.
+    pull : ndarray, shape (n, n_actuators)
+        1 where an actuator of the plan moves the member.
+    """
+
+    name: tuple[str, ...]
+    member: NDArray[np.int64]
+    rest_length: FloatArray
+    least: FloatArray
+    most: FloatArray
+    pull: FloatArray
+
+    def of_member(self, index: int) -> tuple[float, float]:
+        """Return the least and the largest rest length that the ranges permit a member [m]."""
+        rows = self.member == index
+        return float(self.least[rows].max(initial=-np.inf)), float(self.most[rows].min(initial=np.inf))
+
+    def of_actuators(self) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of the inputs (n_actuators,) by members that one actuator alone moves [m]."""
+        alone = self.pull[self.pull.sum(axis=1) == 1] > 0
+        kept = self.pull.sum(axis=1) == 1
+        low, high = ((bound - self.rest_length)[kept, None] for bound in (self.least, self.most))
+        return (
+            np.where(alone, low, -np.inf).max(axis=0, initial=-np.inf),
+            np.where(alone, high, np.inf).min(axis=0, initial=np.inf),
+        )
+
+
+def find_member_ranges(structure: Any, incidence: FloatArray, held: Mapping[str, float]) -> MemberRanges:
+    """Return the ranges of the members that the actuators of a plan move.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        With its actuators, also those that the plan does not move.
+    incidence : ndarray, shape (n_members, n_actuators)
+        1 where an actuator of the plan moves a member.
+    held : mapping of str to float
+        Values of the inputs that the plan does not move [m].
+
+    Returns
+    -------
+    MemberRanges
+        A row for each actuator with a range and each of its members that moves.
+    """
+    rest = find_held_rest_lengths(structure, held)
+    rows = [
+        (item, e)
+        for item in structure.actuators
+        for e in item.members
+        if incidence[e].any() and (np.isfinite(item.range[0]) or np.isfinite(item.range[1]))
+    ]
+    member = np.array([e for _, e in rows], dtype=np.int64)
+    return MemberRanges(
+        tuple(item.name for item, _ in rows),
+        member,
+        rest[member],
+        np.array([item.range[0] for item, _ in rows], dtype=float),
+        np.array([item.range[1] for item, _ in rows], dtype=float),
+        incidence[member],
+    )
+
+
+def find_held_rest_lengths(structure: Any, held: Mapping[str, float]) -> FloatArray:
+    """Return the rest lengths (n_members,) with inputs at these values and all others at 0 [m]."""
+    rest = np.array(structure.rest_length, dtype=float)
+    for item in structure.inputs:
+        if item.kind == "rest_length" and item.name in held:
+            rest[list(item.targets)] += held[item.name]
+    return rest

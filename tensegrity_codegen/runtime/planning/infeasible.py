@@ -131,7 +131,11 @@ def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tupl
     for item in structure.inputs:  # those that the plan holds
         if item.kind == "rest_length" and index in item.targets and item.name not in plan_model.columns:
             rest += float(plan_model.base[plan_model.model.manifest.input_name.index(item.name)])
-    return rest + float(limits.least_change[moving].sum()), rest + float(limits.most_change[moving].sum())
+    low, high = limits.ranges.of_member(index)
+    return (
+        max(rest + float(limits.least_change[moving].sum()), low),
+        min(rest + float(limits.most_change[moving].sum()), high),
+    )
 
 
 def _tension(plan_model: PlanModel, index: int, length: float, rest_length: float) -> float:

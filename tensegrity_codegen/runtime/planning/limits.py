@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.planning.actuation import Actuation
+from tensegrity_codegen.runtime.planning.actuation import MemberRanges
 from tensegrity_codegen.runtime.planning.plan_point import PlanPoint
 from tensegrity_codegen.runtime.planning.slopes import Slopes
 from tensegrity_codegen.structure.limits import Limits
@@ -40,7 +40,9 @@ class PlanLimits:
     least_stiffness : float [N/m]
         Least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable.
     least_change, most_change : ndarray, shape (n_actuators,) [m]
-        Range of the actuators' inputs.
+        Range of the actuators' inputs, by members that one actuator alone moves.
+    ranges : MemberRanges
+        Ranges of the rest lengths of all members that move.
     """
 
     least_tension: FloatArray
@@ -51,6 +53,7 @@ class PlanLimits:
     least_stiffness: float
     least_change: FloatArray
     most_change: FloatArray
+    ranges: MemberRanges
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Margins:
     kind : tuple of str
         "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
     index : ndarray of int, shape (n,)
-        Member, pair of bars, eigenvalue or actuator.
+        Member, pair of bars, eigenvalue or row of the ranges.
     value : ndarray, shape (n,) [N, m, N/m]
         Margins.
     size : ndarray, shape (n,)
@@ -86,15 +89,15 @@ class Margins:
         return np.asarray(-self.value / self.size)
 
 
-def build_limits(model: CompiledModel, actuation: Actuation, limits: Limits | None = None) -> PlanLimits:
+def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | None = None) -> PlanLimits:
     """Return the limits of a structure and of its actuators, as bounds of forces and inputs.
 
     Parameters
     ----------
     model : CompiledModel
         With its structure.
-    actuation : Actuation
-        The actuators.
+    ranges : MemberRanges
+        Ranges of the actuators.
     limits : Limits, optional
         By default those of the structure.
 
@@ -117,8 +120,8 @@ def build_limits(model: CompiledModel, actuation: Actuation, limits: Limits | No
         buckling,
         limits.clearance,
         max(limits.least_stiffness, 0.0),
-        actuation.least_change,
-        actuation.most_change,
+        *ranges.of_actuators(),
+        ranges,
     )
 
 
@@ -161,6 +164,9 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
         One row for each limit.
     """
     tension, load, count = at.tension, limits.buckling / at.length**2, len(at.change)
+    ranges = limits.ranges
+    change = ranges.pull @ at.change
+    shortest, longest = ranges.least - ranges.rest_length, ranges.most - ranges.rest_length
     clearance = np.full(at.distance.shape, limits.clearance)
     stiff = np.full(at.eigenvalue.shape, limits.least_stiffness)
     rows = [
@@ -170,15 +176,15 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
         ("yield", limits.yield_force + tension, limits.yield_force),
         ("buckling", tension + load, load),
         ("clearance", at.distance - clearance, clearance),
-        ("range", at.change - limits.least_change, limits.least_change),
-        ("range", limits.most_change - at.change, limits.most_change),
+        ("range", change - shortest, shortest),
+        ("range", longest - change, longest),
         ("least_stiffness", at.eigenvalue - stiff, stiff),
     ]
     sloping: list[FloatArray | None] = [None] * len(rows)
     if slopes is not None:
         curve = np.where(np.isfinite(limits.buckling), -2 * limits.buckling / at.length**3, 0.0)
         bent = slopes.tension + curve[:, None] * slopes.length
-        own, pulled = np.eye(count), slopes.tension
+        own, pulled = ranges.pull, slopes.tension
         soft = slopes.eigenvalue if len(slopes.eigenvalue) else np.zeros((len(stiff), count))
         sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, own, -own, soft]
     force = max(at.point.largest_force, 1e-300)

@@ -121,7 +121,7 @@ class PlanResult:
     change : ndarray, shape (n_steps, n_actuators) [m]
         Values of the actuators' inputs, as `simulate` takes them.
     rest_length : ndarray, shape (n_steps, n_actuators) [m]
-        Rest length of the (first) member of each actuator.
+        Total rest length of the (first) member of each actuator, whatever moves it.
     node_name, member_name, bar_pair_name : tuple of str
         Names of nodes, members, pairs of bars.
     is_cable : ndarray of bool, shape (n_members,)

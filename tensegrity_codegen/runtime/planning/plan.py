@@ -115,7 +115,7 @@ def plan(
     actuation = find_actuation(model, actuators)
     bound = bind_targets(texts, model)
     plan_model = PlanModel(model, actuation, arguments)
-    bounds = build_limits(model, actuation, limits)
+    bounds = build_limits(model, plan_model.ranges, limits)
     start = find_start(plan_model, bounds)
     if start.certificate is not None:
         return record_infeasible(plan_model, bound, start.certificate, start.message, start.shape)

@@ -13,7 +13,11 @@ from scipy import sparse
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.planning.actuation import Actuation
+from tensegrity_codegen.runtime.planning.actuation import (
+    Actuation,
+    find_held_rest_lengths,
+    find_member_ranges,
+)
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
@@ -114,6 +118,20 @@ class PlanModel:
         self.incidence = np.zeros((len(names), len(self.columns)))
         for column, item in enumerate(actuation.actuators):
             self.incidence[list(item.members), column] = 1.0
+        # Inputs of a wrong shape are refused where the model is evaluated.
+        held = {
+            name: float(value)
+            for name, value in zip(model.manifest.input_name, self.base.ravel(), strict=False)
+            if name not in self.columns
+        }
+        self.ranges = find_member_ranges(model.structure, self.incidence, held)
+        first = [item.members[0] for item in actuation.actuators]
+        self._held_rest = find_held_rest_lengths(model.structure, held)[first]
+        self._pull = self.incidence[first]
+
+    def rest_length(self, change: FloatArray) -> FloatArray:
+        """Return the total rest lengths (..., n_actuators) of the first member of each actuator [m]."""
+        return np.asarray(self._held_rest + change @ self._pull.T)
 
     @property
     def start(self) -> FloatArray:

@@ -131,7 +131,7 @@ def record_path(
         goal=path.goal,
         actuator_name=plan_model.actuation.names,
         change=change,
-        rest_length=plan_model.actuation.rest_length + change,
+        rest_length=plan_model.rest_length(change),
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         bar_pair_name=manifest.bar_pair_name,
@@ -178,7 +178,7 @@ def _bindings(
         name = _name(plan_model, kind, int(margins.index[row]))
         unit, bound = UNITS.get(kind, "N"), float(margins.bound[row])
         if kind == "range":
-            bound += float(plan_model.actuation.rest_length[margins.index[row]])
+            bound += float(plan_model.ranges.rest_length[margins.index[row]])
         found.append(Binding(kind, name, bound, float(margins.value[row]), unit, float(value)))
     return tuple(found)
 
@@ -189,7 +189,7 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
     if kind == "clearance":
         return " and ".join(manifest.bar_pair[index])
     if kind == "range":
-        return plan_model.actuation.names[index]
+        return plan_model.ranges.name[index]
     return "" if kind == "least_stiffness" else manifest.member_name[index]
 
 

@@ -10,6 +10,8 @@ import pytest
 
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.planning.plan import plan
+from tensegrity_codegen.structure.actuators import Actuator
+from tensegrity_codegen.structure.structure import ActuatedInput
 from tests.runtime.planning.structures import actuate, build_prism, compile_plan, limit
 
 WITHIN = 1e-6
@@ -89,6 +91,59 @@ def test_a_target_on_its_limit_is_met(model: Any, target: str) -> None:
     np.testing.assert_allclose(found.target[-1], found.goal, rtol=1e-8)
     assert found.bar_distance.min() >= limits.get("clearance", 0.002) * (1 - WITHIN)
     assert np.all(found.member_tension >= limits["least_tension"] * (1 - WITHIN))
+
+
+@pytest.fixture(scope="module")
+def doubled() -> Any:
+    """Return a prism whose first vertical has two actuators, and another two members share one."""
+    structure = build_prism(155.0)
+    place = structure.member_name.index
+    one, two, three = (place(f"vertical{k}") for k in (1, 2, 3))
+    rest = float(structure.rest_length[one])
+    wide = (0.2, rest + 0.02)
+    actuators = (
+        Actuator("coarse", (one,), range=wide),
+        Actuator("fine", (one,), range=wide),
+        Actuator("pair", (two, three), range=(0.2, rest + 0.01)),
+        *(Actuator(f"opposite{k}", (place(f"opposite{k}"),)) for k in (1, 2, 3)),
+    )
+    inputs = tuple(ActuatedInput(item.name, "rest_length", item.members) for item in actuators)
+    return compile_plan(limit(structure.with_changes(actuators=actuators, inputs=inputs), least=0.1))
+
+
+def test_the_ranges_of_two_actuators_on_one_member_hold_for_its_rest_length(doubled: Any) -> None:
+    structure = doubled.structure
+    rest = float(structure.rest_length[structure.member_name.index("vertical1")])
+    found = plan(doubled, f'rest_length("vertical1")={rest + 0.01}')
+    assert found.status == "found", found.message
+    assert found.rest_length[-1, 0] == pytest.approx(rest + 0.01, rel=1e-7)
+    np.testing.assert_array_equal(found.rest_length[:, 0], found.rest_length[:, 1])
+    assert found.rest_length[-1, 0] == pytest.approx(rest + found.change[-1, :2].sum(), rel=1e-12)
+    over = plan(doubled, f'rest_length("vertical1")={rest + 0.03}')
+    assert over.status == "infeasible"
+    assert over.certificate is not None
+    assert over.certificate.allowed == pytest.approx(rest + 0.02, rel=1e-9)
+    alone = plan(doubled, "twist=150.5", actuators=["coarse"], least_progress=0.0)
+    assert alone.rest_length.max() <= rest + 0.02 * (1 + WITHIN)
+
+
+def test_ranges_count_inputs_that_the_plan_holds(doubled: Any) -> None:
+    structure = doubled.structure
+    rest = float(structure.rest_length[structure.member_name.index("vertical1")])
+    target = f'rest_length("vertical1")={rest + 0.013}'
+    found = plan(doubled, target, actuators=["coarse", "opposite1"], arguments={"fine": 0.01})
+    assert found.status == "found", found.message
+    assert found.rest_length[[0, -1], 0] == pytest.approx([rest + 0.01, rest + 0.013], rel=1e-7)
+    assert found.change[-1, 0] == pytest.approx(0.003, rel=1e-5)
+    over = plan(doubled, f'rest_length("vertical1")={rest + 0.021}', arguments={"fine": 0.01})
+    assert over.status == "infeasible"
+
+
+def test_a_range_holds_for_each_member_of_an_actuator(doubled: Any) -> None:
+    structure = doubled.structure
+    place = structure.member_name.index("vertical3")
+    found = plan(doubled, f'rest_length("vertical3")={structure.rest_length[place] + 0.02}')
+    assert found.status == "infeasible"
 
 
 def test_the_range_of_one_actuator() -> None:

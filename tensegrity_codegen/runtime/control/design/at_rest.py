@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.model.arrays import check_shape
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["build_rest"]
@@ -63,7 +64,7 @@ def build_rest(
     given = merge_inputs(model.manifest, arguments)
     value = np.asarray(given.get(INPUT, model.nominal(INPUT)), dtype=float).ravel()
     still = np.zeros((2, len(equilibrium.coordinate)))
-    rest = actuation.rest_length + value[actuation.place]
+    rest = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
     return Motion(
         time=np.array([0.0, duration]),
         coordinate=np.array([equilibrium.coordinate] * 2),
