@@ -130,7 +130,7 @@ class Motion:
         ----------
         path : str or Path
             ``.npz``: all arrays. ``.csv``: time [s] and the inputs of the actuators [m] at the knots, for
-            ``read_profile`` and ``simulate --profile`` with the kind ``"cubic"``.
+            ``read_profile`` with the kind ``"cubic"``.
 
         Raises
         ------
