@@ -62,7 +62,7 @@ def translate(error: ValidationError, where: str) -> SceneError:
         if len(others) > MOST_SHOWN:
             lines.append(f"and {len(others) - MOST_SHOWN} more")
         first.problem += f" ({len(others)} more problem{'s' if len(others) > 1 else ''} below)"
-        first.hint = "\n           ".join(part for part in (first.hint, "also mend", *lines) if part)
+        first.hint = "\n           ".join(part for part in (first.hint, "also correct", *lines) if part)
     return first
 
 
@@ -119,6 +119,8 @@ def _invalid_value(detail: ErrorDetails, loc: list[str | int], place: str, given
     elif kind in ("literal_error", "union_tag_invalid"):
         problem = "not one of the allowed words"
         allowed = str(context.get("expected", context.get("expected_tags", "")))
+        if kind == "union_tag_invalid" and isinstance(detail["input"], dict) and "kind" in detail["input"]:
+            place, given = f"{place}.kind", detail["input"]["kind"]
     elif kind == "union_tag_not_found":
         problem, allowed = "the key 'kind' is missing", ", ".join(_kinds_at(loc))
     else:

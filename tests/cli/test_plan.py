@@ -147,7 +147,7 @@ def test_a_start_outside_the_limits_is_refused_with_the_amount(run: Run, prism12
     prism12.write_text(text, encoding="utf-8")
     ended = run("plan", prism12, "--to", "twist=160", "--json")
     assert ended.code == 2
-    assert "least tension of opposite1: exceeded by 2.54072 N" in ended.data["problem"]
+    assert "least tension of opposite1: violated by 2.54072 N" in ended.data["problem"]
 
 
 def test_a_rope_without_tension_at_the_stated_place_is_settled_first(run: Run, folder: Path) -> None:

@@ -177,7 +177,7 @@ def test_unknown_words_of_the_model_list_the_known_ones(key, value, known):
         (changed("axes", to="zx"), "axes", "'xz'"),
         (changed("parameters", "gravity", to=["all"]), "parameters.gravity", "'all'"),
         (changed("parameters", "rest_length", to="ab"), "parameters.rest_length", "'all'"),
-        (changed("inputs", 0, "kind", to="push"), "inputs[0]", "'force'"),
+        (changed("inputs", 0, "kind", to="push"), "inputs[0].kind", "'force'"),
         (changed("inputs", 0, "kind", to=REMOVE), "inputs[0]", "force"),
         (changed("members", "ab", "nodes", to=["a"]), "members.ab.nodes", "at least 2"),
         (changed("members", "ab", "nodes", to=["a", "b", "c"]), "members.ab.nodes", "at most 2"),

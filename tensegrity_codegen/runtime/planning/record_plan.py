@@ -30,7 +30,7 @@ def describe_margin(
     """Return a limit that is exceeded: which, of what, by how much."""
     kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
     name = _name(plan_model, kind, int(margins.index[row]))
-    return f"{LIMIT_WORDS[kind]}{' of ' + name if name else ''}: exceeded by {-margins.value[row]:.6g} {unit}"
+    return f"{LIMIT_WORDS[kind]}{' of ' + name if name else ''}: violated by {-margins.value[row]:.6g} {unit}"
 
 
 def record_infeasible(

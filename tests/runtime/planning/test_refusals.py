@@ -243,7 +243,7 @@ def test_a_neutral_start_is_not_called_unstable_and_limits_come_first() -> None:
     model = compile_plan(limit(actuate(loose)))
     with pytest.raises(StructureError, match="the start is outside the limits") as caught:
         plan(model, "twist=160")
-    assert "exceeded by 1 N" in str(caught.value)
+    assert "violated by 1 N" in str(caught.value)
     assert "and 9 more" in str(caught.value)
     with pytest.raises(SingularStiffnessError, match="neutral: nothing resists 9 independent motions"):
         plan(model, "twist=160", limits=Limits())
@@ -360,9 +360,9 @@ def test_wrong_names_of_actuators(chosen: list[str], part: str, model: CompiledM
 @pytest.mark.parametrize(
     ("structure", "part"),
     [
-        (limit(actuate(PRISM), least=5.0), "least tension of opposite1: exceeded by 2.54072 N"),
-        (limit(actuate(PRISM), most=19.0), "largest tension of vertical1: exceeded by 1 N"),
-        (limit(actuate(PRISM), clearance=0.05), "clearance of bar1 and bar2: exceeded by 0.00946"),
+        (limit(actuate(PRISM), least=5.0), "least tension of opposite1: violated by 2.54072 N"),
+        (limit(actuate(PRISM), most=19.0), "largest tension of vertical1: violated by 1 N"),
+        (limit(actuate(PRISM), clearance=0.05), "clearance of bar1 and bar2: violated by 0.00946"),
     ],
 )
 def test_a_start_outside_the_limits_is_refused_with_the_amount(structure: Any, part: str) -> None:

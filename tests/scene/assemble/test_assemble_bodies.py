@@ -213,7 +213,7 @@ def test_doubts() -> None:
             "bodies.plate.points.centre",
             "name already",
         ),
-        (change("bodies", "leg", "kind", to="rod"), InvalidValueError, "bodies.leg", "allowed words"),
+        (change("bodies", "leg", "kind", to="rod"), InvalidValueError, "bodies.leg.kind", "allowed words"),
         (change("bodies", "leg", "lenght", to=1), UnknownKeyError, "bodies.leg.lenght", "unknown key"),
         (change("bodies", to={"ground": FIXED}), StructureError, "bodies", "nothing can move"),
         (change("tendons", to={}), StructureError, "tendons", "no tendon"),
