@@ -20,24 +20,9 @@ from tensegrity_codegen.runtime.control.loop.filter import Filter
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Sensor
-from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
+from tests.runtime.control.pinned_prism import draw_errors
 
 Array = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def model() -> CompiledModel:
-    return build_prism()
-
-
-@pytest.fixture(scope="module")
-def motion(model: CompiledModel) -> Motion:
-    return move_prism(model)
-
-
-@pytest.fixture(scope="module")
-def gains(model: CompiledModel, motion: Motion) -> Gains:
-    return design_gains(model, motion)
 
 
 @pytest.fixture(scope="module")

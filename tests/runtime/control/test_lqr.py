@@ -27,16 +27,6 @@ Q = np.concatenate([np.full(6, 100.0), np.full(6, 0.1), np.full(6, 1.0)])
 R = np.full(9, 1e4)
 
 
-@pytest.fixture(scope="module")
-def model() -> CompiledModel:
-    return build_prism()
-
-
-@pytest.fixture(scope="module")
-def motion(model: CompiledModel) -> Motion:
-    return move_prism(model)
-
-
 def test_linear_models_are_held_exactly_along_the_motion(model: CompiledModel, motion: Motion) -> None:
     samples = sample_linear_models(model, motion, 0.05, motion.actuators)
     assert samples.time == pytest.approx(0.05 * np.arange(21))

@@ -16,26 +16,11 @@ from tensegrity_codegen.runtime.control.loop.disturbances import Gust
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution, design_distribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.runtime.control.pinned_prism import STIFFNESS, build_prism, design_gains, move_prism
+from tests.runtime.control.pinned_prism import STIFFNESS
 
 pytest.importorskip("daqp")
 
 Array = NDArray[np.float64]
-
-
-@pytest.fixture(scope="module")
-def model() -> CompiledModel:
-    return build_prism()
-
-
-@pytest.fixture(scope="module")
-def motion(model: CompiledModel) -> Motion:
-    return move_prism(model)
-
-
-@pytest.fixture(scope="module")
-def gains(model: CompiledModel, motion: Motion) -> Gains:
-    return design_gains(model, motion)
 
 
 @pytest.fixture(scope="module")
