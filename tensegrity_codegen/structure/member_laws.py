@@ -67,6 +67,11 @@ class WithMemberLaws:
         return np.asarray((self.radius**2 + self._inner_square) / 4)
 
     @property
+    def flexural_rigidity(self) -> FloatArray:
+        """(n_members,): E I [N m2], with E A = mu rho of the unstrained member; 0 without a radius."""
+        return np.asarray(self.mu * self.rest_length * self.gyration_square)
+
+    @property
     def _inner_square(self) -> FloatArray | float:
         return 0.0 if self.inner_radius is None else self.inner_radius**2
 

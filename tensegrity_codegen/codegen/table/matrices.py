@@ -17,7 +17,7 @@ from tensegrity_codegen.codegen.table.mass import (
 from tensegrity_codegen.codegen.table.member_stages import block_stages
 from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern, make_pattern
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
-from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns
+from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
@@ -70,13 +70,7 @@ def _member_matrix(quantity: str, kernel: str, damped: bool = False) -> Callable
 def _equilibrium_matrix(model: TableModel) -> Recipe:
     columns = MemberColumns(model)
     loops = member_loops(model, "direction", StoreColumns("equilibrium_matrix", columns))
-    shape = (model.n_coordinates, model.structure.n_members)
-    return Recipe(
-        shape,
-        tuple(loops),
-        find_pattern=lambda: make_pattern(shape, columns.row, columns.start),
-        is_empty=not loops,
-    )
+    return store_recipe((model.n_coordinates, model.structure.n_members), loops, columns)
 
 
 def _rest_length_jacobian(model: TableModel) -> Recipe:

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
-from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns
+from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
 from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
@@ -29,25 +28,13 @@ def _is_elastic(group: MemberGroup) -> bool:
 def _residual_rest_length_jacobian(model: TableModel) -> Recipe:
     name, columns = "residual_rest_length_jacobian", MemberColumns(model, is_elastic=True)
     loops = member_loops(model, "static_rest_pull", StoreColumns(name, columns), _is_elastic)
-    shape = (model.n_coordinates, model.structure.n_members)
-    return Recipe(
-        shape,
-        tuple(loops),
-        find_pattern=lambda: make_pattern(shape, columns.row, columns.start),
-        is_empty=not loops,
-    )
+    return store_recipe((model.n_coordinates, model.structure.n_members), loops, columns)
 
 
 def _tension_jacobian(model: TableModel) -> Recipe:
     rows = MemberRows(MemberColumns(model, is_elastic=True))
     loops = member_loops(model, "tension_gradient", StoreRows("tension_jacobian", rows), _is_elastic)
-    shape = (model.structure.n_members, model.n_coordinates)
-    return Recipe(
-        shape,
-        tuple(loops),
-        find_pattern=lambda: make_pattern(shape, rows.row, rows.start),
-        is_empty=not loops,
-    )
+    return store_recipe((model.structure.n_members, model.n_coordinates), loops, rows)
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def check_members(structure: Structure | BodySystem, tension: FloatArray, length
     limits = structure.limits.for_members(len(tension))
     area = structure.section_area
     stress = np.divide(tension, area, out=np.full_like(tension, np.nan), where=area > 0)
-    rigidity = structure.mu * structure.rest_length * structure.gyration_square
+    rigidity = structure.flexural_rigidity
     known = ~structure.tension_only & (rigidity > 0)
     load = np.full_like(tension, np.nan)
     load[known] = math.pi**2 * rigidity[known] / length[known] ** 2

@@ -26,6 +26,7 @@ from tensegrity_codegen.runtime.control.design.reachable import (
 from tensegrity_codegen.runtime.control.design.riccati import compute_gain, find_stationary
 from tensegrity_codegen.runtime.control.design.sensing import Sensing, find_sensing
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -214,15 +215,8 @@ def _read_noise(
 
 
 def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
-    given = np.asarray(value, dtype=float)
-    if given.shape not in ((), (n,)) or not np.isfinite(given).all() or (given < 0.0).any():
-        raise InvalidValueError(
-            "out of range",
-            where=where,
-            given=value,
-            allowed=f"a number >= 0, or one for each of {n} coordinates",
-        )
-    return np.broadcast_to(given, (n,)).copy()
+    allowed = f"a number >= 0, or one for each of {n} coordinates"
+    return to_each(value, n, where, lambda x: np.isfinite(x) & (x >= 0.0), allowed)
 
 
 def _check_knots(knots: int) -> int:

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.effects import check_effects
 from tensegrity_codegen.runtime.control.design.free_motions import name_free_motions
@@ -159,14 +159,7 @@ def _read_outputs(
     if not isinstance(items, np.ndarray) and all(isinstance(item, str) for item in items):  # type: ignore[union-attr]
         known = names[: n // 2]
         for item in items:  # type: ignore[union-attr]
-            if item not in known:
-                raise UnknownNameError(
-                    "unknown coordinate",
-                    where="integral_action",
-                    given=item,
-                    allowed=", ".join(known),
-                    hint=suggest(str(item), known),
-                )
+            check_choice(item, known, "coordinate", "integral_action")
         chosen = [str(item) for item in items]  # type: ignore[union-attr]
         return np.eye(n)[[known.index(item) for item in chosen]], tuple(f"sum of {item}" for item in chosen)
     try:

@@ -14,6 +14,7 @@ from tensegrity_codegen.runtime.control.design.linear_samples import check_motio
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.runtime.control.loop.cable_tensions import CableTensions, find_cables
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -279,15 +280,8 @@ def design_distribution(
 
 
 def _read(value: ArrayLike, count: int, where: str) -> FloatArray:
-    given = np.asarray(value, dtype=float)
-    if given.shape not in ((), (count,)) or np.isnan(given).any() or (given == np.inf).any():
-        raise InvalidValueError(
-            "out of range",
-            where=where,
-            given=value,
-            allowed=f"a tension [N], or one for each of {count} members",
-        )
-    return np.broadcast_to(given, (count,)).copy()
+    allowed = f"a tension [N], or one for each of {count} members"
+    return to_each(value, count, where, lambda x: x < np.inf, allowed)
 
 
 def _check_reach(

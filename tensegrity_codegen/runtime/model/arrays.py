@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.precision import Precision
 
-__all__ = ["check_finite", "check_shape", "to_array", "to_batch", "to_sized"]
+__all__ = ["check_finite", "check_shape", "to_array", "to_batch", "to_each", "to_sized"]
 
 
 def check_shape(array: NDArray[Any], shape: tuple[int, ...], where: str) -> None:
@@ -24,6 +25,23 @@ def check_finite(array: NDArray[Any], where: str, problem: str = "not finite") -
     """Raise NonFiniteError for an array with a NaN or an infinity."""
     if not np.all(np.isfinite(array)):
         raise NonFiniteError(problem, where=where, allowed="finite numbers")
+
+
+def to_each(
+    value: ArrayLike,
+    count: int,
+    where: str,
+    is_allowed: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
+    allowed: str,
+) -> NDArray[np.float64]:
+    """Return a number, or one for each of `count` things, as a new array (count,).
+
+    Raises InvalidValueError, naming what is allowed, for another shape and numbers that are not allowed.
+    """
+    given = np.asarray(value, dtype=np.float64)
+    if given.shape not in ((), (count,)) or not np.all(is_allowed(given)):
+        raise InvalidValueError("out of range", where=where, given=value, allowed=allowed)
+    return np.broadcast_to(given, (count,)).copy()
 
 
 def to_sized(value: ArrayLike, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:

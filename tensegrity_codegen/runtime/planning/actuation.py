@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownNameError, suggest
+from tensegrity_codegen.errors import InvalidValueError, StructureError, check_choice
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Actuator
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["Actuation", "MemberRanges", "find_actuation", "find_held_rest_lengths", "find_member_ranges"]
+__all__ = ["Actuation", "MemberRanges", "find_actuation", "find_member_ranges"]
 
 FloatArray = NDArray[np.float64]
 
@@ -89,14 +91,7 @@ def find_actuation(model: CompiledModel, names: Sequence[str] | None = None) -> 
     by_name = {actuator.name: actuator for actuator in known}
     wanted = list(by_name) if names is None else list(names)
     for name in wanted:
-        if name not in by_name:
-            raise UnknownNameError(
-                "unknown actuator",
-                where="actuators",
-                given=name,
-                allowed=", ".join(by_name),
-                hint=suggest(name, by_name),
-            )
+        check_choice(name, by_name, "actuator", "actuators")
         if wanted.count(name) > 1:
             raise InvalidValueError(
                 "an actuator is named twice", where="actuators", given=name, allowed="each actuator once"
@@ -154,7 +149,9 @@ class MemberRanges:
         )
 
 
-def find_member_ranges(structure: Any, incidence: FloatArray, held: Mapping[str, float]) -> MemberRanges:
+def find_member_ranges(
+    structure: Structure | BodySystem, incidence: FloatArray, held: Mapping[str, float]
+) -> MemberRanges:
     """Return the ranges of the members that the actuators of a plan move.
 
     Parameters
@@ -171,7 +168,7 @@ def find_member_ranges(structure: Any, incidence: FloatArray, held: Mapping[str,
     MemberRanges
         A row for each actuator with a range and each of its members that moves.
     """
-    rest = find_held_rest_lengths(structure, held)
+    rest = add_inputs_to_rest_length(structure, held)
     rows = [
         (item, e)
         for item in structure.actuators
@@ -187,12 +184,3 @@ def find_member_ranges(structure: Any, incidence: FloatArray, held: Mapping[str,
         np.array([item.range[1] for item, _ in rows], dtype=float),
         incidence[member],
     )
-
-
-def find_held_rest_lengths(structure: Any, held: Mapping[str, float]) -> FloatArray:
-    """Return the rest lengths (n_members,) with inputs at these values and all others at 0 [m]."""
-    rest = np.array(structure.rest_length, dtype=float)
-    for item in structure.inputs:
-        if item.kind == "rest_length" and item.name in held:
-            rest[list(item.targets)] += held[item.name]
-    return rest

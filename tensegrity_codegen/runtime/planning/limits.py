@@ -110,7 +110,7 @@ def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | No
     assert structure is not None
     limits = (limits or structure.limits).for_members(len(structure.member_name))
     area = np.where(structure.section_area > 0, structure.section_area, math.inf)
-    flexural = math.pi**2 * structure.mu * structure.rest_length * structure.gyration_square
+    flexural = math.pi**2 * structure.flexural_rigidity
     with np.errstate(divide="ignore", invalid="ignore"):
         buckling = np.where(limits.buckling > 0, flexural / limits.buckling, math.inf)
     return PlanLimits(

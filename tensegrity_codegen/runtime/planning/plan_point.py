@@ -15,7 +15,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.planning.actuation import (
     Actuation,
-    find_held_rest_lengths,
     find_member_ranges,
 )
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
@@ -24,6 +23,7 @@ from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
 __all__ = ["PlanModel", "PlanPoint"]
 
@@ -124,9 +124,11 @@ class PlanModel:
             for name, value in zip(model.manifest.input_name, self.base.ravel(), strict=False)
             if name not in self.columns
         }
-        self.ranges = find_member_ranges(model.structure, self.incidence, held)
+        structure = model.structure
+        assert structure is not None  # find_actuation refuses models without
+        self.ranges = find_member_ranges(structure, self.incidence, held)
         first = [item.members[0] for item in actuation.actuators]
-        self._held_rest = find_held_rest_lengths(model.structure, held)[first]
+        self._held_rest = add_inputs_to_rest_length(structure, held)[first]
         self._pull = self.incidence[first]
 
     def rest_length(self, change: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
 __all__ = ["Start", "check_stability", "find_start"]
 
@@ -101,10 +102,8 @@ def _find_required(
     assert structure is not None
     length = np.asarray(problem.compute("member_length", stated)).ravel()
     _, tension = problem.forces(stated)
-    rest, names = np.array(structure.rest_length), plan_model.model.manifest.input_name
-    for item in structure.inputs:
-        if item.kind == "rest_length":
-            rest[list(item.targets)] += plan_model.base[names.index(item.name)]
+    inputs = zip(plan_model.model.manifest.input_name, plan_model.base.ravel().tolist(), strict=True)
+    rest = add_inputs_to_rest_length(structure, dict(inputs))
     is_taut = (tension > 0.0) | (np.abs(length - rest) <= TAUT * length)
     return np.asarray((limits.least_tension > 0.0) | (structure.tension_only & is_taut))
 

@@ -47,7 +47,7 @@ def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
     tension, known = structure.static_tension(), ~structure.is_rigid
     with np.errstate(divide="ignore", invalid="ignore"):
         stress = np.abs(tension) / structure.section_area
-        euler = math.pi**2 * structure.mu * structure.rest_length * structure.gyration_square
+        euler = math.pi**2 * structure.flexural_rigidity
         ratio = np.where(tension < 0, euler / structure.member_length() ** 2 / -tension, math.inf)
     compared = (
         ("below their least tension", tension, limits.least_tension, "N"),

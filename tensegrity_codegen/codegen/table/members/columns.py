@@ -2,18 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
+from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
+from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
 from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
 
-__all__ = ["MemberColumns", "StoreColumns"]
+__all__ = ["MemberColumns", "SparseEntries", "StoreColumns", "store_recipe"]
+
+
+class SparseEntries(Protocol):
+    """Where the entries of a sparse matrix stand: their rows, and the first entry of each column."""
+
+    @property
+    def row(self) -> IntArray:
+        """(nnz,): row of each entry."""
+
+    @property
+    def start(self) -> IntArray:
+        """(n_columns + 1,): first entry of each column."""
+
+
+def store_recipe(shape: tuple[int, int], loops: Sequence[Stage], entries: SparseEntries) -> Recipe:
+    """Return the recipe of a sparse matrix that loops over members store, entry by entry."""
+    return Recipe(
+        shape,
+        tuple(loops),
+        find_pattern=lambda: make_pattern(shape, entries.row, entries.start),
+        is_empty=not loops,
+    )
 
 
 @dataclass(frozen=True)

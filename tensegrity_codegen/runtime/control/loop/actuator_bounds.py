@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
 
@@ -115,16 +116,8 @@ def find_bounds(
 
 
 def _read(value: ArrayLike, count: int, where: str, unit: str, *, strictly: bool) -> FloatArray:
-    given = np.asarray(value, dtype=float)
-    low = given <= 0.0 if strictly else given < 0.0
-    if given.shape not in ((), (count,)) or np.isnan(given).any() or low.any():
-        raise InvalidValueError(
-            "out of range",
-            where=where,
-            given=value,
-            allowed=f"a number {'>' if strictly else '>='} 0 [{unit}], or one for each of {count} actuators",
-        )
-    return np.broadcast_to(given, (count,)).copy()
+    allowed = f"a number {'>' if strictly else '>='} 0 [{unit}], or one for each of {count} actuators"
+    return to_each(value, count, where, lambda x: x > 0.0 if strictly else x >= 0.0, allowed)
 
 
 def _check_rates(bounds: ActuatorBounds, motion: Motion) -> None:
