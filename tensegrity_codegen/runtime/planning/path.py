@@ -185,11 +185,13 @@ class Path:
         if self.is_done or len(self.points) <= LAST:
             return False
         made = self.points[-1].progress - self.points[-1 - LAST].progress
-        meant = sum(self.expected[-LAST:])
+        meant = sum(
+            self.expected[-LAST:]
+        )  # zero where the first step, to first order, does not move the targets
+        share = f", {made / meant:.2g} of what they would make at the start" if meant > 0.0 else ""
         self.failure = (
-            f"progress has died out: {made:.3g} of the way in the last {LAST} steps, {made / meant:.2g} of "
-            f"what they would make at the start; a step changes rest lengths by {self.most_radius:.3g} m at "
-            "most, fewer steps (`steps`) permit more"
+            f"progress has died out: {made:.3g} of the way in the last {LAST} steps{share}; a step changes "
+            f"rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) permit more"
         )
         return made < DEAD or made < FADED * self.least_progress * meant
 

@@ -20,7 +20,9 @@ __all__ = ["Solution", "find_largest", "find_minimum", "require_solver"]
 FloatArray = NDArray[np.float64]
 
 FEASIBLE = 1e-7  # violation of rows scaled to unit norm, up to which they count as satisfied
-PRIMAL_TOLERANCE = 1e-9
+PRIMAL_TOLERANCE = (
+    1e-9  # of both solvers, far below `FEASIBLE`: with 1e-7, good answers of HiGHS were refused
+)
 EMPTY = 1e-14  # norm of a row, next to the largest, that counts as zero
 INFINITE = 1e30  # of DAQP
 EQUALITY, INEQUALITY = 5, 0  # of DAQP
@@ -133,6 +135,10 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
         b_eq=scaled.lower[same],
         bounds=(None, None),
         method="highs",
+        options={
+            "primal_feasibility_tolerance": PRIMAL_TOLERANCE,
+            "dual_feasibility_tolerance": PRIMAL_TOLERANCE,
+        },
     )
     if found.status != 0 or found.x is None or not scaled.is_satisfied(found.x):
         return None

@@ -178,3 +178,11 @@ def test_times_follow_from_the_slowest_actuator_of_each_step() -> None:
     slower = plan(compile_plan(structure), "twist=157", duration=2 * float(found.time[-1]))
     assert slower.time is not None
     np.testing.assert_allclose(slower.time, 2 * found.time, rtol=1e-12)
+
+
+def test_a_path_goes_on_where_the_progress_of_the_first_step_is_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("tensegrity_codegen.runtime.planning.step_problem.Program.find_free", lambda *_: 0.0)
+    found = plan(compile_plan(PRISM12), "twist=160", steps=12)
+    check(found, PRISM12, steps=40, least=1.0, clearance=0.002)

@@ -67,3 +67,18 @@ def test_multipliers_of_the_largest_gain_are_its_derivatives() -> None:
         assert found is not None
         values.append(float(gain @ found.x))
     assert (values[2] - values[0]) / 2e-3 == pytest.approx(-found.multiplier[0])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_largest_gain_satisfies_its_constraints_closer_than_they_are_checked(seed: int) -> None:
+    _, gain, rows, lower, upper = random_program(seed)
+    found = find_largest(
+        gain,
+        np.vstack([rows, np.eye(len(gain))]),
+        np.append(lower, -1e3 + 0 * gain),
+        np.append(upper, 1e3 + 0 * gain),
+    )
+    assert found is not None
+    scale = np.linalg.norm(rows, axis=1)
+    assert np.all(rows @ found.x >= lower - 1e-8 * scale)
+    assert np.all(rows @ found.x <= upper + 1e-8 * scale)
