@@ -15,7 +15,7 @@ from tensegrity_codegen.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run
 
-VERBS = ["analyse", "build", "cache", "check", "doctor", "equilibrium", "examples", "import"]
+VERBS = ["analyse", "build", "cache", "check", "doctor", "equilibrium", "examples", "export", "import"]
 VERBS += [
     "linearize",
     "load-path",

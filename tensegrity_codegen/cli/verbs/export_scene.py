@@ -1,0 +1,65 @@
+"""The verb `export`: a scene is written in the format of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.option_names import VerbCommand
+from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import Verb
+
+__all__ = ["VERB"]
+
+FormatArgument = Annotated[
+    str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)
+]
+OutOption = Annotated[Path, typer.Option("--out", "-o", help="File to write.", show_default=False)]
+
+
+class ExportCommand(VerbCommand):
+    """Lists the formats below the options of `export --help`."""
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the formats."""
+        from tensegrity_codegen.export.exporter import find_exporters
+
+        with formatter.section("Formats"):
+            formatter.write_dl([(item.name, item.title) for item in find_exporters()])
+
+
+def export_scene(
+    format_name: FormatArgument,
+    scene: SceneArgument,
+    out: OutOption,
+    overwrite: ReplaceFileOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Write a scene in the format of another program.
+
+    Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
+    """
+    # Options of single formats: None where they are not given.
+    options: dict[str, Any] = {}
+    output = Output(json)
+    with output.guard(scene):
+        from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export
+
+        check_export(format_name, out, overwrite=overwrite, inputs=(scene,), **options)
+        structure, request = output.load(scene)
+        source = ExportSource(scene, structure, request)
+        exported = write_export(format_name, source, out, overwrite=overwrite, **options)
+        for note in exported.notes:
+            output.warn(note)
+        output.result(
+            {"status": "ok", "format": format_name, "out": str(out)}
+            | dict(exported.facts)
+            | {"notes": list(exported.notes)},
+            f"wrote {out}: " + ", ".join(f"{key} {value}" for key, value in exported.facts.items()),
+        )
+
+
+VERB = Verb(export_scene, order=125, name="export", command=ExportCommand)

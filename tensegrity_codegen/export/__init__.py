@@ -1,0 +1,3 @@
+"""Scenes written in the formats of other programs, one file a format."""
+
+__all__: list[str] = []

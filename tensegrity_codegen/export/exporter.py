@@ -1,0 +1,151 @@
+"""The formats that scenes are exported to.
+
+A format is a module `export_*.py` of this folder that defines its `Exporter` as `EXPORTER`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any
+
+from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.files import check_ending, check_target, replaced
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["ExportSource", "Exported", "Exporter", "check_export", "find_exporters", "write_export"]
+
+
+@dataclass(frozen=True)
+class ExportSource:
+    """What is exported.
+
+    Attributes
+    ----------
+    path : Path
+        The scene file; its name without ending names what is written.
+    structure : Structure or BodySystem
+        The structure that it describes.
+    request : ModelRequest
+        What it requests.
+    """
+
+    path: Path
+    structure: Subject
+    request: ModelRequest
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes
+    ----------
+    facts : Mapping
+        For programs and tables: {"n_nodes": 6, ...}, in JSON's types.
+    notes : tuple of str
+        What the format cannot say, or says otherwise than the scene, a sentence each.
+    """
+
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """One format.
+
+    Attributes
+    ----------
+    name : str
+        The word on the command line: "fmu".
+    title : str
+        What the file is, for people: "functional mock-up unit (FMI 2.0 or 3.0)".
+    endings : tuple of str
+        Endings that the name of the file may have, in lower case, the usual one first.
+    write : Callable
+        Writes the file: write(source, path, **options); raises TensegrityError where the format cannot
+        express the scene. `path` has the ending of the file that the user named, and takes its place when
+        `write` returns.
+    options : tuple of str
+        Names of further keyword arguments of `write`, in Python as on the command line (with `-` for `_`).
+    order : int
+        Place in lists of formats.
+    """
+
+    name: str
+    title: str
+    endings: tuple[str, ...]
+    write: Callable[..., Exported]
+    options: tuple[str, ...] = ()
+    order: int = 0
+
+
+def find_exporters() -> list[Exporter]:
+    """Return all formats, in their order."""
+    package = import_module("tensegrity_codegen.export")
+    names = [item.name for item in iter_modules(package.__path__) if item.name.startswith("export_")]
+    found = [import_module(f"{package.__name__}.{name}").EXPORTER for name in names]
+    return sorted(found, key=lambda item: item.order)
+
+
+def check_export(
+    format_name: str, out: Path, *, overwrite: bool, inputs: tuple[Path, ...] = (), **options: Any
+) -> Exporter:
+    """Return the format of that name; raises the error of a wrong format, option or output before any work.
+
+    Options that are None are not given.
+    """
+    exporters = find_exporters()
+    check_choice(format_name, [item.name for item in exporters], "format", "export")
+    chosen = next(item for item in exporters if item.name == format_name)
+    for key, value in options.items():
+        if value is not None and key not in chosen.options:
+            having = [item.name for item in exporters if key in item.options]
+            raise InvalidValueError(
+                f"the format {chosen.name} does not have this option",
+                where=key,
+                given=value,
+                allowed=f"with {', '.join(having)} only",
+            )
+    check_ending(out, *chosen.endings)
+    check_target(out, overwrite=overwrite, inputs=inputs)
+    return chosen
+
+
+def write_export(
+    format_name: str, source: ExportSource, out: Path, *, overwrite: bool = False, **options: Any
+) -> Exported:
+    """Write a scene in a format: the whole file or none.
+
+    Parameters
+    ----------
+    format_name : str
+        Name of the format, one of `find_exporters`.
+    source : ExportSource
+        The scene.
+    out : Path
+        File to write.
+    overwrite : bool
+        Whether to replace a file that exists.
+    options : further arguments of the format; None: not given.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no format of this name.
+    InvalidValueError
+        The format does not have an option, or not this value of it.
+    OutputError
+        The file cannot be written, exists, or has the ending of another format.
+    FormulationError
+        The format cannot express the scene.
+    """
+    chosen = check_export(format_name, out, overwrite=overwrite, inputs=(source.path,), **options)
+    given = {key: value for key, value in options.items() if value is not None}
+    with replaced(out, overwrite=overwrite) as path:
+        return chosen.write(source, path, **given)
