@@ -27,8 +27,10 @@ class ExportCommand(VerbCommand):
         """Write the formats."""
         from tensegrity_codegen.export.exporter import find_exporters
 
-        with formatter.section("Formats"):
-            formatter.write_dl([(item.name, item.title) for item in find_exporters()])
+        rows = [(item.name, item.title) for item in find_exporters()]
+        if rows:
+            with formatter.section("Formats"):
+                formatter.write_dl(rows)
 
 
 def export_scene(
