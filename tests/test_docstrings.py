@@ -19,6 +19,8 @@ import tensegrity_codegen
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
     "build",
+    "controller.build_controller",
+    "controller.loaded",
     "pipeline",
     "request",
     "runtime.analysis.analyse",

@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.control.loop.controller import Controller
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust, bind_gust
 from tensegrity_codegen.runtime.control.loop.filter import Filter
+from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
@@ -28,7 +29,6 @@ from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
@@ -36,7 +36,6 @@ __all__ = ["simulate_control"]
 
 FloatArray = NDArray[np.float64]
 
-SAMPLE = 0.005  # [s], where no gains state another
 MOST_SAMPLES = 1_000_000
 
 
@@ -125,10 +124,10 @@ def simulate_control(
     """
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
-    step = _find_sample(gains, estimator, sample)
+    step = find_sample(gains, estimator, sample)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0, arguments)
     check_motion(model, way)
-    _check_parts(model, way, gains, estimator, distribution)
+    check_parts(model.manifest, way, gains, estimator, distribution)
     bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
     count = _count_samples(way.duration if t_end is None else t_end, step)
     given = merge_inputs(model.manifest, arguments)
@@ -249,53 +248,6 @@ class _Loop:
             coordinate_name=manifest.coordinate_name,
             member_name=manifest.member_name,
         )
-
-
-def _check_parts(
-    model: CompiledModel,
-    motion: Motion,
-    gains: Gains | None,
-    estimator: Estimator | None,
-    distribution: TensionDistribution | None,
-) -> None:
-    """Raise InvalidValueError for gains, an estimator or a distribution of another model or motion."""
-    states, members = name_states(model.manifest), model.manifest.member_name
-    parts = {
-        "gains": gains is None or (gains.actuators == motion.actuators and gains.state_name == states),
-        "estimator": estimator is None or estimator.state_name[: len(states)] == states,
-        "distribution": distribution is None
-        or (
-            distribution.bounds.names == motion.actuators
-            and distribution.model.manifest.member_name == members
-        ),
-    }
-    for name, fits in parts.items():
-        if not fits:
-            raise InvalidValueError(
-                "designed for another model or motion",
-                where=name,
-                given=f"a design for other actuators, states or members than those of {model.manifest.name}",
-                allowed=f"a design for the actuators {', '.join(motion.actuators)}",
-            )
-
-
-def _find_sample(gains: Gains | None, estimator: Estimator | None, sample: float | None) -> float:
-    """Return the time between two commands [s], which gains and estimator must share."""
-    stated = [item.sample for item in (gains, estimator) if item is not None]
-    stated += [] if sample is None else [sample]
-    found = stated[0] if stated else SAMPLE
-    if any(other != found for other in stated):
-        raise InvalidValueError(
-            "gains and estimator are for another sample time",
-            where="sample",
-            given=", ".join(f"{other!r} s" for other in stated),
-            allowed="one sample time of gains, estimator and simulation",
-        )
-    if not np.isfinite(found) or found <= 0.0:
-        raise InvalidValueError(
-            "out of range", where="sample", given=found, allowed="a finite number > 0 [s]"
-        )
-    return found
 
 
 def _count_samples(t_end: float, sample: float) -> int:

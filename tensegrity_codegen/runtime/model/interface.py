@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["Model"]
+__all__ = ["Described", "Model"]
 
 
 class Model(Protocol):
@@ -33,4 +35,18 @@ class Model(Protocol):
 
     def nominal(self, argument: str, /) -> NDArray[np.float64]:
         """Return the scene's value of one argument, a copy in its shape."""
+        ...
+
+
+class Described(Protocol):
+    """What is known of a model without computing: manifest and structure."""
+
+    @property
+    def manifest(self) -> Manifest:
+        """Names, sizes, nominal values."""
+        ...
+
+    @property
+    def structure(self) -> Structure | BodySystem | None:
+        """What it was made from, with its actuators, sensors and limits."""
         ...

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, StructureError, check_choice
-from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -56,7 +56,7 @@ class Actuation:
         return tuple(actuator.name for actuator in self.actuators)
 
 
-def find_actuation(model: CompiledModel, names: Sequence[str] | None = None) -> Actuation:
+def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actuation:
     """Return the actuators of a model that a plan moves.
 
     Parameters

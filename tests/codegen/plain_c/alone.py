@@ -13,7 +13,7 @@ from tests.codegen.compilers import require_compiler
 __all__ = ["FILES", "FOLDER", "STRICTER", "compile_alone", "options_for", "run_c"]
 
 FOLDER = plain_c_folder(template_folder())
-FILES = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".c", ".h"))
+FILES = sorted(path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*.[ch]"))
 STRICTER = (*STRICT, "-Wshadow")
 
 

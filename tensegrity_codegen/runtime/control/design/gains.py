@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import CONTROL, import_extra
 from tensegrity_codegen.structure.frozen import freeze_fields
 
 __all__ = ["Gains"]
 
 FloatArray = NDArray[np.float64]
+
+MOST_KNOTS = 25  # of stored gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +28,7 @@ class Gains:
     Attributes
     ----------
     time : ndarray, shape (n_t,) [s]
-        Sample times; after the last one its gains hold.
+        Sample times, or knots among them; after the last one its gains hold.
     K : ndarray, shape (n_t, n_actuators, n_states)
         Gains.
     S : ndarray, shape (n_t, n_states, n_states)
@@ -61,9 +64,43 @@ class Gains:
         freeze_fields(self)
 
     def at(self, step: int) -> FloatArray:
-        """Return the gains of a sample, (n_actuators, n_states); after the motion those of its end."""
-        found: FloatArray = self.K[min(max(step, 0), len(self.K) - 1)]
+        """Return the gains of a sample, (n_actuators, n_states); after the motion those of its end.
+
+        Between knots gains are interpolated linearly in time.
+        """
+        time = step * self.sample
+        if len(self.K) == 1 or time >= self.time[-1]:
+            last: FloatArray = self.K[-1]
+            return last
+        k = max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
+        share = max(time - float(self.time[k]), 0.0) / float(self.time[k + 1] - self.time[k])
+        found: FloatArray = (1.0 - share) * self.K[k] + share * self.K[k + 1]
         return found
+
+    def at_knots(self, count: int = MOST_KNOTS) -> Gains:
+        """Return the gains of some of the sample times, between which they are interpolated.
+
+        Parameters
+        ----------
+        count : int
+            Largest number of knots; evenly distributed samples, the first and the last among them.
+
+        Returns
+        -------
+        Gains
+            The same design with fewer gains; all of them where there are no more than `count`.
+
+        Raises
+        ------
+        InvalidValueError
+            Fewer than two knots.
+        """
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
+            raise InvalidValueError("out of range", where="count", given=count, allowed="2 or more knots")
+        if len(self.time) <= count:
+            return self
+        rows = np.round(np.linspace(0, len(self.time) - 1, int(count))).astype(np.int64)
+        return replace(self, time=self.time[rows], K=self.K[rows], S=self.S[rows])
 
     def state_space(self) -> Any:
         """Return the sampled linear model at the end point.

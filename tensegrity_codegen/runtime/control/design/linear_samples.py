@@ -14,6 +14,7 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -152,7 +153,7 @@ def build_sample_time(motion: Motion, sample: float) -> FloatArray:
     return sample * np.arange(int(np.ceil(count - SAME)) + 1, dtype=float)
 
 
-def check_independent(model: CompiledModel) -> None:
+def check_independent(model: Described) -> None:
     """Raise FormulationError for a model whose coordinates depend on each other."""
     formulation = find_formulation(model.manifest.formulation)
     in_nodes = formulation.in_nodes and not formulation.has_rigid_bars
@@ -166,7 +167,7 @@ def check_independent(model: CompiledModel) -> None:
         )
 
 
-def check_motion(model: CompiledModel, motion: Motion) -> None:
+def check_motion(model: Described, motion: Motion) -> None:
     """Raise InvalidValueError for a motion of another model."""
     n, m = len(model.manifest.coordinate_name), len(model.manifest.input_name)
     names = ", ".join(motion.input_name) or "none"

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
-from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
 
 __all__ = ["ActuatorBounds", "find_bounds"]
@@ -50,7 +50,7 @@ class ActuatorBounds:
 
 
 def find_bounds(
-    model: CompiledModel,
+    model: Described,
     motion: Motion,
     *,
     rate: ArrayLike | None = None,

@@ -1,0 +1,3 @@
+"""Controllers in C: feedback, estimator and the model that it needs, as files that work alone."""
+
+__all__: list[str] = []

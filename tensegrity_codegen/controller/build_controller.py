@@ -1,0 +1,191 @@
+"""Write a controller in C: feedback about a motion, its estimator and the model that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
+from tensegrity_codegen.codegen.compilation.flags import find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.controller.description import ControllerDescription
+from tensegrity_codegen.controller.loaded import LoadedController, load_controller
+from tensegrity_codegen.controller.parts import ControllerParts, check_start
+from tensegrity_codegen.controller.subject import find_described, find_motion
+from tensegrity_codegen.controller.write import ControllerFiles, write_files
+from tensegrity_codegen.output_folder import check_folder, write_folder
+from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.scene.names import check_scene_name
+
+__all__ = ["ControllerBundle", "build_controller"]
+
+
+@dataclass(frozen=True)
+class ControllerBundle:
+    """A controller in C, as written into a folder.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the files are.
+    files : tuple of str
+        Names of the files.
+    description : ControllerDescription
+        Names, sizes, knots, precision; also in ``manifest.json``.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    description: ControllerDescription
+
+    def load(self) -> LoadedController:
+        """Load the compiled controller into this process, as `load_controller` does."""
+        return load_controller(self.folder)
+
+
+def build_controller(
+    scene: str | Path | CompiledModel,
+    motion: Motion | Equilibrium,
+    gains: Gains | None = None,
+    *,
+    estimator: Estimator | None = None,
+    distribution: TensionDistribution | None = None,
+    out: str | Path,
+    name: str | None = None,
+    precision: str = "double",
+    knots: int | None = MOST_KNOTS,
+    sample: float | None = None,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+    library: bool = True,
+    compiler: str | None = None,
+    overwrite: bool = False,
+    inputs: Iterable[Path] = (),
+) -> ControllerBundle:
+    """Write a controller in C into a folder: all of its files, or none.
+
+    Parameters
+    ----------
+    scene : str, Path or CompiledModel
+        Scene file, or the model that was compiled from one.
+    motion : Motion or Equilibrium
+        The motion to hold; after its end its last point is held.
+    gains : Gains, optional
+        Feedback; without it the inputs of the motion alone act.
+    estimator : Estimator, optional
+        Estimates the state from measurements; without it steps take the state.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones.
+    out : str or Path
+        Folder, made where it does not exist.
+    name : str, optional
+        First word of all names in C and of the files; by default the name of the scene.
+    precision : str
+        ``"double"`` or ``"single"``, for every number of the controller and its model.
+    knots : int or None
+        Largest number of stored gains of feedback, see `Gains.at_knots`; None: all samples.
+    sample : float, optional [s]
+        Time between two steps; by default that of the gains, 0.005 s without.
+    rate, range, delay : float or array_like, optional [m/s, m, s]
+        Limits of the actuators, by default those of the scene.
+    library : bool
+        Whether to compile a shared library too, which `load_controller` needs.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    overwrite : bool
+        Whether files may be replaced that this package did not write, or that were changed since.
+    inputs : iterable of Path
+        Files that are never replaced.
+
+    Returns
+    -------
+    ControllerBundle
+        Folder, files, description; ``load()`` gives the compiled controller.
+
+    Raises
+    ------
+    InvalidValueError
+        A part is designed for another model or motion, a value is out of range, or the motion starts outside
+        of the range of an actuator.
+    FormulationError
+        Coordinates depend on each other, or an unknown precision.
+    OutputError
+        The folder cannot be written, or holds files that may not be replaced.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+
+    Notes
+    -----
+    A step computes what a step of `simulate_control` computes: the same numbers to 1e-12 in double precision,
+    where the gains are the same (``gains.at_knots(25)``). All memory is in a struct of the caller.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import build_controller, compile_scene, design_lqr, find_equilibrium
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> found = find_equilibrium(model)
+    >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    >>> controller = build_controller(model, found, gains, out="lift_controller").load()
+    >>> controller.init()
+    'ok'
+    >>> controller.step_state(0.0, [*found.coordinate, 0.0])[0]
+    'ok'
+    """
+    real = find_precision(precision, "precision")
+    check_folder(out)
+    described, request = find_described(scene, motion)
+    check_independent(described)
+    way = find_motion(described, motion)
+    check_motion(described, way)
+    check_parts(described.manifest, way, gains, estimator, distribution)
+    chosen = described.manifest.name if name is None else name
+    check_scene_name(chosen, "name")
+    assert described.structure is not None  # find_described refuses models without
+    parts = ControllerParts(
+        name=chosen,
+        subject=described.structure,
+        manifest=described.manifest,
+        motion=way,
+        gains=gains if gains is None or knots is None else gains.at_knots(knots),
+        estimator=estimator,
+        distribution=distribution,
+        bounds=find_bounds(described, way, rate=rate, range=range, delay=delay),
+        sample=find_sample(gains, estimator, sample),
+    )
+    check_start(parts)
+    files = write_files(parts, replace(request, precision=real.name), real)
+    contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
+    description = files.description
+    if library:
+        artifact = _compile(files, compiler)
+        contents[artifact.file_name] = artifact.library
+        description = replace(description, library=artifact.file_name)
+    contents["manifest.json"] = description.to_json().encode("utf-8")
+    taken = [*inputs, *([Path(scene)] if isinstance(scene, str | Path) else [])]
+    folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
+    return ControllerBundle(folder, tuple(sorted(contents)), description)
+
+
+def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:
+    return compile_library(
+        files.sources(),
+        name=f"{files.description.name}_control",
+        compiler=find_compiler(compiler),
+        flags=find_flags("reference"),
+    )

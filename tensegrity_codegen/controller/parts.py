@@ -1,0 +1,119 @@
+"""The parts of a controller: motion, gains, estimator, distribution and actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.actuators import Sensor
+
+__all__ = ["ControllerParts", "check_start", "find_quantities"]
+
+FloatArray = NDArray[np.float64]
+
+NEAR = 1e-9  # [m], by which the start may be outside of the range of an actuator
+
+
+@dataclass(frozen=True)
+class ControllerParts:
+    """What a controller in C is made from.
+
+    Attributes
+    ----------
+    name : str
+        First word of all names in C.
+    subject : Structure or BodySystem
+        The structure.
+    manifest : Manifest
+        Of a model of it.
+    motion : Motion
+        The motion to hold.
+    gains : Gains or None
+        Feedback, at the stored knots.
+    estimator : Estimator or None
+        Estimates the state from measurements.
+    distribution : TensionDistribution or None
+        Distributes tensions.
+    bounds : ActuatorBounds
+        Rates, ranges and delays.
+    sample : float [s]
+        Time between two commands.
+    """
+
+    name: str
+    subject: Subject
+    manifest: Manifest
+    motion: Motion
+    gains: Gains | None
+    estimator: Estimator | None
+    distribution: TensionDistribution | None
+    bounds: ActuatorBounds
+    sample: float
+
+    @property
+    def model_name(self) -> str:
+        """Name of the model that is written beside the controller."""
+        return f"{self.name}_control_model"
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """What is measured."""
+        return () if self.estimator is None else self.estimator.sensing.sensors
+
+    @property
+    def disturbed(self) -> NDArray[np.int64]:
+        """Coordinates with a disturbance force."""
+        return np.zeros(0, dtype=np.int64) if self.estimator is None else self.estimator.disturbed
+
+    def delays(self) -> DelayedInputs:
+        """Return the delays of the actuators in samples."""
+        return DelayedInputs(self.bounds, np.zeros(len(self.bounds.names)), self.sample)
+
+
+def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
+    """Return the quantities of the model that the controller calls."""
+    found: list[str] = []
+    if parts.estimator is not None:
+        found.append("acceleration")
+        found += ["mass_matrix"] if len(parts.disturbed) else []
+        found += _measured(parts.sensors, in_nodes=bool(parts.manifest.coordinate_node_axis))
+    if parts.distribution is not None:
+        found += ["member_length", "equilibrium_matrix"]
+    return tuple(dict.fromkeys(found))
+
+
+def _measured(sensors: Sequence[Sensor], *, in_nodes: bool) -> list[str]:
+    """Return the quantities that sensors read; places of nodes are coordinates themselves in some models."""
+    kinds = [sensor.kind for sensor in sensors]
+    return [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
+
+
+def check_start(parts: ControllerParts) -> None:
+    """Raise InvalidValueError where the first command would be outside of the range of an actuator."""
+    bounds = parts.bounds
+    start = parts.motion.at(0.0).input[bounds.place]
+    outside = (start < bounds.least - NEAR) | (start > bounds.most + NEAR)
+    if not outside.any():
+        return
+    k = int(np.argmax(outside))
+    structure = parts.subject
+    rest = np.array([structure.rest_length[e] for e in bounds.members[k]])
+    raise InvalidValueError(
+        "the motion starts outside of the range of an actuator",
+        where=f"actuators.{bounds.names[k]}.range",
+        given=f"rest lengths of {(rest + start[k]).min():.6g} to {(rest + start[k]).max():.6g} m",
+        allowed=f"{rest.min() + bounds.least[k]:.6g} to {rest.max() + bounds.most[k]:.6g} m",
+        hint="a larger range, or another motion",
+    )

@@ -1,0 +1,113 @@
+"""The constant tables of a controller in C."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.codegen.print.printer import print_numbers
+from tensegrity_codegen.controller.knots import Knots, tabulate_gains, tabulate_inputs, tabulate_states
+from tensegrity_codegen.controller.parts import ControllerParts
+from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.structure.bodies import BodyInput
+from tensegrity_codegen.structure.structure import ActuatedInput
+
+__all__ = ["Table", "build_tables", "count_knots"]
+
+FloatArray = NDArray[np.float64]
+
+UNLIMITED = {"double": 1e300, "single": 1e30}  # in place of infinite bounds
+INT, FLAG = "int", "unsigned char"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A constant array: name, C type, entries as C text, comment; an empty one has a zero in its place."""
+
+    name: str
+    c_type: str
+    values: list[str]
+    comment: str
+
+
+def count_knots(parts: ControllerParts) -> dict[str, int]:
+    """Return the numbers of knots by the names that the C files have for them."""
+    gains, estimator = parts.gains, parts.estimator
+    found = {"N_MOTION": len(parts.motion.time)}
+    if gains is not None:
+        found["N_GAIN"] = max(len(gains.time), 2)
+    if estimator is not None:
+        found["N_FILTER"] = max(len(estimator.time), 2)
+    return found
+
+
+def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
+    """Return all tables but those of the mass matrix."""
+    printer = _Printer(precision)
+    tables = [*_motion(parts, printer), *_actuators(parts, printer)]
+    if parts.gains is not None:
+        knots = tabulate_gains(parts.gains.time, parts.gains.K, parts.sample)
+        tables += printer.knots("GAIN_TIME", "GAIN", knots, "gains: rows of actuators at each knot")
+        if len(parts.gains.integral_action):
+            tables.append(printer.real("SUM_OUTPUT", parts.gains.integral_action, "what is summed of errors"))
+    if parts.estimator is not None:
+        knots = tabulate_gains(parts.estimator.time, parts.estimator.L, parts.sample)
+        stretches = sorted({0.0, *(float(time) for time in parts.delays().offset if time > 0.0)})
+        tables.append(printer.real("STRETCH_START", stretches, "times in a sample when commands arrive [s]"))
+        tables += printer.knots("FILTER_TIME", "FILTER_GAIN", knots, "gains of the estimator at each knot")
+        if len(parts.disturbed):
+            tables.append(printer.whole("DISTURBED", parts.disturbed, "coordinates with a disturbance force"))
+    return tables
+
+
+def _motion(parts: ControllerParts, printer: _Printer) -> list[Table]:
+    states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
+    text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
+    return [
+        *printer.knots("MOTION_TIME", "MOTION_STATE", states, text),
+        printer.real("MOTION_INPUT", inputs.row, "values and slopes of all inputs at each knot"),
+    ]
+
+
+def _actuators(parts: ControllerParts, printer: _Printer) -> list[Table]:
+    bounds, delays = parts.bounds, parts.delays()
+    first = [members[0] for members in bounds.members]
+    inputs: Sequence[ActuatedInput | BodyInput] = parts.subject.inputs
+    kept = [(k, item.targets) for k, item in enumerate(inputs) if item.kind == "rest_length"]
+    pulls = [[k for k, targets in kept if member in targets] for member in first]
+    starts = np.concatenate([[0], np.cumsum([len(row) for row in pulls])])
+    return [
+        printer.whole("ACTUATOR_PLACE", bounds.place, "input of each actuator"),
+        printer.real("ACTUATOR_LEAST", bounds.least, "least input of each [m]"),
+        printer.real("ACTUATOR_MOST", bounds.most, "largest input of each [m]"),
+        printer.real("ACTUATOR_RATE", bounds.rate, "largest rate of each [m/s]"),
+        printer.whole("DELAY_SAMPLES", delays.back, "whole samples of the delay of each"),
+        printer.real("DELAY_REST", delays.offset, "rest of the delay of each [s]"),
+        printer.real(
+            "REST_LENGTH", parts.subject.rest_length[first], "rest length of the first member of each [m]"
+        ),
+        printer.whole("REST_START", starts, "where the inputs that change it begin"),
+        printer.whole("REST_INPUT", [k for row in pulls for k in row], "these inputs"),
+    ]
+
+
+@dataclass(frozen=True)
+class _Printer:
+    """Prints arrays as C text."""
+
+    precision: Precision
+
+    def real(self, name: str, values: ArrayLike, comment: str) -> Table:
+        most = UNLIMITED[self.precision.name]
+        numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -most, most)
+        return Table(name, self.precision.c_type, print_numbers(numbers, self.precision, name), comment)
+
+    def whole(self, name: str, values: ArrayLike, comment: str, c_type: str = INT) -> Table:
+        numbers = np.asarray(values, dtype=np.int64).ravel().tolist()
+        return Table(name, c_type, list(map(str, numbers)) or ["0"], comment)
+
+    def knots(self, time: str, rows: str, knots: Knots, comment: str) -> list[Table]:
+        return [self.real(time, knots.time, "times of the knots [s]"), self.real(rows, knots.row, comment)]

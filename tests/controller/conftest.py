@@ -1,0 +1,45 @@
+"""The pinned prism with motion, gains, estimator and controller in C, made once for each file."""
+
+from __future__ import annotations
+
+import pytest
+
+from tensegrity_codegen.controller.build_controller import ControllerBundle, build_controller
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.kalman import design_kalman
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tests.runtime.control.pinned_prism import build_prism, design_gains, move_prism
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledModel:
+    return build_prism()
+
+
+@pytest.fixture(scope="module")
+def motion(model: CompiledModel) -> Motion:
+    return move_prism(model)
+
+
+@pytest.fixture(scope="module")
+def gains(model: CompiledModel, motion: Motion) -> Gains:
+    return design_gains(model, motion)
+
+
+@pytest.fixture(scope="module")
+def estimator(model: CompiledModel, motion: Motion) -> Estimator:
+    return design_kalman(model, motion, sample=0.005)
+
+
+@pytest.fixture(scope="module")
+def bundle(
+    model: CompiledModel,
+    motion: Motion,
+    gains: Gains,
+    estimator: Estimator,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> ControllerBundle:
+    folder = tmp_path_factory.mktemp("controller") / "ctl"
+    return build_controller(model, motion, gains, estimator=estimator, out=folder)
