@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.planning.quadratic_program import find_minimum, require_solver
+from tensegrity_codegen.runtime.planning.quadratic_program import find_nearest, require_solver
 
 __all__ = ["Distributed", "TensionDistribution", "design_distribution"]
 
@@ -28,6 +28,7 @@ QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
 FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
 SAME = 1e-9  # [m]
+SMALLEST = 1e-9  # part of the weight, for inputs that change no tension
 PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
 
 
@@ -105,30 +106,40 @@ class TensionDistribution:
         at = {"coordinate": coordinate}
         length = np.asarray(self.model.compute("member_length", **at))
         matrix = self.model.compute("equilibrium_matrix", **at)
-        a = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
-        others = self.motion.at(time).input
+        whole = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+        others, driven, cables = self.motion.at(time).input, self.cables.driven, self.cables
         top, yielding = self._tops(others, length, low)
-        asked = self.cables.tension(length, self.cables.rest_length(others, wanted))
-        preferred, command = self._prefer(time), np.clip(wanted, low, high)
+        most, shared = self._share_tops(top, high), np.isin(cables.limited, cables.shared)
+        asked = cables.tension(length, cables.rest_length(others, wanted))[driven]
+        preferred, command = self._prefer(time)[driven], np.clip(wanted, low, most)
+        a = whole[:, driven]
         for _ in range(PASSES):
-            rest = self.cables.rest_length(others, command)
+            rest = cables.rest_length(others, command)
             program = _Program(
-                a,
-                self.cables.tension(length, rest),
-                self.cables.slope(length, rest)[:, None] * self.cables.incidence,
+                a / np.sqrt(max(float(np.mean(whole**2)), np.finfo(float).tiny)),
+                cables.tension(length, rest)[driven],
+                (cables.slope(length, rest)[:, None] * cables.incidence)[driven],
             )
-            limits = (low - command, high - command, self.cables.incidence[self.cables.limited], top)
+            limits = (low - command, most - command, cables.incidence[cables.shared], top[shared])
             change = program.solve(asked, preferred, self.weight, command, limits)
             if change is None:
                 return Distributed(np.clip(wanted, low, high), "not_solved", yielding)
-            command = np.clip(command + change, low, high)
+            command = np.clip(command + change, low, most)
             if np.abs(change).max() < SAME:
                 break
-        reached = self.cables.tension(length, self.cables.rest_length(others, command))
+        reached = cables.tension(length, cables.rest_length(others, command))[driven]
         missed = float(np.abs(a @ (reached - asked)).max())
-        scale = float(np.abs(a).max()) * float(np.abs(asked).max(initial=0.0))
+        scale = float(np.abs(whole).max()) * float(np.abs(asked).max(initial=0.0))
         status = self._judge(command, low, high, missed <= FORCE * scale, bool(yielding.any()))
         return Distributed(command, status, yielding)
+
+    def _share_tops(self, top: FloatArray, high: FloatArray) -> FloatArray:
+        """Return the upper bounds of inputs (n_actuators,) [m]: of rate, range, and members pulled by one."""
+        most = high.copy()
+        for bound, row in zip(top.tolist(), self.cables.incidence[self.cables.limited], strict=True):
+            if row.sum() == 1.0:
+                most[row > 0.0] = np.minimum(most[row > 0.0], bound)
+        return most
 
     def _tops(
         self, others: FloatArray, length: FloatArray, low: FloatArray
@@ -167,8 +178,8 @@ class TensionDistribution:
 class _Program:
     """The quadratic program about one command.
 
-    a: equilibrium matrix; tension (n_members,) [N]; moved (n_members, n_actuators): derivatives of tensions
-    by the actuators' inputs [N/m].
+    a: equilibrium matrix of the members that actuators pull, over the root of the mean square of all entries;
+    tension (n_driven,) [N]; moved (n_driven, n_actuators): derivatives of tensions by the inputs [N/m].
     """
 
     a: FloatArray
@@ -187,14 +198,13 @@ class _Program:
         low, high, rows, top = limits
         size = np.linalg.norm(self.moved, axis=0)
         size = np.where(size > 0.0, size, max(float(size.max(initial=0.0)), 1.0))
-        change = self.moved / size
-        force = self.a @ change
-        eps = weight * max(float(np.mean(self.a**2)), np.finfo(float).tiny)
-        hessian = force.T @ force + eps * (change.T @ change + 1e-9 * np.eye(len(size)))
-        gradient = force.T @ (self.a @ (self.tension - asked)) + eps * change.T @ (self.tension - preferred)
-        found = find_minimum(
-            hessian,
-            gradient,
+        change, share = self.moved / size, np.sqrt(weight)
+        least = share * np.sqrt(SMALLEST) * np.eye(len(size))
+        found = find_nearest(
+            np.vstack([self.a @ change, share * change, least]),
+            np.concatenate(
+                [self.a @ (asked - self.tension), share * (preferred - self.tension), np.zeros(len(size))]
+            ),
             np.vstack([np.eye(len(size)), rows]) / size,
             np.concatenate([low, np.full(len(top), -np.inf)]),
             np.concatenate([high, top - rows @ command]),

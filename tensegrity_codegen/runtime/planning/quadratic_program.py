@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 from scipy.optimize import linprog
 
 from tensegrity_codegen.extras import CONTROL, import_extra
 
-__all__ = ["Solution", "find_largest", "find_minimum", "require_solver"]
+__all__ = ["Solution", "find_largest", "find_minimum", "find_nearest", "require_solver"]
 
 FloatArray = NDArray[np.float64]
 
@@ -50,6 +51,14 @@ class _Scaled:
         reached = self.rows @ x
         return bool(np.all(reached >= self.lower - FEASIBLE) and np.all(reached <= self.upper + FEASIBLE))
 
+    def answer(self, x: FloatArray, multiplier: FloatArray) -> Solution | None:
+        """Return the minimiser x with the multipliers of scaled rows; None unless it is one."""
+        if not np.all(np.isfinite(x)) or not self.is_satisfied(x):
+            return None
+        whole = np.zeros(len(self.kept))
+        whole[self.kept] = multiplier / self.norm
+        return Solution(x, whole)
+
 
 def require_solver() -> None:
     """Raise MissingExtraError if DAQP is not installed."""
@@ -82,26 +91,71 @@ def find_minimum(
     MissingExtraError
         DAQP is not installed.
     """
-    daqp = import_extra("daqp", CONTROL)
     scaled = _scale(rows, lower, upper)
     if scaled is None:
         return None
+    x, is_found, multiplier = _solve(hessian, gradient, scaled.rows, scaled)
+    return scaled.answer(x, multiplier) if is_found else None
+
+
+def find_nearest(
+    matrix: FloatArray, target: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
+) -> Solution | None:
+    """Return the minimiser of |matrix x - target|^2 / 2 with lower <= rows x <= upper.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n_rows, n)
+        Of rank n.
+    target : ndarray, shape (n_rows,)
+        What matrix x should be.
+    rows : ndarray, shape (n_constraints, n)
+        Constraints.
+    lower, upper : ndarray, shape (n_constraints,)
+        Their bounds; equal ones are equations, infinite ones none.
+
+    Returns
+    -------
+    Solution or None
+        None where no answer satisfies the constraints.
+
+    Raises
+    ------
+    MissingExtraError
+        DAQP is not installed.
+
+    Notes
+    -----
+    matrix = Q R; DAQP finds y = R x, the nearest to Q^T target. The square of the matrix, whose rounding
+    errors are larger, is not formed.
+    """
+    scaled = _scale(rows, lower, upper)
+    if scaled is None:
+        return None
+    q, r = np.linalg.qr(matrix)
+    if not np.all(np.isfinite(r)) or not np.all(np.diag(r)):
+        return None
+    turned = solve_triangular(r, scaled.rows.T, trans="T").T
+    y, is_found, multiplier = _solve(np.eye(len(r)), -(q.T @ target), turned, scaled)
+    return scaled.answer(solve_triangular(r, y), multiplier) if is_found and np.isfinite(y).all() else None
+
+
+def _solve(
+    hessian: FloatArray, gradient: FloatArray, rows: FloatArray, scaled: _Scaled
+) -> tuple[FloatArray, bool, FloatArray]:
+    """Return the answer of DAQP for the bounds of constraints, whether it is one, and the multipliers."""
+    daqp = import_extra("daqp", CONTROL)
     sense = np.where(scaled.lower == scaled.upper, EQUALITY, INEQUALITY).astype(np.int32)
     x, _, flag, info = daqp.solve(
         np.ascontiguousarray(hessian),
         np.ascontiguousarray(gradient),
-        scaled.rows,
+        np.ascontiguousarray(rows),
         np.minimum(scaled.upper, INFINITE),
         np.maximum(scaled.lower, -INFINITE),
         sense,
         primal_tol=PRIMAL_TOLERANCE,
     )
-    x = np.array(x, dtype=float)
-    if flag < 1 or not np.all(np.isfinite(x)) or not scaled.is_satisfied(x):
-        return None
-    multiplier = np.zeros(len(rows))
-    multiplier[scaled.kept] = -np.array(info["lam"], dtype=float) / scaled.norm
-    return Solution(x, multiplier)
+    return np.array(x, dtype=float), flag >= 1, -np.array(info["lam"], dtype=float)
 
 
 def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.planning.quadratic_program import find_largest, find_minimum
+from tensegrity_codegen.runtime.planning.quadratic_program import find_largest, find_minimum, find_nearest
 
 
 def random_program(seed: int) -> tuple[np.ndarray, ...]:
@@ -49,6 +49,29 @@ def test_infeasible_programs_have_no_answer(seed: int) -> None:
     low, high = np.append(lower, far), np.append(upper, np.inf)
     assert find_minimum(hessian, gradient, infeasible, low, high) is None
     assert find_largest(gradient, infeasible, low, high) is None
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_nearest_point_is_the_minimum_of_the_square(seed: int) -> None:
+    _, _, rows, lower, upper = random_program(seed)
+    generator = np.random.default_rng(seed)
+    matrix = generator.normal(size=(rows.shape[1] + 3, rows.shape[1]))
+    target = generator.normal(size=len(matrix))
+    found = find_nearest(matrix, target, rows, lower, upper)
+    expected = find_minimum(matrix.T @ matrix, -matrix.T @ target, rows, lower, upper)
+    assert found is not None
+    assert expected is not None
+    np.testing.assert_allclose(found.x, expected.x, atol=1e-6 * max(1.0, float(np.abs(expected.x).max())))
+    force = matrix.T @ (matrix @ found.x - target)
+    np.testing.assert_allclose(
+        force, rows.T @ found.multiplier, atol=1e-5 * max(1.0, float(np.abs(force).max()))
+    )
+
+
+def test_the_nearest_point_of_a_matrix_without_full_rank_is_none() -> None:
+    matrix, bounds = np.array([[1.0, 0.0], [0.0, 0.0]]), np.ones(2)
+    assert find_nearest(matrix, bounds, np.eye(2), -bounds, bounds) is None
+    assert find_nearest(np.full((2, 2), np.nan), bounds, np.eye(2), -bounds, bounds) is None
 
 
 def test_a_row_of_zeros_contradicts_its_bounds() -> None:

@@ -46,6 +46,17 @@ class CableTensions:
     other_incidence: FloatArray
     limited: NDArray[np.int64]
 
+    @property
+    def driven(self) -> NDArray[np.int64]:
+        """Members that actuators pull, (n_driven,)."""
+        found: NDArray[np.int64] = np.flatnonzero(self.incidence.any(axis=1))
+        return found
+
+    @property
+    def shared(self) -> NDArray[np.int64]:
+        """Limited members that several actuators pull, (n_shared,)."""
+        return self.limited[self.incidence[self.limited].sum(axis=1) > 1.0]
+
     def rest_length(self, inputs: FloatArray, change: FloatArray) -> FloatArray:
         """Return rest lengths (n_members,) [m] for inputs (n_inputs,) and those of the actuators."""
         found: FloatArray = self.base + self.other_incidence @ inputs + self.incidence @ change
