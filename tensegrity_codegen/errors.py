@@ -22,6 +22,7 @@ __all__ = [
     "InvalidValueError",
     "LibraryError",
     "MissingExtraError",
+    "MissingSourceError",
     "NonFiniteError",
     "OutputError",
     "SceneError",
@@ -156,6 +157,10 @@ class UnsafeCacheError(TensegrityError):
 
 class MissingExtraError(TensegrityError):
     """An optional package that is needed here and not installed."""
+
+
+class MissingSourceError(TensegrityError):
+    """Source text of another project that is needed here and cannot be had, or is not what it should be."""
 
 
 class CompilerMissingError(TensegrityError):

@@ -49,13 +49,13 @@ class CableTensions:
     @property
     def driven(self) -> NDArray[np.int64]:
         """Members that actuators pull, (n_driven,)."""
-        found: NDArray[np.int64] = np.flatnonzero(self.incidence.any(axis=1))
-        return found
+        return np.flatnonzero(self.incidence.any(axis=1)).astype(np.int64)
 
     @property
     def shared(self) -> NDArray[np.int64]:
         """Limited members that several actuators pull, (n_shared,)."""
-        return self.limited[self.incidence[self.limited].sum(axis=1) > 1.0]
+        several: NDArray[np.bool_] = self.incidence[self.limited].sum(axis=1) > 1.0
+        return self.limited[several]
 
     def rest_length(self, inputs: FloatArray, change: FloatArray) -> FloatArray:
         """Return rest lengths (n_members,) [m] for inputs (n_inputs,) and those of the actuators."""

@@ -1,0 +1,291 @@
+#ifndef QUADRATIC_PROGRAM_H
+#define QUADRATIC_PROGRAM_H
+#include "daqp_static.h"
+#include "distribution_memory.h"
+
+/* Least |A x - b|^2 within bounds of x and of some sums of its entries. A is a matrix on top of a multiple of the unit
+ * matrix. With A = Q R and y = R x DAQP finds the least |y - Q^T b|^2; A^T A, whose rounding errors are larger, is not
+ * formed. Triangular matrices are stored row by row, from the diagonal on. */
+
+enum { N_BOUNDS = SCENE_CONTROL_N_BOUNDS, N_SUMMED = SCENE_CONTROL_N_SUMMED, N_SET = SCENE_CONTROL_N_SET };
+
+#if WITH_FLOAT
+static inline real program_root(real value) { return sqrtf(value); }
+static inline real program_size(real value) { return fabsf(value); }
+#else
+static inline real program_root(real value) { return sqrt(value); }
+static inline real program_size(real value) { return fabs(value); }
+#endif
+
+/* What binds DAQP to the memory. */
+typedef struct {
+  DAQPWorkspace work;
+  DAQPSettings settings;
+  DAQPProblem problem;
+} program_solver;
+
+/* First entry of a row of a triangle, less its column. */
+static inline int program_row(int i) { return i * N_U - i * (i + 1) / 2; }
+
+/* R and Q of the matrix on top of `bottom` > 0 times the unit matrix. Reflection k joins row k of the unit matrix with
+ * the rows on top, whose entries in column k become zero. */
+static inline void program_factor(real bottom, scene_control_program *m)
+{
+  real ahead[N_U];
+  int i, j, k;
+  for (k = 0; k < N_U; ++k) {
+    real *v = m->reflection + k * N_ROWS, *own = m->root + program_row(k);
+    real norm = bottom * bottom, pivot;
+    for (i = 0; i < N_ROWS; ++i) {
+      v[i] = m->matrix[i * N_U + k];
+      norm += v[i] * v[i];
+    }
+    norm = program_root(norm);
+    pivot = bottom + norm;
+    m->strength[k] = pivot / norm;
+    own[k] = -norm;
+    for (j = k + 1; j < N_U; ++j) {
+      ahead[j] = (real)0.0;
+    }
+    for (i = 0; i < N_ROWS; ++i) {
+      v[i] /= pivot;
+      for (j = k + 1; j < N_U; ++j) {
+        ahead[j] += v[i] * m->matrix[i * N_U + j];
+      }
+    }
+    for (j = k + 1; j < N_U; ++j) {
+      ahead[j] *= m->strength[k];
+      own[j] = -ahead[j];
+    }
+    for (i = 0; i < N_ROWS; ++i) {
+      for (j = k + 1; j < N_U; ++j) {
+        m->matrix[i * N_U + j] -= v[i] * ahead[j];
+      }
+    }
+  }
+  m->is_inverted = 0;
+}
+
+/* shift = -Q^T b. */
+static inline void program_turn(scene_control_program *m)
+{
+  int i, k;
+  for (k = 0; k < N_U; ++k) {
+    const real *v = m->reflection + k * N_ROWS;
+    real even = m->bottom_target[k], odd = (real)0.0;
+    for (i = 0; i + 1 < N_ROWS; i += 2) {
+      even += v[i] * m->target[i];
+      odd += v[i + 1] * m->target[i + 1];
+    }
+    for (; i < N_ROWS; ++i) {
+      even += v[i] * m->target[i];
+    }
+    even = m->strength[k] * (even + odd);
+    m->shift[k] = even - m->bottom_target[k];
+    for (i = 0; i < N_ROWS; ++i) {
+      m->target[i] -= v[i] * even;
+    }
+  }
+}
+
+/* Whether x is within its bounds, up to a tolerance; no if it is not finite. */
+static inline int program_is_within(real tolerance, const scene_control_program *m)
+{
+  int i, k;
+  for (k = 0; k < N_BOUNDS; ++k) {
+    real reached = (real)0.0;
+    if (k < N_U) {
+      reached = m->x[k];
+    } else {
+      for (i = 0; i < N_U; ++i) {
+        reached += m->sum[(k - N_U) * N_U + i] * m->x[i];
+      }
+    }
+    if (!(reached >= m->lower[k] - tolerance && reached <= m->upper[k] + tolerance && reached - reached == (real)0.0)) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+/* x without bounds: R x = -shift; returns whether it is within the bounds. */
+static inline int program_solve_freely(scene_control_program *m)
+{
+  int i, j;
+  for (i = N_U - 1; i >= 0; --i) {
+    const real *own = m->root + program_row(i);
+    real rest = -m->shift[i];
+    for (j = i + 1; j < N_U; ++j) {
+      rest -= own[j] * m->x[j];
+    }
+    m->x[i] = rest / own[i];
+  }
+  return program_is_within(m->tolerance, m);
+}
+
+/* Makes the row of `count` numbers one of unit norm, and returns 1 over its norm. */
+static inline real program_make_unit(real *row, int count)
+{
+  real norm = (real)0.0;
+  int j;
+  for (j = 0; j < count; ++j) {
+    norm += row[j] * row[j];
+  }
+  norm = (real)1.0 / program_root(norm);
+  for (j = 0; j < count; ++j) {
+    row[j] *= norm;
+  }
+  return norm;
+}
+
+/* Rows of R^-1, and of the sums times R^-1, all of unit norm; scaling: 1 over their norms. */
+static inline void program_invert(scene_control_program *m)
+{
+  int i, j, k;
+  for (i = N_U - 1; i >= 0; --i) {
+    const real *own = m->root + program_row(i);
+    real *row = m->inverse + program_row(i);
+    for (j = i; j < N_U; ++j) {
+      row[j] = (real)0.0;
+    }
+    row[i] = (real)1.0 / own[i];
+    for (k = i + 1; k < N_U; ++k) {
+      const real *other = m->inverse + program_row(k);
+      const real share = -own[k] * row[i];
+      for (j = k; j < N_U; ++j) {
+        row[j] += share * other[j];
+      }
+    }
+  }
+  for (k = 0; k < N_SHARED; ++k) {
+    real *row = m->turned_sum + k * N_U;
+    for (j = 0; j < N_U; ++j) {
+      row[j] = (real)0.0;
+      for (i = 0; i <= j; ++i) {
+        row[j] += m->sum[k * N_U + i] * m->inverse[program_row(i) + j];
+      }
+    }
+    m->scaling[N_U + k] = program_make_unit(row, N_U);
+  }
+  for (i = 0; i < N_U; ++i) {
+    m->scaling[i] = program_make_unit(m->inverse + program_row(i) + i, N_U - i);
+  }
+  m->is_inverted = 1;
+}
+
+/* Settings of DAQP: its defaults, and a limit of iterations. */
+static inline DAQPSettings program_settings(real tolerance)
+{
+  DAQPSettings s;
+  memset(&s, 0, sizeof s);
+  s.primal_tol = tolerance;
+  s.dual_tol = (real)DAQP_DEFAULT_DUAL_TOL;
+  s.zero_tol = (real)DAQP_DEFAULT_ZERO_TOL;
+  s.pivot_tol = (real)DAQP_DEFAULT_PIVOT_TOL;
+  s.progress_tol = (real)DAQP_DEFAULT_PROG_TOL;
+  s.cycle_tol = DAQP_DEFAULT_CYCLE_TOL;
+  s.iter_limit = QP_ITERATIONS + 1;
+  s.fval_bound = DAQP_INF;
+  s.rho_soft = (real)DAQP_DEFAULT_RHO_SOFT;
+  s.sing_tol = (real)DAQP_DEFAULT_SING_TOL;
+  s.refactor_tol = (real)DAQP_DEFAULT_REFACTOR_TOL;
+#if WITH_FLOAT
+  s.dual_tol = s.zero_tol = s.progress_tol = (real)1e-6;
+  s.pivot_tol = (real)1e-4;
+  s.sing_tol = s.refactor_tol = (real)1e-5;
+#endif
+  return s;
+}
+
+/* Binds DAQP to the memory, without active constraints but those whose bounds are equal. */
+static inline void program_bind(program_solver *solver, scene_control_program *m)
+{
+  DAQPWorkspace work;
+  DAQPProblem problem;
+  int k;
+  memset(&work, 0, sizeof work);
+  memset(&problem, 0, sizeof problem);
+  solver->settings = program_settings(m->tolerance);
+  problem.n = work.n = N_U;
+  problem.m = work.m = N_BOUNDS;
+  problem.ms = work.ms = N_U;
+  problem.A = m->sum;
+  problem.bupper = m->upper;
+  problem.blower = m->lower;
+  solver->problem = problem;
+  work.qp = &solver->problem;
+  work.settings = &solver->settings;
+  work.M = m->turned_sum;
+  work.Mu = N_SHARED > 0 ? m->product : NULL;
+  work.dupper = m->most;
+  work.dlower = m->least;
+  work.Rinv = m->inverse;
+  work.v = m->shift;
+  work.sense = m->sense;
+  work.scaling = m->scaling;
+  work.x = m->x;
+  work.u = m->move;
+  work.lam = m->multiplier;
+  work.lam_star = m->stationary;
+  work.L = m->factor;
+  work.D = m->diagonal;
+  work.xldl = m->spare;
+  work.zldl = m->spare + N_SET;
+  work.WS = m->set;
+  work.state = DAQP_STATE_RINV_NORMALIZED;
+  solver->work = work;
+  reset_daqp_workspace(&solver->work);
+  for (k = 0; k < N_BOUNDS; ++k) {
+    m->sense[k] = m->upper[k] - m->lower[k] < solver->settings.zero_tol ? DAQP_ACTIVE + DAQP_IMMUTABLE : 0;
+  }
+}
+
+/* Bounds of y: those of x times scaling, shifted. */
+static inline void program_shift_bounds(scene_control_program *m)
+{
+  int j, k;
+  for (k = 0; k < N_BOUNDS; ++k) {
+    const int is_sum = k >= N_U;
+    const real *row = is_sum ? m->turned_sum + (k - N_U) * N_U : m->inverse + program_row(k);
+    real by = (real)0.0;
+    for (j = is_sum ? 0 : k; j < N_U; ++j) {
+      by += row[j] * m->shift[j];
+    }
+    m->least[k] = m->lower[k] * m->scaling[k] + by;
+    m->most[k] = m->upper[k] * m->scaling[k] + by;
+  }
+}
+
+/* x within its bounds for the factors of program_factor; returns whether it was found. `is_first`: nothing was solved
+ * with these factors before, else the active constraints are those of the last time. */
+static inline int program_solve(int is_first, program_solver *solver, scene_control_program *m)
+{
+  int is_found;
+  program_turn(m);
+  if (program_solve_freely(m)) {
+    m->iterations = m->iterations > 1 ? m->iterations : 1;
+    return 1;
+  }
+  is_first |= !m->is_inverted;
+  if (!m->is_inverted) {
+    program_invert(m);
+  }
+  if (is_first) {
+    program_bind(solver, m);
+  }
+  program_shift_bounds(m);
+  solver->work.reuse_ind = 0;
+  if (is_first && daqp_activate_constraints(&solver->work) < 0) {
+    return 0;
+  }
+  is_found = daqp_ldp(&solver->work) > 0;
+  m->iterations = m->iterations > solver->work.iterations ? m->iterations : solver->work.iterations;
+  if (!is_found) {
+    return 0;
+  }
+  ldp2qp_solution(&solver->work);
+  daqp_refine_primal(&solver->work);
+  return program_is_within((real)100.0 * m->tolerance, m);
+}
+
+#endif
