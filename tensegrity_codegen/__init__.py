@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         build_library,
         compile_scene,
         load_scene,
+        read_scene,
     )
+    from tensegrity_codegen.report.pictures.draw import draw
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -50,11 +52,14 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+    from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+    from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
     "Analysis",
+    "BatchTrajectory",
     "CompiledModel",
     "ControlRun",
     "ControllerBundle",
@@ -69,6 +74,7 @@ __all__ = [
     "Motion",
     "PlanResult",
     "Profile",
+    "Scene",
     "Sensitivity",
     "Structure",
     "TensegrityError",
@@ -82,6 +88,7 @@ __all__ = [
     "design_distribution",
     "design_kalman",
     "design_lqr",
+    "draw",
     "equilibrium_sensitivity",
     "find_equilibrium",
     "linearize",
@@ -89,6 +96,7 @@ __all__ = [
     "load_scene",
     "plan",
     "read_profile",
+    "read_scene",
     "simulate",
     "simulate_batch",
     "simulate_control",
@@ -97,6 +105,7 @@ __all__ = [
 
 _HOME = {
     "Analysis": "runtime.analysis.analysis",
+    "BatchTrajectory": "runtime.trajectory.batch_trajectory",
     "CompiledModel": "runtime.model.model",
     "ControlRun": "runtime.control.loop.control_run",
     "ControllerBundle": "controller.build_controller",
@@ -111,6 +120,7 @@ _HOME = {
     "Motion": "runtime.control.motion",
     "PlanResult": "runtime.planning.outcome",
     "Profile": "runtime.profiles.profile",
+    "Scene": "scene.schema.schema",
     "Sensitivity": "runtime.sensitivity.record",
     "Structure": "structure.structure",
     "TensionDistribution": "runtime.control.tension_distribution",
@@ -121,6 +131,7 @@ _HOME = {
     "design_distribution": "runtime.control.tension_distribution",
     "design_kalman": "runtime.control.kalman",
     "design_lqr": "runtime.control.lqr",
+    "draw": "report.pictures.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
@@ -140,3 +151,7 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.{_HOME.get(name, 'pipeline')}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, *(name for name in globals() if name.startswith("__") and name not in __all__)]

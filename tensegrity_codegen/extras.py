@@ -7,10 +7,10 @@ from typing import Any
 
 from tensegrity_codegen.errors import MissingExtraError
 
-__all__ = ["CONTROL", "import_extra", "name_install", "require_plot"]
+__all__ = ["CONTROL", "TABLES", "import_extra", "name_install", "require_plot"]
 
-PLOT, CONTROL = "plot", "control"
-WORK = {PLOT: "pictures need", CONTROL: "plans and feedback need"}
+PLOT, CONTROL, TABLES = "plot", "control", "tables"
+WORK = {PLOT: "pictures need", CONTROL: "plans and feedback need", TABLES: "this kind of table needs"}
 
 
 def name_install(extra: str) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from tensegrity_codegen.analyses import equilibrium_quantities, find_needs, want_analyses
 from tensegrity_codegen.build import BuiltLibrary, build_library, check_buildable
@@ -20,7 +21,8 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     SIMULATION_QUANTITIES,
     simulation_quantities,
 )
-from tensegrity_codegen.scene.read import read_scene
+from tensegrity_codegen.scene.read import name_source, read_scene
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
 from tensegrity_codegen.settle import (
     has_statics,
@@ -48,19 +50,20 @@ __all__ = [
     "load_nodes",
     "load_scene",
     "move_near_origin",
+    "read_scene",
     "settle_structure",
     "simulation_quantities",
     "with_statics",
 ]
 
 
-def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
-    """Read a scene file.
+def load_scene(path: str | Path | Mapping[str, Any] | Scene) -> tuple[Subject, ModelRequest]:
+    """Read a scene.
 
     Parameters
     ----------
-    path : str or Path
-        Scene file (TOML).
+    path : str, Path, mapping or Scene
+        Scene file (TOML), or the scene itself, as for `read_scene`.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def load_scene(path: str | Path) -> tuple[Subject, ModelRequest]:
     >>> structure.n_nodes, structure.n_members, request.formulation
     (6, 12, 'node_position')
     """
-    return assemble_scene(read_scene(path), str(path))
+    return assemble_scene(read_scene(path), name_source(path))
 
 
 def load_nodes(path: str | Path) -> Structure:
@@ -116,7 +119,7 @@ def load_nodes(path: str | Path) -> Structure:
 
 
 def compile_scene(
-    path: str | Path,
+    path: str | Path | Mapping[str, Any] | Scene,
     *,
     for_: Iterable[str] = (),
     method: str = "",
@@ -131,8 +134,8 @@ def compile_scene(
 
     Parameters
     ----------
-    path : str or Path
-        Scene file (TOML).
+    path : str, Path, mapping or Scene
+        Scene file (TOML), or the scene itself, as for `read_scene`.
     for_ : str or tuple of str
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"equilibrium"``,
         ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,

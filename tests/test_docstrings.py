@@ -22,6 +22,7 @@ MODULES = (
     "controller.build_controller",
     "controller.loaded",
     "pipeline",
+    "report.pictures.draw",
     "request",
     "runtime.analysis.analyse",
     "runtime.analysis.analysis",
@@ -69,7 +70,7 @@ INTERNAL = {
     *("BATCH_WIDTHS", "INTERFACES", "check_batch_width", "check_interfaces", "complete_options"),
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
-    *("stop_at_contact", "simulation_quantities", "Pattern", "Method"),
+    *("stop_at_contact", "simulation_quantities", "Pattern", "Method", "outline_motion"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 
@@ -86,6 +87,9 @@ def find_public() -> Iterator[tuple[str, Any]]:
     model = tensegrity_codegen.CompiledModel
     yield "CompiledModel.compute", model.compute
     yield "CompiledModel.compute_batch", model.compute_batch
+    yield "Scene.to_toml", tensegrity_codegen.Scene.to_toml
+    for name in ("position", "velocity_of", "tension", "to_pandas", "to_xarray"):
+        yield f"Trajectory.{name}", getattr(tensegrity_codegen.Trajectory, name)
 
 
 FOUND = {id(item): (name, item) for name, item in reversed(list(find_public()))}

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from tensegrity_codegen.errors import (
@@ -26,7 +27,7 @@ from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.translate import translate
 
-__all__ = ["LARGEST_FILE", "parse_scene", "read_document", "read_scene"]
+__all__ = ["LARGEST_FILE", "name_source", "parse_scene", "read_document", "read_scene"]
 
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _HEADER = re.compile(r"^[ \t]*\[+([^\[\]\n]+)\]", re.MULTILINE)
@@ -41,13 +42,67 @@ _LONG_LIST = re.compile(r"\[\s*+(?:[-+.\w]++\s*+,\s*+){1000}")
 _LONG_NUMBER = re.compile(r"(?<![0-9_])[0-9_]{1000}")
 
 
-def read_scene(path: str | Path) -> Scene:
-    """Read and check a scene file.
+def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
+    """Read and check a scene.
 
-    Raises SceneError (not readable), SceneSyntaxError (not TOML, not UTF-8, too large),
-    DuplicateNameError (a name twice), or what `parse_scene` raises.
+    Parameters
+    ----------
+    path : str, Path, mapping or Scene
+        Scene file (TOML), or the scene as a dictionary with the sections and keys of such a file. Its
+        numbers and lists may be NumPy's. A Scene is returned as it is.
+
+    Returns
+    -------
+    Scene
+        The checked scene; `to_toml` gives it as text again.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read.
+    SceneSyntaxError
+        The file is not TOML, not UTF-8, or too large.
+    DuplicateNameError
+        A name that the file defines twice.
+    UnknownKeyError, InvalidNameError, UnknownNameError, NonFiniteError, InvalidValueError, StructureError
+        A wrong key or value, or an empty scene.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, read_scene
+    >>> scene = read_scene({
+    ...     "name": "swing",
+    ...     "gravity": [0, 0, -9.81],
+    ...     "nodes": {"top": {"position": [0, 0, 0], "anchored": True},
+    ...               "load": {"position": [0, 0, -1], "mass": 2.0}},
+    ...     "members": {"rope": {"kind": "cable", "nodes": ["top", "load"],
+    ...                          "axial_stiffness": 1e4, "rest_length": 1.0}},
+    ... })
+    >>> compile_scene(scene, for_="equilibrium").structure.n_members
+    1
     """
+    if isinstance(path, Scene):
+        return path
+    if isinstance(path, Mapping):
+        try:
+            return parse_scene(_plain(path))
+        except RecursionError:
+            raise SceneSyntaxError("the scene is nested too deeply", where="scene") from None
     return parse_scene(read_document(path, known=_known_keys()), str(path))
+
+
+def name_source(path: str | Path | Mapping[str, Any] | Scene) -> str:
+    """Return how messages name where a scene comes from: its file, or "scene"."""
+    return "scene" if isinstance(path, Mapping | Scene) else str(path)
+
+
+def _plain(value: Any) -> Any:
+    """Return tables and lists of NumPy's as Python's own; other values as they are."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def parse_scene(document: Mapping[str, Any], where: str = "scene") -> Scene:

@@ -1,46 +1,18 @@
-"""Writing a scene: plain document -> TOML text -> file, and structure -> plain document.
-
-Numbers are written so that they read back bit-equal; one node, member, load or input takes one line.
-"""
+"""Writing a scene: plain document -> TOML file, and structure -> plain document."""
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.scene.checks.limits import LARGEST_FILE
 from tensegrity_codegen.scene.describe import describe_structure
-from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.toml_text import format_scene
 
 __all__ = ["describe_structure", "format_scene", "write_scene"]
-
-_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
-_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-_SECTIONS = (
-    *("model", "parameters", "classes", "shape", "nodes", "members", "bodies", "tendons", "groups"),
-    *("joint_friction", "interference", "loads", "inputs", "actuators", "sensors", "limits"),
-)
-_TABLES = ("classes", "bodies")  # one [section.name] table each
-_LISTS = ("joint_friction", "loads", "inputs", "actuators", "sensors")  # one [[section]] table each
-
-
-def format_scene(document: Mapping[str, Any]) -> str:
-    """Return the TOML text of a scene document; keys that are None and empty sections are left out.
-
-    Raises NonFiniteError for a NaN or an infinity, InvalidValueError for a value that TOML cannot hold.
-    """
-    head = [key for key in document if key not in _SECTIONS]
-    lines = [_pair(key, document[key], key) for key in head if document[key] is not None]
-    blocks = ["\n".join(lines)] if lines else []
-    blocks += [block for name in _SECTIONS if document.get(name) for block in _section(name, document[name])]
-    return "\n\n".join(blocks) + "\n"
 
 
 def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: bool = False) -> None:
@@ -59,75 +31,3 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
         )
     with replaced(path, overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _section(name: str, value: Any) -> Iterable[str]:
-    """Yield the text blocks of one section."""
-    if name in _LISTS:
-        for number, item in enumerate(value):
-            yield "\n".join([f"[[{name}]]", *_pairs(item, key_path("", name, number))])
-    elif name in _TABLES:
-        for key, item in value.items():
-            yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
-    elif name == "limits" and isinstance(value, Mapping):
-        inner = {key: item for key, item in value.items() if isinstance(item, Mapping)}
-        plain = {key: item for key, item in value.items() if key not in inner}
-        yield "\n".join([f"[{name}]", *_pairs(plain, name)])
-        for key, item in inner.items():
-            if item:
-                yield "\n".join([f"[{name}.{_key(key)}]", *_pairs(item, key_path("", name, key))])
-    else:
-        yield "\n".join([f"[{name}]", *_pairs(value, name)])
-
-
-def _pairs(table: Mapping[str, Any], where: str) -> list[str]:
-    if not isinstance(table, Mapping):
-        raise InvalidValueError("not a table", where=where, given=table, allowed="a table (dict)")
-    return [_pair(key, value, f"{where}.{key}") for key, value in table.items() if value is not None]
-
-
-def _pair(key: str, value: Any, where: str) -> str:
-    return f"{_key(key)} = {_value(value, where)}"
-
-
-def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else _string(key)
-
-
-def _string(text: str) -> str:
-    def escape(letter: str) -> str:
-        if letter in _ESCAPES:
-            return _ESCAPES[letter]
-        return f"\\u{ord(letter):04X}" if ord(letter) < 0x20 or ord(letter) == 0x7F else letter
-
-    return '"' + "".join(map(escape, text)) + '"'
-
-
-def _value(value: Any, where: str) -> str:
-    """Return one TOML value; floats by their shortest text that reads back bit-equal."""
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, int | np.integer):
-        return str(int(value))
-    if isinstance(value, float | np.floating):
-        if not math.isfinite(value):
-            raise NonFiniteError(
-                "not a finite number", where=where, given=float(value), allowed="a finite number"
-            )
-        return repr(float(value))
-    if isinstance(value, str):
-        if any(0xD800 <= ord(letter) <= 0xDFFF for letter in value):
-            raise InvalidValueError("the text is not valid Unicode", where=where, given=value)
-        return _string(value)
-    if isinstance(value, np.ndarray):
-        return _value(value.tolist(), where)
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(_pairs(value, where)) + " }" if value else "{}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(item, where) for item in value) + "]"
-    raise InvalidValueError(
-        f"a {type(value).__name__} cannot be written to a scene file",
-        where=where,
-        given=value,
-        allowed="numbers, texts, true, false, lists and tables",
-    )

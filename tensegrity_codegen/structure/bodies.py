@@ -20,6 +20,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.limits import Limits
@@ -133,8 +134,8 @@ def coordinate_labels(body: Body) -> tuple[str, ...]:
     return ("psi", "phi", "theta", "x", "y", "z") if isinstance(body, RigidBody) else ()
 
 
-@dataclass(frozen=True)
-class BodySystem(WithMemberLaws):
+@dataclass(frozen=True, repr=False)
+class BodySystem(WithMemberLaws, Summarised):
     """Bodies, their points (nodes), tendons (members) and loads; SI units, radians; arrays are read-only.
 
     node_local: for a fixed body the position, for a rigid body the place in its frame, for a bar the
@@ -171,6 +172,21 @@ class BodySystem(WithMemberLaws):
 
     axes = (0, 1, 2)
     inner_radius = None  # tendons are no tubes
+
+    def headline(self) -> str:
+        """Return the name of the scene."""
+        return self.name
+
+    def facts(self) -> list[Fact]:
+        """Return numbers and names, for `repr` and notebooks."""
+        return [
+            ("bodies", count_names([item.name for item in self.bodies])),
+            ("points", count_names(self.node_name)),
+            ("tendons", count_names(self.member_name)),
+            ("coordinates", count_names(self.coordinate_name)),
+            ("inputs", count_names([item.name for item in self.inputs])),
+            ("gravity", f"{self.gravity.tolist()} m/s2"),
+        ]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))

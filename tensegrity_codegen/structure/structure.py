@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.limits import Limits
@@ -48,8 +49,8 @@ class ActuatedInput:
     direction: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Structure(WithMemberLaws):
+@dataclass(frozen=True, repr=False)
+class Structure(WithMemberLaws, Summarised):
     """Nodes, members, loads and inputs, in SI units; every array is read-only.
 
     Attributes
@@ -135,6 +136,25 @@ class Structure(WithMemberLaws):
     sensors: tuple[Sensor, ...] = ()
     limits: Limits = field(default_factory=Limits)
     interference: tuple[tuple[int, int], ...] | None = None  # pairs of bars to watch, see bar_pairs
+
+    def headline(self) -> str:
+        """Return the name of the scene."""
+        return self.name
+
+    def facts(self) -> list[Fact]:
+        """Return numbers and names, for `repr` and notebooks."""
+        held = [name for name, axes in zip(self.node_name, self.node_anchored, strict=True) if axes.any()]
+        size = np.ptp(self.node_position, axis=0) if self.n_nodes else np.zeros(3)
+        bars = int(self.is_bar.sum())
+        mass = float(self.node_mass.sum() + self.member_mass.sum())
+        return [
+            ("nodes", f"{count_names(self.node_name)}, anchored: {count_names(held)}"),
+            ("members", f"{bars} bars and {self.n_members - bars} cables: {count_names(self.member_name)}"),
+            ("size", " x ".join(f"{side:.4g}" for side in size) + f" m, mass {mass:.6g} kg"),
+            ("tension", describe_range(self.static_tension(), "N")),
+            ("inputs", count_names([item.name for item in self.inputs])),
+            ("gravity", f"{self.gravity.tolist()} m/s2"),
+        ]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-import numpy as np
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_output
-
-if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
-    from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["VERB"]
 
@@ -46,6 +40,7 @@ def show(
     with output.guard():
         from tensegrity_codegen.errors import InvalidValueError
         from tensegrity_codegen.report.pictures.animate import write_animation
+        from tensegrity_codegen.report.pictures.draw import outline_motion
         from tensegrity_codegen.report.pictures.plots import plot_structure, plot_trajectory
         from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
         from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
@@ -58,7 +53,7 @@ def show(
         structure = outline_bodies(subject)
         motion = None
         if trajectory is not None:
-            motion = _with_bodies(read_trajectory(trajectory, outline_tendons(subject)), structure)
+            motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
         if out.suffix.lower() in ANIMATED:
             if motion is None:
                 raise InvalidValueError(
@@ -87,13 +82,6 @@ def _require_packages(out: Path) -> None:
         import_extra("PIL.Image")
     elif out.suffix.lower() == ".mp4":
         find_ffmpeg(out)
-
-
-def _with_bodies(motion: Trajectory, structure: Structure) -> Trajectory:
-    """Return the motion with the bars and edges of bodies, after its tendons, whose tensions are unknown."""
-    more = structure.n_members - len(motion.member_name)
-    tension = np.pad(motion.member_tension, ((0, 0), (0, more)), constant_values=np.nan)
-    return replace(motion, member_name=structure.member_name, member_tension=tension)
 
 
 VERB = Verb(show, order=80)

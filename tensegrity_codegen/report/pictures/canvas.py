@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +23,7 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 # Pixels an inch of a PNG picture.
 PICTURE_DPI = 150
+SCREEN_DPI = 100  # of pictures in notebooks
 
 
 def check_suffix(path: Path, allowed: Iterable[str]) -> str:
@@ -44,13 +47,28 @@ def new_figure(width: float, height: float, dpi: int = PICTURE_DPI) -> Figure:
     """
     import_extra("matplotlib")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     engine = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08)
-    figure = Figure(figsize=(width, height), dpi=dpi, facecolor=PAPER, layout=engine)
+    figure = _figure_class()(figsize=(width, height), dpi=dpi, facecolor=PAPER, layout=engine)
     FigureCanvasAgg(figure)
     return figure
+
+
+@cache
+def _figure_class() -> type[Figure]:
+    """Return the class of figures that show themselves in notebooks, without pyplot and its global state."""
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        """A figure with a PNG picture of itself for notebooks."""
+
+        def _repr_png_(self) -> bytes:
+            data = io.BytesIO()
+            self.savefig(data, format="png", dpi=SCREEN_DPI)
+            return data.getvalue()
+
+    return NotebookFigure
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -22,9 +22,9 @@ from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import SubFigure
+    from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["plot_structure", "plot_trajectory"]
+__all__ = ["draw_structure", "plot_structure", "plot_trajectory"]
 
 FloatArray = NDArray[np.float64]
 
@@ -54,6 +54,23 @@ def plot_structure(
     """
     target = Path(path)
     check_suffix(target, PICTURE_SUFFIXES)
+    figure = draw_structure(
+        structure, node_position=node_position, member_tension=member_tension, title=title, labels=labels
+    )
+    save_figure(figure, target)
+    return target
+
+
+def draw_structure(
+    structure: Structure,
+    *,
+    node_position: ArrayLike | None = None,
+    member_tension: ArrayLike | None = None,
+    title: str | None = None,
+    note: str | None = None,
+    labels: bool = False,
+) -> Figure:
+    """Return the figure of `plot_structure`; note: the line below the title, by default the size."""
     position = structure.node_position if node_position is None else node_position
     place = check_array("node_position", position, (structure.n_nodes, 3), "nodes, axes")
     tension = None
@@ -74,9 +91,9 @@ def plot_structure(
     unknown = tension is not None and bool(np.isnan(tension).any())
     colored = drawing.mappable is not None
     add_legend(figure, structure, slack=bool(drawing.slack.any()), colored=colored, unknown=unknown)
-    add_heading(figure, structure.name if title is None else title, describe_size(structure))
-    save_figure(figure, target)
-    return target
+    heading = structure.name if title is None else title
+    add_heading(figure, heading, describe_size(structure) if note is None else note)
+    return figure
 
 
 def plot_trajectory(structure: Structure, trajectory: Trajectory, path: str | Path) -> Path:

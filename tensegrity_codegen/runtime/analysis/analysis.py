@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.member_limits import MemberChecks
 from tensegrity_codegen.runtime.analysis.modes import Modes
@@ -20,8 +21,8 @@ __all__ = ["Analysis"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Analysis:
+@dataclass(frozen=True, repr=False)
+class Analysis(Summarised):
     """What tensions a structure can have in a configuration, and how it moves there.
 
     Attributes

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.results.summaries import Summarised
+
 __all__ = ["EquilibriumPath"]
 
 
-@dataclass(frozen=True, eq=False)
-class EquilibriumPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class EquilibriumPath(Summarised):
     """Equilibria one after the other, from the start to the end of a motion, for `time_motion`.
 
     Attributes

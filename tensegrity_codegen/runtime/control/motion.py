@@ -12,6 +12,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from tensegrity_codegen.files import check_ending, replaced
+from tensegrity_codegen.results.summaries import (
+    Fact,
+    Summarised,
+    count_names,
+    describe_number,
+    describe_range,
+)
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.frozen import freeze_fields
@@ -39,8 +46,8 @@ class MotionPoint:
     input: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Summarised):
     """A motion of an actuated structure, at n_t knots.
 
     Attributes
@@ -92,6 +99,21 @@ class Motion:
 
     def __post_init__(self) -> None:
         freeze_fields(self)
+
+    def headline(self) -> str:
+        """Return the duration and the number of knots."""
+        return f"{self.duration:.6g} s, {len(self.time)} knots"
+
+    def facts(self) -> list[Fact]:
+        """Return rest lengths, rates and tensions, for `repr` and notebooks."""
+        return [
+            ("actuators", count_names(self.actuators)),
+            ("rest length", describe_range(self.rest_length, "m")),
+            ("largest rate", describe_number(float(np.max(self.peak_rate, initial=0.0)), "m/s")),
+            ("tension", describe_range(self.member_tension, "N")),
+            ("shortest duration", describe_number(self.shortest_duration, "s")),
+            ("path error", describe_number(self.path_error, "m")),
+        ]
 
     @property
     def duration(self) -> float:

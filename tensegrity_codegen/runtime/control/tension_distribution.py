@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.runtime.control.loop.cable_tensions import CableTensions, find_cables
@@ -52,8 +53,8 @@ class Distributed:
     yielding: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
-class TensionDistribution:
+@dataclass(frozen=True, eq=False, repr=False)
+class TensionDistribution(Summarised):
     """A quadratic program for the tensions of each sample; as of `design_distribution`.
 
     Attributes

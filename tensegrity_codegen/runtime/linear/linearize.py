@@ -13,6 +13,13 @@ from scipy import sparse
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.results.summaries import (
+    Fact,
+    Summarised,
+    count_names,
+    describe_number,
+    describe_range,
+)
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
@@ -31,8 +38,8 @@ LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
 INPUT_QUANTITY = "input_jacobian"
 
 
-@dataclass(frozen=True)
-class LinearModel:
+@dataclass(frozen=True, repr=False)
+class LinearModel(Summarised):
     """Linear model x' = A (x - state) + B (u - input) + residual_rate, exact to first order, x = (q, q').
 
     Attributes
@@ -65,6 +72,22 @@ class LinearModel:
     input_name: tuple[str, ...]
     spectrum: Spectrum
     variation: Any = None
+
+    def headline(self) -> str:
+        """Return the numbers of states and inputs."""
+        return f"{len(self.state)} states, {len(self.input)} inputs"
+
+    def facts(self) -> list[Fact]:
+        """Return names, frequencies and damping, for `repr` and notebooks."""
+        largest = float(np.max(np.abs(self.residual_rate), initial=0.0))
+        return [
+            ("states", count_names(self.state_name)),
+            ("inputs", count_names(self.input_name)),
+            ("natural frequencies", describe_range(self.natural_frequency, "Hz")),
+            ("damping ratios", describe_range(self.damping_ratio)),
+            ("non-zeros", f"A {self.A.nnz}, B {self.B.nnz}"),
+            ("largest residual rate", describe_number(largest)),
+        ]
 
     @property
     def natural_frequency(self) -> FloatArray:

@@ -20,6 +20,7 @@ from tensegrity_codegen.errors import (
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.batch import BatchFunction, SparseBatch
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
@@ -145,7 +146,7 @@ class CompiledFunction:
         return out
 
 
-class CompiledModel:
+class CompiledModel(Summarised):
     """A compiled library and its manifest.
 
     Parameters
@@ -199,6 +200,24 @@ class CompiledModel:
         self._functions = {
             spec.quantity: CompiledFunction(self.library, spec, specs) for spec in self.manifest.functions
         }
+
+    def headline(self) -> str:
+        """Return name, formulation and precision."""
+        return f"{self.manifest.name}, {self.manifest.formulation}, {self.manifest.precision} precision"
+
+    def facts(self) -> list[Fact]:
+        """Return sizes, names and quantities, for `repr` and notebooks."""
+        manifest = self.manifest
+        runs = [item.name for item in manifest.integrators] + [item.name for item in manifest.solvers]
+        inputs = count_names(manifest.input_name)
+        return [
+            ("nodes", count_names(manifest.node_name)),
+            ("members", count_names(manifest.member_name)),
+            ("coordinates", f"{len(manifest.coordinate_name)}; inputs: {inputs}"),
+            ("quantities", ", ".join(self.quantities)),
+            ("integrators and solvers", ", ".join(runs) or "none"),
+            ("library", str(self.path)),
+        ]
 
     @property
     def dtype(self) -> np.dtype[Any]:

@@ -8,8 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.by_name import ByName
+from tensegrity_codegen.results.summaries import (
+    Fact,
+    Summarised,
+    count_names,
+    describe_number,
+    describe_range,
+)
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.planning.infeasible import Contradiction
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["LIMIT_WORDS", "Binding", "Block", "PlanResult"]
 
@@ -97,8 +107,8 @@ class Block:
         }
 
 
-@dataclass(frozen=True)
-class PlanResult:
+@dataclass(frozen=True, repr=False)
+class PlanResult(ByName, Summarised):
     """A plan, or why there is none.
 
     Attributes
@@ -150,6 +160,8 @@ class PlanResult:
         The shape that has no such tensions, and the displacements of its nodes that prove it.
     warnings : tuple of str
         What to check.
+    structure : Structure, BodySystem or None
+        The structure, for pictures; None with a library that was loaded alone.
     """
 
     status: str
@@ -179,6 +191,29 @@ class PlanResult:
     proof_position: FloatArray | None = None
     proof_displacement: FloatArray | None = None
     warnings: tuple[str, ...] = field(default=())
+    structure: Structure | BodySystem | None = None
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}, {self.message}" if self.message else self.status
+
+    def facts(self) -> list[Fact]:
+        """Return targets, actuators, tensions and stiffness, for `repr` and notebooks."""
+        reached = self.target[-1] if len(self.target) else np.full(len(self.target_name), np.nan)
+        targets = [
+            f"{name} {value:.6g} of {goal:.6g} {unit}".rstrip()
+            for name, value, goal, unit in zip(
+                self.target_name, reached, self.goal, self.target_unit, strict=True
+            )
+        ]
+        return [
+            ("targets", "; ".join(targets)),
+            ("actuators", f"{count_names(self.actuator_name)}, change {describe_range(self.change, 'm')}"),
+            ("tension", describe_range(self.member_tension, "N")),
+            ("steps", f"{self.n_steps}"),
+            ("smallest eigenvalue", describe_range(self.smallest_eigenvalue, "N/m")),
+            ("duration", describe_number(None if self.time is None else float(self.time[-1]), "s")),
+        ]
 
     @property
     def is_found(self) -> bool:

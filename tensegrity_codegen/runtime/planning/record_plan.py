@@ -93,6 +93,7 @@ def record_infeasible(
         certificate=proof,
         proof_position=position,
         proof_displacement=moved,
+        structure=plan_model.model.structure,
     )
 
 
@@ -148,6 +149,7 @@ def record_path(
         time=time,
         block=block,
         warnings=warnings,
+        structure=plan_model.model.structure,
     )
 
 

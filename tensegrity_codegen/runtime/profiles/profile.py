@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, check_choice
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.profiles.pieces import Pieces, build_cubic, build_linear
 
 __all__ = ["KINDS", "Profile"]
@@ -22,8 +23,8 @@ KINDS = ("linear", "cubic")
 BUILD = {"linear": build_linear, "cubic": build_cubic}
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
+@dataclass(frozen=True, eq=False, repr=False)
+class Profile(Summarised):
     """Inputs and other run-time arguments as functions of time, for ``simulate(schedule=...)``.
 
     Attributes

@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.results.summaries import Summarised
 
 __all__ = ["Sensitivity"]
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Sensitivity:
+@dataclass(frozen=True, repr=False)
+class Sensitivity(Summarised):
     """Derivatives of an equilibrium by rest lengths.
 
     A column stands for one member, or for the members of an input or actuator, whose rest lengths change

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,7 @@ def _stack(
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
     shapes |= {"coordinate": (n,), "velocity": (n,), "member_tension": (members,)}
     shapes |= {"node_position": (nodes, 3), "node_velocity": (nodes, 3)}
-    arrays = {name: np.full((n_batch, n_t, *shape), np.nan) for name, shape in shapes.items()}
+    arrays: dict[str, Any] = {name: np.full((n_batch, n_t, *shape), np.nan) for name, shape in shapes.items()}
     drift, estimate = np.full(n_batch, np.nan), np.full(n_batch, np.nan)
     counts = np.zeros((4, n_batch), dtype=np.int64)
     counts[2] = -1
@@ -109,4 +110,5 @@ def _stack(
         step=None,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
+        structure=model.structure,
     )

@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.results.by_name import ByName
+from tensegrity_codegen.results.summaries import Fact, Summarised, describe_number, describe_range
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["Equilibrium", "record_outcome", "record_without_forces"]
 
@@ -21,8 +25,8 @@ NEARLY = 1e-3  # residual over largest force up to which a start counts as an eq
 FAR = 0.1  # motion, as part of the structure's size, that is warned of
 
 
-@dataclass(frozen=True)
-class Equilibrium:
+@dataclass(frozen=True, repr=False)
+class Equilibrium(ByName, Summarised):
     """Result of the search for an equilibrium.
 
     Attributes
@@ -69,6 +73,10 @@ class Equilibrium:
         Number of unstable equilibria that the search passed.
     motions : NeutralMotions or None
         The neutral motions.
+    node_name, member_name : tuple of str
+        Names, for `position` and `tension`.
+    structure : Structure, BodySystem or None
+        The structure, for pictures; None with a library that was loaded alone.
     """
 
     status: str
@@ -97,6 +105,26 @@ class Equilibrium:
     is_start_unstable: bool = False  # the start was an equilibrium, and unstable
     saddles_left: int = 0  # unstable equilibria that the search came to and left
     motions: NeutralMotions | None = None
+    node_name: tuple[str, ...] = ()
+    member_name: tuple[str, ...] = ()
+    structure: Structure | BodySystem | None = None
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}, {self.message}" if self.message else self.status
+
+    def facts(self) -> list[Fact]:
+        """Return tensions, residual, stability and motion, for `repr` and notebooks."""
+        residual, largest = describe_number(self.residual, "N"), describe_number(self.largest_force, "N")
+        node = f" at {self.displaced_node}" if self.displaced_node else ""
+        return [
+            ("tension", f"{describe_range(self.member_tension, 'N')} in {len(self.member_tension)} members"),
+            ("residual", f"{residual}, largest member force {largest}"),
+            ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
+            ("displacement", describe_number(self.displacement, "m") + node),
+            ("energy", describe_number(self.energy, "J")),
+            ("method", f"{self.method}, {self.iterations} iterations"),
+        ]
 
     @property
     def is_found(self) -> bool:
@@ -206,6 +234,9 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         is_start_unstable=_is_unstable(problem, start),
         saddles_left=outcome.saddles_left,
         motions=motions,
+        node_name=node_name,
+        member_name=problem.model.manifest.member_name,
+        structure=getattr(problem.model, "structure", None),
     )
 
 
@@ -236,7 +267,8 @@ def record_without_forces(problem: StaticProblem, start: FloatArray, method: str
         message += f": member {short[0]!r} has no length"
     return Equilibrium(
         "not_finite", method, problem.leave(start), position, length, unknown, nan, nan, 0, nan, 0, nan, nan,
-        0.0, manifest.node_name[0], message,
+        0.0, manifest.node_name[0], message, node_name=manifest.node_name,
+        member_name=manifest.member_name, structure=getattr(problem.model, "structure", None),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ __all__ = ["BatchTrajectory"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class BatchTrajectory(Sampled):
     """Motions over the same sample times; rows that a motion did not reach are NAN.
 
@@ -65,7 +65,12 @@ class BatchTrajectory(Sampled):
             step=self.step,
             node_name=self.node_name,
             member_name=self.member_name,
+            structure=self.structure,
         )
+
+    def headline(self) -> str:
+        """Return how many motions there are, and how many reached their end."""
+        return f"{len(self)} motions, {int(self.is_ok.sum())} ok"
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the runs as one JSON-ready object."""

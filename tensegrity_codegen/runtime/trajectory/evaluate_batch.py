@@ -52,6 +52,7 @@ def evaluate_batch(
         step=raw.step,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
+        structure=model.structure,
     )
 
 

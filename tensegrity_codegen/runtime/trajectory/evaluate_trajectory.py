@@ -68,6 +68,7 @@ def evaluate_trajectory(
         input_name=manifest.input_name,
         node_name=manifest.node_name,
         member_name=manifest.member_name,
+        structure=getattr(model, "structure", None),
     )
 
 

@@ -54,6 +54,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         status=status,
         message=message,
         method=method,
+        structure=structure,
         **fields,
     )
 

@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.by_name import ByName, find_row
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.trajectory.frames import build_dataset, build_frame
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["SAMPLED", "STATE", "Sampled"]
 
@@ -21,14 +26,14 @@ SAMPLED = ("node_position", "node_velocity", "member_tension", "kinetic_energy",
 WORDS = ("node_name", "member_name", "status", "message", "method")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Sampled:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Sampled(ByName, Summarised):
     """Motions over sample times; `...` is nothing for one motion and n_batch for many.
 
     time (n_t,) [s]; coordinate, velocity (..., n_t, n_coordinates); node_position, node_velocity
     (..., n_t, n_nodes, 3); member_tension (..., n_t, n_members) [N]; kinetic_energy, total_energy
     (..., n_t) [J]; status, message: how they went; method: by which they were integrated; node_name,
-    member_name.
+    member_name; structure: what moves, for pictures and units, None where only a library is known.
     """
 
     time: FloatArray
@@ -44,6 +49,71 @@ class Sampled:
     method: str
     node_name: tuple[str, ...]
     member_name: tuple[str, ...]
+    structure: Structure | BodySystem | None = None
+
+    def velocity_of(self, node: str) -> FloatArray:
+        """Return the velocity of a node.
+
+        Parameters
+        ----------
+        node : str
+            Name of the node.
+
+        Returns
+        -------
+        ndarray, shape (..., 3) [m/s]
+            Its velocity at every sample.
+
+        Raises
+        ------
+        UnknownNameError
+            No node has that name; the message has similar ones.
+        """
+        return self.node_velocity[..., find_row(node, self.node_name, "node"), :]
+
+    def facts(self) -> list[Fact]:
+        """Return samples, sizes and ranges, for `repr` and notebooks."""
+        return [
+            ("samples", f"{len(self.time)}, t = {describe_range(self.time, 's')}"),
+            ("nodes", count_names(self.node_name)),
+            ("members", count_names(self.member_name)),
+            ("tension", describe_range(self.member_tension, "N")),
+            ("kinetic energy", describe_range(self.kinetic_energy, "J")),
+            ("method", self.method),
+        ]
+
+    def to_pandas(self) -> Any:
+        """Return the motion as a table of pandas.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each sample, with the time [s] as its index (of a batch: the number of the motion, and
+            the time); columns named with their units, such as ``"t1.x [m]"``, ``"t1.vx [m/s]"``,
+            ``"bar1.tension [N]"``.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        return build_frame(self)
+
+    def to_xarray(self) -> Any:
+        """Return the motion as arrays of xarray with named axes.
+
+        Returns
+        -------
+        xarray.Dataset
+            Over ``time``, ``node``, ``axis`` and ``member``, of a batch over ``motion`` too; units are
+            attributes.
+
+        Raises
+        ------
+        MissingExtraError
+            xarray is not installed.
+        """
+        return build_dataset(self)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array."""

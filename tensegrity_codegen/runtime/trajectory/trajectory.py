@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Fact, count_names, describe_number
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
 
@@ -20,7 +21,7 @@ __all__ = ["Trajectory"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Trajectory(Sampled):
     """A simulated motion; arrays run over the sample times that were reached.
 
@@ -63,6 +64,12 @@ class Trajectory(Sampled):
         Values of the inputs; None without inputs, and for motions of a batch.
     input_name : tuple of str
         Their names.
+    structure : Structure, BodySystem or None
+        What moves, for pictures and units; None in motions of a library that was loaded alone.
+
+    Notes
+    -----
+    `position`, `velocity_of` and `tension` take the name of a node or member.
     """
 
     status: str
@@ -78,6 +85,16 @@ class Trajectory(Sampled):
     why_method: str = ""
     input: FloatArray | None = None
     input_name: tuple[str, ...] = ()
+
+    def headline(self) -> str:
+        """Return status and reason."""
+        return f"{self.status}, {self.message}" if self.message else self.status
+
+    def facts(self) -> list[Fact]:
+        """Return samples, sizes and ranges, for `repr` and notebooks."""
+        inputs = [("inputs", count_names(self.input_name))] if self.input_name else []
+        drift = [("energy drift", describe_number(self.energy_drift))]
+        return [*super().facts(), ("steps", str(self.n_steps)), *drift, *inputs]
 
     def summary(self) -> dict[str, Any]:
         """Return the facts about the run as one JSON-ready object."""

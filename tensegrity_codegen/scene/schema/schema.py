@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, WithJsonSchema
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Strict, Tag, WithJsonSchema
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import NullableSchema
@@ -19,6 +19,7 @@ from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.request import BATCH_WIDTHS, INTERFACES
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.scene.schema.body_schema import (
     BodyTable,
     BodyTorque,
@@ -50,6 +51,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
     tag_by_type,
 )
 from tensegrity_codegen.scene.shapes import Shape
+from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.tableaus import EXPLICIT
 
 __all__ = [
@@ -261,8 +263,24 @@ class SceneParts(Table):
     )
 
 
-class Scene(SceneParts):
-    """A tensegrity structure and what is wanted of it. SI units."""
+class Scene(Summarised, SceneParts):
+    """A tensegrity structure and what is requested of it, checked key by key. SI units.
+
+    Its fields are the sections and keys of a scene file.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import read_scene
+    >>> scene = read_scene("prism.toml")
+    >>> scene.shape.height, scene.classes["cable"].spring_constant
+    (0.3, 200.0)
+    >>> scene.to_toml().splitlines()[0]
+    'name = "prism"'
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"description": "A tensegrity structure and what is requested of it. SI units."}
+    )
 
     name: SceneName = Field(description="Name of the scene: the prefix of all names in the generated C.")
     axes: Axes = Field("xyz", description='Modelled axes; two or one of them make a planar scene, as "xz".')
@@ -319,6 +337,45 @@ class Scene(SceneParts):
     limits: LimitsTable = Field(
         default_factory=LimitsTable, description="Limits of tensions, stresses, distances and stiffness."
     )
+
+    def headline(self) -> str:
+        """Return the name of the scene."""
+        return self.name
+
+    def facts(self) -> list[Fact]:
+        """Return what the scene has in each section, for `repr` and notebooks."""
+        shape = [("shape", self.shape.kind)] if self.shape is not None else []
+        names = ("nodes", "members", "bodies", "tendons", "classes", "inputs", "actuators", "loads")
+        found = [(name, getattr(self, name)) for name in names if getattr(self, name)]
+        counts = [
+            (name, count_names(list(value)) if isinstance(value, dict) else str(len(value)))
+            for name, value in found
+        ]
+        return [*shape, *counts, ("quantities", ", ".join(self.model.quantities) or "default")]
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the scene as a plain document: the dictionary that its TOML file stands for.
+
+        Returns
+        -------
+        dict
+            Tables, lists, texts and numbers, with the keys that the scene was given.
+        """
+        return self.model_dump(by_alias=True, exclude_unset=True)
+
+    def to_toml(self) -> str:
+        """Return the scene as the text of a TOML file.
+
+        Returns
+        -------
+        str
+            TOML; reading it gives an equal scene, with the same numbers bit by bit. Comments of the file
+            that the scene was read from, and its layout, are not kept.
+        """
+        return format_scene(self.to_document())
 
 
 class _WithoutNull(GenerateJsonSchema):

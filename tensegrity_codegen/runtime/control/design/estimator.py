@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.control.design.sensing import Sensing
 from tensegrity_codegen.structure.frozen import freeze_fields
 
@@ -15,8 +16,8 @@ __all__ = ["Estimator"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Estimator:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimator(Summarised):
     """An extended Kalman filter with gains stored at knots along a motion.
 
     The state is (q, q', d), d the disturbance forces on some coordinates. At each sample the prediction p of

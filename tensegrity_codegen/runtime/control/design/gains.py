@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import CONTROL, import_extra
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.structure.frozen import freeze_fields
 
 __all__ = ["Gains"]
@@ -19,8 +20,8 @@ FloatArray = NDArray[np.float64]
 MOST_KNOTS = 25  # of stored gains
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gains(Summarised):
     """Feedback gains along a motion: u = u_motion - K (x - x_motion), as of python-control's `dlqr`.
 
     The state x is (q, q'), then z, the sums of the outputs' errors: z[k+1] = z[k] + C (x[k] - x_motion[k]).

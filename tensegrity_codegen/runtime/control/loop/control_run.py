@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.structure.frozen import freeze_fields
 
 __all__ = ["ControlRun"]
@@ -15,8 +16,8 @@ __all__ = ["ControlRun"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class ControlRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class ControlRun(Summarised):
     """A simulated closed loop, at n_t sample times; the loop acts at all of them but the last.
 
     Attributes

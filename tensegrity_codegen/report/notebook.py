@@ -1,0 +1,76 @@
+"""What notebooks show of a result: a table of facts and, where matplotlib is installed, a picture."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+from markupsafe import escape
+
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.report.pictures.draw import draw
+from tensegrity_codegen.results.summaries import Summarised
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["build_html"]
+
+DRAWN = (CompiledModel, Equilibrium, PlanResult, Scene, Structure, BodySystem, Trajectory)
+DPI = 80  # of pictures
+LEFT = 'style="text-align:left"'
+SIDE_BY_SIDE = 'style="display:flex;flex-wrap:wrap;gap:1em;align-items:flex-start"'
+MOST_MEMBERS = 3000  # of structures that are drawn without being asked
+
+
+def build_html(item: Summarised) -> str:
+    """Return the HTML that a notebook shows of a result: name, table of facts, picture."""
+    rows = "".join(
+        f"<tr><th {LEFT}>{escape(name)}</th><td {LEFT}>{escape(text)}</td></tr>"
+        for name, text in item.facts()
+    )
+    head = ": ".join(part for part in (type(item).__name__, item.headline()) if part)
+    table = f"<table><caption {LEFT}><b>{escape(head)}</b></caption>{rows}</table>"
+    return f"<div {SIDE_BY_SIDE}>{table}{_picture(item)}</div>"
+
+
+def _picture(item: Any) -> str:
+    """Return an image, or "" for what has no picture, is too large, or where matplotlib is missing."""
+    try:
+        if isinstance(item, Motion):
+            figure = _plot_rest_lengths(item)
+        elif isinstance(item, DRAWN) and _count_members(item) <= MOST_MEMBERS:
+            figure = draw(item)
+        else:
+            return ""
+        data = io.BytesIO()
+        figure.savefig(data, format="png", dpi=DPI)
+    except TensegrityError:  # no matplotlib, no structure, positions that are not finite
+        return ""
+    text = base64.b64encode(data.getvalue()).decode("ascii")
+    return f'<img alt="picture" style="max-width:100%" src="data:image/png;base64,{text}">'
+
+
+def _count_members(item: Any) -> int:
+    structure = item if isinstance(item, Structure | BodySystem) else getattr(item, "structure", None)
+    return 0 if structure is None else int(structure.n_members)
+
+
+def _plot_rest_lengths(motion: Motion) -> Any:
+    """Return a figure of the actuators' rest lengths over time."""
+    from tensegrity_codegen.report.pictures.canvas import new_figure
+
+    figure = new_figure(5.0, 3.2)
+    axes = figure.add_subplot()
+    for name, values in zip(motion.actuators, motion.rest_length.T, strict=True):
+        axes.plot(motion.time, values, label=name)
+    axes.set(xlabel="time [s]", ylabel="rest length [m]")
+    if len(motion.actuators) <= 12:
+        axes.legend(fontsize=7)
+    return figure

@@ -1,0 +1,3 @@
+"""What all results share: values by name, short texts."""
+
+__all__: list[str] = []

@@ -1,0 +1,90 @@
+"""Short texts of results: `repr` of at most five lines, and a table with a picture in notebooks."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from collections.abc import Sequence, Sized
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Fact", "Summarised", "count_names", "describe_number", "describe_range"]
+
+Fact = tuple[str, str]  # what, and its value as text
+
+SHOWN = 4  # facts below the first line of a repr
+WIDTH = 100  # characters of a line
+MOST_NAMES = 4
+# Loaded when a notebook shows something: the run time does not depend on pictures.
+NOTEBOOK = "tensegrity_codegen.report.notebook"
+
+
+class Summarised:
+    """A result whose `repr` has at most five lines, and which notebooks show as a table and a picture."""
+
+    def headline(self) -> str:
+        """Return what a `repr` says behind the name of the class."""
+        status = getattr(self, "status", "")
+        return status if isinstance(status, str) else ""
+
+    def facts(self) -> list[Fact]:
+        """Return what the result holds, the most important first; by default the fields of a dataclass."""
+        fields: tuple[Any, ...] = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
+        names = [item.name for item in fields]
+        return [(name, _describe(getattr(self, name))) for name in names if name != "status"]
+
+    def __repr__(self) -> str:
+        first = ": ".join(part for part in (type(self).__name__, self.headline()) if part)
+        facts = self.facts()
+        lines = [f"{name}: {text}" for name, text in facts[:SHOWN]]
+        if len(facts) > SHOWN:
+            lines[-1] = "; ".join(f"{name}: {text}" for name, text in facts[SHOWN - 1 :])
+        return "\n  ".join(_cut(" ".join(line.split())) for line in (first, *lines))
+
+    def _repr_html_(self) -> str:
+        text: str = importlib.import_module(NOTEBOOK).build_html(self)
+        return text
+
+
+def count_names(names: Sequence[str]) -> str:
+    """Return a number of names and the first of them: "6 (b1, b2, b3, b4, ...)"."""
+    if not names:
+        return "0"
+    more = ", ..." if len(names) > MOST_NAMES else ""
+    return f"{len(names)} ({', '.join(names[:MOST_NAMES])}{more})"
+
+
+def describe_number(value: float | None, unit: str = "") -> str:
+    """Return a number with its unit, "-" for None."""
+    return "-" if value is None else f"{value:.6g} {unit}".rstrip()
+
+
+def describe_range(values: Any, unit: str = "") -> str:
+    """Return the smallest and the largest finite number: "0 to 23.4 N"."""
+    array = np.asarray(values, dtype=float)
+    array = array[np.isfinite(array)]
+    if not array.size:
+        return "-"
+    return f"{array.min():.6g} to {array.max():.6g} {unit}".rstrip()
+
+
+def _describe(value: Any) -> str:
+    """Return a short text of the value of a field."""
+    if isinstance(value, np.ndarray):
+        return str(value[()]) if value.ndim == 0 else f"{value.dtype} {value.shape}"
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}"
+    if isinstance(value, str | bool | int) or value is None:
+        return str(value)
+    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+        return count_names(list(value))
+    if hasattr(value, "shape") and hasattr(value, "nnz"):
+        return f"sparse {value.shape}, {value.nnz} non-zeros"
+    if isinstance(value, Sized):
+        return f"{type(value).__name__} of {len(value)}"
+    return type(value).__name__
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else line[: WIDTH - 4] + " ..."

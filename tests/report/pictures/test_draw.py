@@ -1,0 +1,80 @@
+"""Figures of what there is: scenes, models, equilibria, samples of motions; of nodes and of bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("matplotlib", reason="pictures need matplotlib")
+
+from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, simulate
+from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.runtime.model.model import CompiledModel
+
+
+@pytest.fixture(scope="module", params=["planar", "svd_tower"])
+def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / f"{request.param}.toml"
+    path.write_text(read_example(request.param), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(scene: Path) -> CompiledModel:
+    return compile_scene(scene, for_=("simulate", "equilibrium"))
+
+
+def texts(figure: Any) -> str:
+    from matplotlib.text import Text
+
+    return "\n".join(item.get_text() for item in figure.findobj(Text))
+
+
+def test_scenes_models_and_results_are_drawn(scene: Path, model: CompiledModel, tmp_path: Path) -> None:
+    run = simulate(model, t_end=0.02, samples=3)
+    found = find_equilibrium(model)
+    read = read_scene(scene)
+    subjects = (scene, str(scene), read, read.to_document(), load_scene(scene)[0], model, found, run)
+    for subject in subjects:
+        figure = draw(subject)
+        assert model.manifest.name in texts(figure)
+    assert "equilibrium: converged" in texts(draw(found))
+    draw(run).savefig(tmp_path / "run.png")
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sample_is_chosen_by_number_or_by_time(model: CompiledModel) -> None:
+    run = simulate(model, t_end=0.02, samples=3)
+    for options, shown in (
+        ({}, "0.02"),
+        ({"sample": 0}, "0"),
+        ({"time": 0.012}, "0.01"),
+        ({"sample": -2}, "0.01"),
+    ):
+        assert f"t = {shown} s" in texts(draw(run, **options))
+    for options in ({"sample": 3}, {"sample": -4}, {"sample": 0, "time": 0.0}):
+        with pytest.raises(InvalidValueError):
+            draw(run, **options)
+    with pytest.raises(InvalidValueError, match="only motions and plans"):
+        draw(model, time=0.0)
+
+
+def test_names_and_a_title_are_written(model: CompiledModel) -> None:
+    shown = texts(draw(model, labels=True, title="a title"))
+    assert "a title" in shown
+    assert model.manifest.node_name[0] in shown
+
+
+@pytest.mark.parametrize("subject", [3, None, [1, 2], object()])
+def test_other_things_are_refused(subject: Any) -> None:
+    with pytest.raises(InvalidValueError, match="cannot be drawn"):
+        draw(subject)
+
+
+def test_results_of_a_library_alone_are_refused(model: CompiledModel) -> None:
+    alone = CompiledModel(model.path, model.manifest)
+    with pytest.raises(InvalidValueError, match="without its scene"):
+        draw(simulate(alone, t_end=0.01, samples=2))

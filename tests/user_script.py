@@ -1,0 +1,76 @@
+"""A user's script with every public name, typed; tests/test_python_manners.py runs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import tensegrity_codegen as tc
+
+SCENE = {
+    "name": "lift",
+    "axes": "z",
+    "gravity": [0, 0, -9.81],
+    "classes": {"spring": {"kind": "cable", "spring_constant": 80.0, "damping": 0.4}},
+    "nodes": {
+        "top": {"position": [0, 0, 0], "anchored": True},
+        "load": {"position": [0, 0, -1], "mass": 0.5},
+    },
+    "members": {"cord": {"class": "spring", "nodes": ["top", "load"], "rest_length": np.float64(1.0)}},
+    "actuators": [{"name": "winch", "members": "cord", "rate": 1.0}],
+    "sensors": [{"kind": "member_length", "members": "cord", "noise": 1e-3}],
+}
+WORK = ("simulate", "equilibrium", "sensitivity", "linearize", "analyse", "plan", "time_motion", "control")
+
+
+def main(folder: Path) -> dict[str, object]:
+    """Use everything, write into `folder`, and return the results by name."""
+    scene: tc.Scene = tc.read_scene(SCENE)
+    (folder / "lift.toml").write_text(scene.to_toml(), encoding="utf-8")
+    structure, request = tc.load_scene(folder / "lift.toml")
+    assert isinstance(structure, tc.Structure)
+    assert isinstance(request, tc.ModelRequest)
+    small: tc.CompiledModel = tc.build_library(structure, request).load()
+    model: tc.CompiledModel = tc.compile_scene(scene, for_=WORK)
+    found: tc.Equilibrium = tc.find_equilibrium(model)
+    analysis: tc.Analysis = tc.analyse(model)
+    slopes: tc.Sensitivity = tc.equilibrium_sensitivity(model, found)
+    linear: tc.LinearModel = tc.linearize(model, coordinate=found.coordinate)
+    (folder / "profile.csv").write_text("time,winch\n0,0\n0.5,-0.1\n1,-0.1\n", encoding="utf-8")
+    profile: tc.Profile = tc.read_profile(folder / "profile.csv", ["winch"])
+    motion: tc.Trajectory = tc.simulate(model, t_end=1.0, samples=11, schedule=profile)
+    many = tc.compile_scene(scene, for_="simulate_batch")
+    batch: tc.BatchTrajectory = tc.simulate_batch(many, t_end=0.1, samples=3, coordinate=[[-1.0], [-1.1]])
+    planned: tc.PlanResult = tc.plan(model, "load.z=-0.95")
+    path = tc.EquilibriumPath([[0.0], [-0.05]])
+    timed: tc.Motion = tc.time_motion(model, path, duration=1.0)
+    gains: tc.Gains = tc.design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    estimator: tc.Estimator = tc.design_kalman(model, found, sample=0.02, knots=2)
+    distribution: tc.TensionDistribution = tc.design_distribution(model, timed, least_tension=0.1)
+    gust = tc.Gust("load", (0.0, 0.0, -0.5), 0.1, 0.1)
+    run: tc.ControlRun = tc.simulate_control(model, found, gains, estimator=estimator, t_end=0.5, gust=gust)
+    tc.draw(motion, time=0.5, labels=True).savefig(folder / "lift.png")
+    length: float = float(found.member_length[0])
+    speed: float = float(np.abs(motion.velocity_of("load")).max())
+    pull: float = float(motion.tension("cord")[-1])
+    try:
+        motion.position("lood")
+    except tc.TensegrityError as error:
+        problem: str = error.hint
+    print(tc.__version__, found.position("load"), length, speed, pull, problem)
+    names = (
+        "scene",
+        "structure",
+        "small",
+        "model",
+        "found",
+        "analysis",
+        "slopes",
+        "linear",
+        "profile",
+        "motion",
+    )
+    more = ("batch", "planned", "path", "timed", "gains", "estimator", "distribution", "run")
+    values = locals()
+    return {name: values[name] for name in (*names, *more)}
