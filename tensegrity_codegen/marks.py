@@ -14,7 +14,10 @@ MARK = "written by tensegrity_codegen"
 LIST_FILE = "SHA256SUMS"
 WINDOW = 2**16  # bytes at either end of a file in which the mark is looked for
 # Tables have no place for a mark; these are the first columns of those written here.
-TABLE_HEADS = (b"load_factor,smallest_eigenvalue,residual", b"scene,t_end,")
+TABLE_HEADS = (
+    *(b"load_factor,smallest_eigenvalue,residual", b"scene,t_end,"),
+    *(b"time [s],", b"motion,time [s],", b"matrix,row,column,value"),
+)
 
 
 def has_mark(path: Path) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -14,7 +14,7 @@ from tensegrity_codegen.cli.options import CompilerOption, JsonOption, Overwrite
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
 from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def linearize(
     input: InputOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", help="Write A, B (row, column, value), vectors and names (.npz)."),
+        typer.Option("--out", "-o", help="Write A, B, vectors and names (.npz, .mat or .csv)."),
     ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
@@ -48,17 +48,19 @@ def linearize(
 
     r is the state derivative at (x0, u0): zero at an equilibrium, up to its tolerance. The file has x0, u0
     and r as `state`, `input` and `residual_rate`; its `c` belongs to the same model as x' = A x + B u + c.
+    In .npz files matrices are rows, columns and values, in .mat files sparse; .csv files have the columns
+    matrix, row, column, value, with names of states and inputs.
 
     Example: tensegrity-codegen linearize prism.toml --settle --json
     """
     output = Output(json)
     with output.guard(scene):
         if out is not None:
-            check_ending(out, ".npz")
+            check_ending(out, *LINEAR_ENDINGS)
             check_output(out, inputs=[scene], overwrite=overwrite)
         linear, kinks = _linearize(scene, settle, compiler, output, input)
         if out is not None:
-            write_linear_model(linear, out)
+            linear.write(out)
         _report(output, linear, kinks, out)
 
 
@@ -156,30 +158,6 @@ def _say_kinks(kinks: Mapping[str, bool]) -> str:
         f"{len(kinks)} cable{'s are' if len(kinks) > 1 else ' is'} exactly at rest length, where the "
         f"stiffness jumps; the linear model holds on one side only. It treats {'; '.join(sides)}"
     )
-
-
-def write_linear_model(linear: LinearModel, path: Path) -> None:
-    """Write a linear model to an .npz file: sparse matrices as row, column, value; names and vectors."""
-
-    arrays: dict[str, Any] = {}
-    for name in ("A", "B", "variation"):
-        if getattr(linear, name) is None:
-            continue
-        matrix = getattr(linear, name).tocoo()
-        arrays |= {f"{name}_row": matrix.row, f"{name}_column": matrix.col, f"{name}_value": matrix.data}
-        arrays[f"{name}_shape"] = np.array(matrix.shape)
-    arrays |= {
-        "c": linear.c,
-        "residual_rate": linear.residual_rate,
-        "state": linear.state,
-        "input": linear.input,
-    }
-    arrays |= {
-        "state_name": np.array(linear.state_name),
-        "input_name": np.array(linear.input_name, dtype=str),
-    }
-    arrays |= {"natural_frequency": linear.natural_frequency, "damping_ratio": linear.damping_ratio}
-    write_arrays(path, arrays)
 
 
 VERB = Verb(linearize, order=70)

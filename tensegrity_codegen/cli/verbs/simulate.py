@@ -43,7 +43,7 @@ from tensegrity_codegen.cli.simulate_batch import (
 )
 from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.files import check_output
 from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
@@ -53,6 +53,10 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["VERB"]
+
+OutOption = Annotated[
+    Path | None, typer.Option("--out", "-o", help="Result file (.npz, .csv, .parquet or .mat).")
+]
 
 
 def simulate(
@@ -73,13 +77,18 @@ def simulate(
     profile_kind: ProfileKindOption = "linear",
     batch: BatchOption = None,
     threads: ThreadsOption = 1,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result file (.npz).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Result file (.npz, .csv, .parquet or .mat).")
+    ] = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Simulate the motion of a scene and write it to an .npz file.
+    """Simulate the motion of a scene and write it to a file.
+
+    Files .npz and .mat hold all arrays by name; .csv and .parquet a row for each sample, with columns such as
+    "time [s]", "t1.x [m]", "bar1.tension [N]".
 
     With --until contact the run ends at the first contact of two bars; "events" of the result, and
     event_time, event_kind, event_name of the file describe it. With a condition the run ends where a
@@ -102,12 +111,13 @@ def simulate(
     with output.guard(scene):
         from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
+        from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
 
         options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
         asked = _Asked(options, *read_until(until), settle, profile, profile_kind, tuple(input or ()))
         check_options(options, t_end, samples)
         if out is not None:
-            check_ending(out, ".npz")
+            check_motion_file(out)
             inputs = [path for path in (scene, batch, profile) if path is not None]
             check_output(out, inputs=inputs, overwrite=overwrite)
         if batch is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from tensegrity_codegen.results.summaries import (
 )
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
+from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Model
@@ -88,6 +90,24 @@ class LinearModel(Summarised):
             ("non-zeros", f"A {self.A.nnz}, B {self.B.nnz}"),
             ("largest residual rate", describe_number(largest)),
         ]
+
+    def write(self, path: str | Path) -> None:
+        """Write the linear model to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.npz``: matrices as rows, columns and values (``A_row``, ``A_column``, ``A_value``,
+            ``A_shape``), vectors, names. ``.mat``: sparse matrices, vectors, names as cells. ``.csv``: the
+            columns matrix, row, column, value; a line for each non-zero entry, with names of states and
+            inputs. A name without ending is an ``.npz`` file.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written, or has another ending.
+        """
+        write_linear_model(self, path)
 
     @property
     def natural_frequency(self) -> FloatArray:

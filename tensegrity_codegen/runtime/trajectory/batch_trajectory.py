@@ -22,10 +22,36 @@ FloatArray = NDArray[np.float64]
 class BatchTrajectory(Sampled):
     """Motions over the same sample times; rows that a motion did not reach are NAN.
 
-    Arrays as of Sampled; energy_drift (n_batch,): as of a Trajectory, NAN where energy changes rightly.
-    status, message: one a motion, words as of a Trajectory and "non_finite_input"; n_reached: samples of
-    each; n_steps, n_rejected (-1: not known), n_evaluations (n_batch,); error_estimate (n_batch,): NAN where
-    a method makes none. `batch[k]` is motion k as a Trajectory.
+    ``batch[k]`` is motion k as a Trajectory, ``len(batch)`` the number of motions.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_t,) [s]
+        Sample times.
+    coordinate, velocity : ndarray, shape (n_batch, n_t, n_coordinates) [m, m/s]
+        Free coordinates and their rates.
+    node_position, node_velocity : ndarray, shape (n_batch, n_t, n_nodes, 3) [m, m/s]
+        Positions and velocities of all nodes.
+    member_tension : ndarray, shape (n_batch, n_t, n_members) [N]
+        Tensions.
+    kinetic_energy, total_energy : ndarray, shape (n_batch, n_t) [J]
+        Energies.
+    energy_drift : ndarray, shape (n_batch,)
+        As of a Trajectory; NAN with damping or a schedule.
+    error_estimate : ndarray, shape (n_batch,)
+        Estimated error over the tolerance; NAN where the method makes none.
+    status, message : tuple of str
+        Of each motion: words as of a Trajectory, and ``"non_finite_input"``.
+    n_reached, n_steps, n_rejected, n_evaluations : ndarray of int, shape (n_batch,)
+        Samples that each motion reached; steps, rejected steps (-1: not known), evaluations.
+    step : float or None
+        Fixed step [s].
+    method : str
+        The method.
+    node_name, member_name : tuple of str
+        Names.
+    structure : Structure, BodySystem or None
+        What moves; None with a library that was loaded alone.
     """
 
     energy_drift: FloatArray

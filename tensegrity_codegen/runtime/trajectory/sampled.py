@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.results.by_name import ByName, find_row
 from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
-from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.trajectory.frames import build_dataset, build_frame
+from tensegrity_codegen.runtime.trajectory.write_motion import write_motion
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
@@ -121,5 +121,19 @@ class Sampled(ByName, Summarised):
         return {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}, **words}
 
     def write(self, path: str | Path) -> None:
-        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
-        write_arrays(path, self.arrays())
+        """Write the motion to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``.npz`` or ``.mat``: all arrays with their names; ``.csv`` or ``.parquet``: a row for each
+            sample, with the columns of `to_pandas`. A name without ending is an ``.npz`` file.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written, or has another ending.
+        MissingExtraError
+            The ending is ``.parquet`` and pyarrow is not installed.
+        """
+        write_motion(self, path)
