@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.control.design.reachable import (
 )
 from tensegrity_codegen.runtime.control.design.riccati import compute_gain, find_stationary
 from tensegrity_codegen.runtime.control.design.sensing import Sensing, find_sensing
+from tensegrity_codegen.runtime.control.design.shown_forces import find_shown_forces
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -54,6 +55,7 @@ def design_kalman(
     sample: float = 0.005,
     disturbance: ArrayLike | None = None,
     acceleration_noise: ArrayLike | None = None,
+    only_observable: bool = False,
     knots: int = MOST_KNOTS,
     arguments: Mapping[str, Any] | None = None,
 ) -> Estimator:
@@ -74,6 +76,9 @@ def design_kalman(
         By default a tenth of the forces that the largest tension causes; 0: no such force is estimated.
     acceleration_noise : float or array_like, shape (n_coordinates,), optional [m/s2 or rad/s2, by sqrt(Hz)]
         White noise of the accelerations.
+    only_observable : bool
+        Estimate disturbance forces on as many coordinates as the sensors tell apart, those that they show
+        best, and leave out the others. By default forces that cannot be told apart are refused.
     knots : int
         Number of times at which gains are computed.
     arguments : mapping, optional
@@ -123,6 +128,9 @@ def design_kalman(
     given = merge_inputs(model.manifest, arguments)
     walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
     time = np.linspace(0.0, way.duration, _check_knots(knots))
+    if only_observable:
+        last = _build_part(model, way, way.duration, given, sensing, walk, shake)
+        walk = _leave_out(last, sensing, walk, sample)
     parts = [_build_part(model, way, now, given, sensing, walk, shake) for now in time.tolist()]
     names = name_states(model.manifest)
     n = len(names) // 2
@@ -177,6 +185,18 @@ def _build_part(
     slope = np.zeros((len(sensing.noise), size))
     slope[:, : 2 * n] = sensing.slopes(at)
     return rate, spectrum, slope
+
+
+def _leave_out(
+    part: tuple[FloatArray, FloatArray, FloatArray], sensing: Sensing, walk: FloatArray, sample: float
+) -> FloatArray:
+    """Return how fast disturbances change, 0 for forces that the sensors do not tell apart."""
+    rate, _, slope = part
+    disturbed = np.flatnonzero(walk > 0.0)
+    if not len(disturbed):
+        return walk
+    shown = disturbed[find_shown_forces(expm(sample * rate), slope, sensing.noise, walk[disturbed], sample)]
+    return np.where(np.isin(np.arange(len(walk)), shown), walk, 0.0)
 
 
 def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
@@ -245,5 +265,5 @@ def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], se
         given=f"{len(sensing.noise)} numbers ({shown}); "
         f"rank {first.rank} of {first.size}; unobservable: {describe_direction(first.direction, names)}",
         allowed="sensors that show every motion and disturbance force that does not decay",
-        hint="add sensors, or estimate fewer disturbance forces: disturbance=0 for some coordinates",
+        hint="add sensors, or estimate fewer disturbance forces: only_observable=True, or 0 for some",
     )

@@ -24,16 +24,26 @@ BACK = 1e-9  # of the largest slope: a negative slope that counts as rounding
 class TimeLaw:
     """Progress s over the part x = t / duration of the time, both from 0 to 1, at rest at both ends.
 
-    piece: polynomials of x; own_duration [s]: last time of a table, None without one.
+    piece: polynomials of x; own_duration [s]: last time of a table, None without one; returns: whether the
+    first half of the time leads from 0 to 1, and the second half back to 0 as a mirror image.
     """
 
     piece: PPoly
     own_duration: float | None = None
+    returns: bool = False
 
     def at(self, part: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return s, ds/dx and d2s/dx2 at parts x of the time, each of the shape of `part`."""
-        s, rate, change = (self.piece(part, order) for order in range(3))
-        return np.clip(s, 0.0, 1.0), rate, change
+        x, slope = part, np.ones_like(part)
+        if self.returns:
+            x, slope = 1.0 - np.abs(1.0 - 2.0 * part), np.where(part <= 0.5, 2.0, -2.0)
+        s, rate, change = (self.piece(x, order) for order in range(3))
+        return np.clip(s, 0.0, 1.0), rate * slope, change * slope**2
+
+    def returning(self) -> TimeLaw:
+        """Return the law that goes back after it: in twice the time, at rest at the far end too."""
+        own = None if self.own_duration is None else 2.0 * self.own_duration
+        return TimeLaw(self.piece, own, returns=True)
 
 
 def read_law(law: str | ArrayLike) -> TimeLaw:

@@ -44,6 +44,7 @@ def time_motion(
     law: str | ArrayLike = QUINTIC,
     *,
     feedforward: str = "dynamic",
+    there_and_back: bool = False,
     arguments: Mapping[str, Any] | None = None,
     samples: int = 201,
 ) -> Motion:
@@ -64,6 +65,9 @@ def time_motion(
     feedforward : str
         ``"dynamic"``: tensions and inputs that produce the accelerations of the motion, next to the tensions
         of the path; needs masses. ``"static"``: those of the path, which neglect inertia and damping.
+    there_and_back : bool
+        Go to the end of the path in the first half of the time, and back the same way in the second half. The
+        duration is that of both, twice that of a table.
     arguments : mapping, optional
         Inputs and parameters by name, where they differ from the scene; those of the path.
     samples : int
@@ -99,7 +103,7 @@ def time_motion(
     """
     _check_samples(samples)
     check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
-    shape = read_law(law)
+    shape = read_law(law).returning() if there_and_back else read_law(law)
     wanted = _read_duration(duration, shape)
     plan_model, knots = find_knots(model, path, arguments)
     smooth = remove_momentum(plan_model, knots, build_smooth_path(plan_model, knots))

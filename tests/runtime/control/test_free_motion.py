@@ -43,6 +43,15 @@ def test_a_free_prism_of_unequal_masses_turns_as_it_must() -> None:
     np.testing.assert_allclose(_distances(motion.coordinate[-1]), _distances(found.coordinate[-1]), atol=1e-9)
 
 
+def test_a_free_structure_that_goes_back_ends_where_it_began() -> None:
+    structure = build_prism()
+    model, found = compile_motion(structure), plan_prism(structure)
+    motion = time_motion(model, found, 2.8, samples=201, there_and_back=True)
+    np.testing.assert_allclose(motion.coordinate[-1], found.coordinate[0], atol=1e-11)
+    assert np.abs(motion.coordinate[100] - motion.coordinate[0]).max() > 1e-3
+    assert follow(model, motion) < 1e-5
+
+
 def _distances(coordinate: np.ndarray) -> np.ndarray:
     place = coordinate.reshape(6, 3)
     return np.linalg.norm(place[:, None] - place, axis=2)

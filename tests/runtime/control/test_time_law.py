@@ -31,6 +31,19 @@ def test_a_table_of_the_quintic_is_the_quintic() -> None:
     np.testing.assert_allclose(law.at(PART)[0], quintic(PART), atol=1e-13)
 
 
+def test_a_law_that_returns_is_at_rest_at_the_far_end() -> None:
+    law = read_law("quintic").returning()
+    s, rate, bend = law.at(np.array([0.0, 0.25, 0.5, 0.75, 1.0]))
+    np.testing.assert_allclose(s, [0.0, 0.5, 1.0, 0.5, 0.0], atol=1e-15)
+    np.testing.assert_allclose(rate, [0.0, 3.75, 0.0, -3.75, 0.0], atol=1e-12)
+    np.testing.assert_allclose(bend, 0.0, atol=1e-12)
+    x, step = PART[1:-1], 1e-6
+    low, high = law.at(x - step), law.at(x + step)
+    np.testing.assert_allclose((high[0] - low[0]) / (2 * step), law.at(x)[1], atol=1e-7)
+    np.testing.assert_allclose((high[1] - low[1]) / (2 * step), law.at(x)[2], atol=1e-3)
+    assert read_law([[0, 0], [3, 1]]).returning().own_duration == 6.0
+
+
 @pytest.mark.parametrize(
     "table",
     [

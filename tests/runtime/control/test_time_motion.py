@@ -60,6 +60,33 @@ def test_velocities_and_accelerations_are_the_derivatives_of_the_coordinates() -
     assert np.abs(motion.acceleration[[0, -1]]).max() < 1e-9
 
 
+@pytest.mark.parametrize("feedforward", ["static", "dynamic"])
+def test_there_and_back_is_the_motion_and_its_mirror_image(feedforward: str) -> None:
+    model = compile_motion(PRISM)
+    once = time_motion(model, find(), 2.0, feedforward=feedforward, samples=51)
+    both = time_motion(model, find(), 4.0, feedforward=feedforward, samples=101, there_and_back=True)
+    for name, sign in (("coordinate", 1.0), ("velocity", -1.0), ("acceleration", 1.0)):
+        value, part = getattr(both, name), getattr(once, name)
+        np.testing.assert_allclose(value[:51], part, atol=1e-10 * (1 + np.abs(part).max()))
+        np.testing.assert_allclose(value[:49:-1], sign * part, atol=1e-10 * (1 + np.abs(part).max()))
+    np.testing.assert_allclose(both.input[:51], once.input, atol=1e-9)
+    if feedforward == "static":
+        assert both.shortest_duration == pytest.approx(2 * once.shortest_duration, rel=1e-4)
+
+
+def test_there_and_back_takes_twice_the_time_of_a_table() -> None:
+    table = [[0.0, 0.0], [0.7, 0.2], [1.5, 1.0]]
+    motion = make(None, law=table, there_and_back=True, samples=61)
+    assert motion.duration == 3.0
+    np.testing.assert_allclose(motion.at(1.5).coordinate, find().coordinate[-1], atol=1e-8)
+    np.testing.assert_allclose(motion.at(0.7).coordinate, motion.at(2.3).coordinate, atol=1e-9)
+
+
+def test_there_and_back_faster_than_the_rates_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match="too fast"):
+        make(0.5, there_and_back=True)
+
+
 def test_the_motion_between_its_points_is_made_of_equilibria() -> None:
     motion, model = make(), compile_motion(PRISM)
     assert motion.path_error < 1e-8

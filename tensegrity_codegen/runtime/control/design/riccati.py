@@ -14,6 +14,7 @@ FloatArray = NDArray[np.float64]
 
 RESIDUAL = 1e-10  # of |P|
 MOST_POLISHING = 20
+MOST_DOUBLINGS, DOUBLED = 60, 1e-15
 
 
 def compute_gain(p: FloatArray, a: FloatArray, b: FloatArray, r: FloatArray) -> FloatArray:
@@ -75,18 +76,15 @@ def find_stationary(
 
     Notes
     -----
-    The ordered QZ decomposition of SciPy, then the recursion itself, which contracts towards P.
+    The structure-preserving doubling algorithm (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang,
+    "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", International
+    Journal of Control 77, 2004): k steps of it are 2^k steps of the recursion. Where its solution does not
+    stabilise the system (an unstable motion without weight), the ordered QZ decomposition of SciPy. Then the
+    recursion itself, which contracts towards P.
     """
-    try:
-        p: FloatArray = np.asarray(solve_discrete_are(a, b, q, r), dtype=np.float64)
-    except (LinAlgError, ValueError) as error:
-        raise ConvergenceError(
-            "the stationary Riccati equation has no solution that stabilises the system",
-            evidence={"reason": str(error)},
-            where=where,
-            hint="give all states a weight, or scale the weights nearer to each other",
-        ) from error
-    p = 0.5 * (p + p.T)
+    p = _double(a, b, q, r)
+    if p is None or not _is_stable(a - b @ compute_gain(p, a, b, r)):
+        p = _decompose(a, b, q, r, where)
     best, residual = p, np.inf
     for _ in range(MOST_POLISHING):
         following, _ = step_back(p, a, b, q, r)
@@ -104,3 +102,43 @@ def find_stationary(
             hint="scale the weights nearer to each other",
         )
     return best, residual
+
+
+def _double(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray | None:
+    """Return the limit of the recursion from P = 0 backwards by doubling; None where it has none."""
+    n = len(a)
+    through, reach, cost = a, b @ cho_solve(cho_factor(r), b.T), q
+    for _ in range(MOST_DOUBLINGS):
+        with np.errstate(over="ignore", invalid="ignore"):
+            try:
+                solved = np.linalg.solve(np.eye(n) + reach @ cost, np.hstack([through, reach]))
+            except np.linalg.LinAlgError:
+                return None
+            added = through.T @ cost @ solved[:, :n]
+            reach = reach + through @ solved[:, n:] @ through.T
+            cost, through = cost + added, through @ solved[:, :n]
+            reach, cost = 0.5 * (reach + reach.T), 0.5 * (cost + cost.T)
+        if not all(np.isfinite(item).all() for item in (cost, reach, through)):
+            return None
+        size = float(np.abs(cost).max())
+        if np.abs(added).max() <= DOUBLED * size:
+            return cost
+    return None
+
+
+def _is_stable(closed: FloatArray) -> bool:
+    return bool(np.abs(np.linalg.eigvals(closed)).max(initial=0.0) < 1.0)
+
+
+def _decompose(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, where: str) -> FloatArray:
+    """Return the stabilising solution by the QZ decomposition; raises ConvergenceError without one."""
+    try:
+        p = np.asarray(solve_discrete_are(a, b, q, r), dtype=np.float64)
+    except (LinAlgError, ValueError) as error:
+        raise ConvergenceError(
+            "the stationary Riccati equation has no solution that stabilises the system",
+            evidence={"reason": str(error)},
+            where=where,
+            hint="give all states a weight, or scale the weights nearer to each other",
+        ) from error
+    return 0.5 * (p + p.T)
