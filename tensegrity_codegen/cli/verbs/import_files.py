@@ -25,6 +25,15 @@ RigidOption = Annotated[
 PretensionOption = Annotated[
     float | None, typer.Option(help="NTRT only: factor on the pretension of all cables (1).")
 ]
+GravityOption = Annotated[
+    str | None, typer.Option("--gravity", help="gx,gy,gz [m/s2], in the axes of the scene.")
+]
+UpOption = Annotated[
+    str, typer.Option("--up", help="Axis of the file that points up (x, y, z); it becomes z.")
+]
+ScaleOption = Annotated[
+    float, typer.Option("--scale", help="Metres per unit of length of the file; kg and s stay.")
+]
 
 
 class ImportCommand(VerbCommand):
@@ -43,7 +52,9 @@ def import_foreign(
         list[Path], typer.Argument(metavar="SOURCE...", help="Files in one of the formats below.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Scene file to write.", show_default=False)],
-    gravity: Annotated[str | None, typer.Option("--gravity", help="gx,gy,gz [m/s2].")] = None,
+    gravity: GravityOption = None,
+    up: UpOption = "z",
+    scale: ScaleOption = 1.0,
     name: Annotated[
         str | None, typer.Option("--name", help="Name of the scene; from the file if not given.")
     ] = None,
@@ -69,6 +80,8 @@ def import_foreign(
         imported = read_files(
             sources,
             name=name,
+            up=up,
+            scale=scale,
             gravity=None if gravity is None else parse_vector(gravity, "--gravity"),
             bar_stiffness_ratio=bar_stiffness_ratio,
             rigid=rigid or None,

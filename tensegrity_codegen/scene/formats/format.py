@@ -13,7 +13,9 @@ from pkgutil import iter_modules
 from typing import Any
 
 from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.scene.formats.change_frame import change_frame
 from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.read import parse_scene
 
 __all__ = ["Format", "find_format", "find_formats", "read_files"]
 
@@ -82,7 +84,13 @@ def find_format(paths: Sequence[Path]) -> Format:
 
 
 def read_files(
-    paths: Sequence[Path], *, name: str | None = None, gravity: Sequence[float] | None = None, **options: Any
+    paths: Sequence[Path],
+    *,
+    name: str | None = None,
+    gravity: Sequence[float] | None = None,
+    up: str = "z",
+    scale: float = 1.0,
+    **options: Any,
 ) -> ImportResult:
     """Return the scene document that files in one of the formats describe, with notes.
 
@@ -90,7 +98,9 @@ def read_files(
     ----------
     paths : files that make up one structure.
     name : the scene's name; from the first file if not given.
-    gravity : (3,) [m/s2].
+    gravity : (3,) [m/s2], in the axes of the scene, where z is up; else that of the files.
+    up : "x", "y" or "z", the axis of the files that points up; it becomes z.
+    scale : metres per unit of length of the files, whose units of mass and time are kg and s.
     options : further arguments of the format; None: not given.
 
     Raises
@@ -113,4 +123,12 @@ def read_files(
                 allowed=f"with {', '.join(others)} only",
                 hint=chosen.instead.get(key, ""),
             )
-    return chosen.read(*paths, name=name, gravity=gravity, **given)
+    if up == "z" and scale == 1.0:
+        return chosen.read(*paths, name=name, gravity=gravity, **given)
+    found = chosen.read(*paths, name=name, gravity=None, **given)
+    where = str(paths[0])
+    checked = parse_scene(found.document, where).to_document()
+    document, notes = change_frame(checked, up, scale, where)
+    if gravity is not None:
+        document["gravity"] = [float(value) for value in gravity]
+    return ImportResult(document, (*found.notes, *notes))

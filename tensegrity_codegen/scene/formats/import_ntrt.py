@@ -78,7 +78,7 @@ def _note_up(gravity: Sequence[float] | None) -> list[str]:
     strength = math.hypot(*gravity)
     return [
         "y is up in the toolkit's files, and gravity does not act along y: the structure lies on its side; "
-        f"try `gravity=0,{-strength:g},0`"
+        f"try `gravity=0,{-strength:g},0`, or `up=y` to turn it upright"
     ]
 
 
