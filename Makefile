@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 OUTPUT := output
 PEERS := $(VENV)/.peers
-PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel
+PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel fmpy
 # program:Debian package; tests of films, of other processors, of memory, of pages
 TOOLS := ffprobe:ffmpeg qemu-x86_64:qemu-user valgrind:valgrind chromium:chromium
 WORKERS ?= 2

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.controller.build_controller import ControllerBundle, build_controller
     from tensegrity_codegen.controller.loaded import LoadedController, load_controller
     from tensegrity_codegen.errors import TensegrityError
+    from tensegrity_codegen.export.export_fmu import export_fmu
     from tensegrity_codegen.pipeline import (
         build_library,
         compile_scene,
@@ -90,6 +91,7 @@ __all__ = [
     "design_lqr",
     "draw",
     "equilibrium_sensitivity",
+    "export_fmu",
     "find_equilibrium",
     "linearize",
     "load_controller",
@@ -133,6 +135,7 @@ _HOME = {
     "design_lqr": "runtime.control.lqr",
     "draw": "report.pictures.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
+    "export_fmu": "export.export_fmu",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
     "load_controller": "controller.loaded",

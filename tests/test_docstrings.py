@@ -21,6 +21,7 @@ MODULES = (
     "build",
     "controller.build_controller",
     "controller.loaded",
+    "export.export_fmu",
     "pipeline",
     "report.pictures.draw",
     "request",
@@ -71,6 +72,7 @@ INTERNAL = {
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
     *("stop_at_contact", "simulation_quantities", "Pattern", "Method", "outline_motion"),
+    "EXPORTER",
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.option_names import VerbCommand
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, ReplaceFileOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 
@@ -16,6 +16,29 @@ __all__ = ["VERB"]
 
 FormatArgument = Annotated[
     str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)
+]
+FmiOption = Annotated[
+    str | None, typer.Option("--fmi", help="fmu: version of the standard, 2.0 or 3.0 (2.0).")
+]
+KindOption = Annotated[
+    str | None,
+    typer.Option("--kind", help="fmu: me (model exchange), cs (co-simulation) or both (both)."),
+]
+OutputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--output", help="fmu: quantity that is an output; repeat for several."),
+]
+MethodOption = Annotated[
+    str | None, typer.Option("--method", help="fmu: integrator of the co-simulation (auto).")
+]
+EndOption = Annotated[
+    float | None, typer.Option("--t-end", help="fmu: stop time of the default experiment [s] (1).")
+]
+ToleranceOption = Annotated[
+    float | None, typer.Option("--rtol", help="fmu: relative tolerance of the default experiment (1e-6).")
+]
+SourcesOption = Annotated[
+    bool, typer.Option("--sources-only", help="fmu: no binary for this machine, which needs a C compiler.")
 ]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="File to write.", show_default=False)]
 
@@ -37,6 +60,14 @@ def export_scene(
     format_name: FormatArgument,
     scene: SceneArgument,
     out: OutOption,
+    fmi: FmiOption = None,
+    kind: KindOption = None,
+    outputs: OutputsOption = None,
+    method: MethodOption = None,
+    t_end: EndOption = None,
+    rtol: ToleranceOption = None,
+    sources_only: SourcesOption = False,
+    compiler: CompilerOption = None,
     overwrite: ReplaceFileOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -45,7 +76,8 @@ def export_scene(
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
     """
     # Options of single formats: None where they are not given.
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {"fmi": fmi, "kind": kind, "outputs": outputs, "method": method, "t_end": t_end}
+    options |= {"rtol": rtol, "sources_only": sources_only or None, "compiler": compiler}
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export

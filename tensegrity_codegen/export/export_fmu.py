@@ -1,0 +1,268 @@
+"""Export to functional mock-up units (FMI 2.0 and 3.0), with C sources, derivatives and an integrator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
+from tensegrity_codegen.export.fmu.archive import compile_unit, write_archive
+from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit
+from tensegrity_codegen.export.fmu.layout import POSITION, Layout
+from tensegrity_codegen.export.fmu.method import settle_method
+from tensegrity_codegen.export.fmu.sources import Experiment, write_unit_sources
+from tensegrity_codegen.export.fmu.tangent import find_tangent
+from tensegrity_codegen.export.fmu.variables import list_variables
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.quantities import QUANTITIES, find_quantity
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.accuracy.scales import find_length
+from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["EXPORTER", "export_fmu"]
+
+VERSIONS = ("2.0", "3.0")
+KINDS = {"me": ("me",), "cs": ("cs",), "both": ("me", "cs")}
+USUAL = (POSITION, "member_length", "member_tension")
+# What the states and their derivatives say already.
+SAME = ("acceleration", "state_derivative")
+
+
+def export_fmu(
+    scene: str | Path,
+    out: str | Path,
+    *,
+    fmi: str = "2.0",
+    kind: str = "both",
+    outputs: Iterable[str] = (),
+    method: str = "auto",
+    t_end: float = 1.0,
+    rtol: float = 1e-6,
+    sources_only: bool = False,
+    compiler: str | None = None,
+    overwrite: bool = False,
+) -> Exported:
+    """Write a scene as a functional mock-up unit.
+
+    Parameters
+    ----------
+    scene : str or Path
+        Scene file (TOML).
+    out : str or Path
+        File to write, ending in ``.fmu``.
+    fmi : str
+        Version of the standard: ``"2.0"`` or ``"3.0"``.
+    kind : str
+        ``"me"`` (model exchange), ``"cs"`` (co-simulation) or ``"both"``.
+    outputs : iterable of str
+        Quantities that are outputs; by default node positions, member lengths and tensions, and the scene's
+        own quantities.
+    method : str
+        Integrator of the co-simulation: ``"auto"``, ``"rk853"``, ``"rk54"``, ``"tsit5"`` or ``"radau"``.
+    t_end : float
+        Stop time of the default experiment [s].
+    rtol : float
+        Relative tolerance of the default experiment.
+    sources_only : bool
+        Whether to leave out the binary for this machine, which needs a C compiler.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    overwrite : bool
+        Whether to replace a file that exists.
+
+    Returns
+    -------
+    Exported
+        What was written, and notes on what the unit lacks.
+
+    Raises
+    ------
+    SceneError
+        The scene has an error.
+    UnknownNameError, InvalidValueError
+        A version, interface, output, method or number that is not allowed.
+    FormulationError
+        The scene cannot move (no masses), or is in single precision.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+    OutputError
+        The file cannot be written, or exists.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import export_fmu
+    >>> exported = export_fmu("two_nodes.toml", "two_nodes.fmu", fmi="3.0", sources_only=True)
+    >>> exported.facts["n_states"], exported.facts["method"]
+    (6, 'rk853')
+    """
+    path = Path(scene)
+    source = ExportSource(path, *load_scene(path))
+    options: dict[str, Any] = {"fmi": fmi, "kind": kind, "method": method, "t_end": t_end, "rtol": rtol}
+    options |= {"outputs": tuple(outputs), "sources_only": sources_only, "compiler": compiler}
+    return write_export("fmu", source, Path(out), overwrite=overwrite, **options)
+
+
+def _write(
+    source: ExportSource,
+    path: Path,
+    *,
+    fmi: str = "2.0",
+    kind: str = "both",
+    outputs: Sequence[str] = (),
+    method: str = "auto",
+    t_end: float = 1.0,
+    rtol: float = 1e-6,
+    sources_only: bool = False,
+    compiler: str | None = None,
+) -> Exported:
+    """Write the unit of a scene to `path`; see export_fmu."""
+    _check_options(fmi, kind, t_end, rtol)
+    structure, request = source.structure, _narrow(source)
+    chosen = _choose_outputs(structure, request, source.request.quantities, outputs)
+    integrator = settle_method(
+        structure,
+        request,
+        method,
+        rtol=rtol,
+        t_end=t_end,
+        compiler=compiler,
+        may_compile=not sources_only,
+    )
+    generated, own_request = _generate(structure, request, chosen, integrator)
+    layout = Layout(generated.manifest, structure, chosen)
+    length = 1.0 if _has_angles(layout) else find_length(generated.manifest)
+    experiment = Experiment(fmi, KINDS[kind], integrator, float(t_end), float(rtol), length)
+    tangent = find_tangent(layout, own_request)
+    sources = write_unit_sources(generated.files, layout, tangent, experiment)
+    unit = Unit(generated.manifest.name, sources.token, sources.compiled, tangent is not None, experiment)
+    variables = list_variables(layout, tangent)
+    files = {f"sources/{name}": text.encode("utf-8") for name, text in sources.files.items()}
+    files["modelDescription.xml"] = describe_unit(unit, variables)
+    if fmi == "3.0":
+        files["sources/buildDescription.xml"] = describe_build(unit)
+    if not sources_only:
+        files |= compile_unit(unit.name, sources, fmi, compiler=compiler, flags=request.flags)
+    write_archive(path, files)
+    facts = {
+        "fmi": fmi,
+        "kinds": list(experiment.kinds),
+        "method": integrator,
+        "n_inputs": layout.n_inputs,
+        "n_parameters": layout.n_arguments - layout.n_inputs,
+        "n_states": 2 * layout.n_coordinates,
+        "n_outputs": sum(item.causality == "output" for item in variables),
+        "n_event_indicators": len(layout.margins),
+        "has_derivatives": tangent is not None,
+        "token": sources.token,
+        "binaries": sorted(name for name in files if name.startswith("binaries/")),
+    }
+    return Exported(facts, _list_notes(layout, tangent is not None))
+
+
+def _check_options(fmi: str, kind: str, t_end: float, rtol: float) -> None:
+    check_choice(fmi, VERSIONS, "version of FMI", "fmi")
+    check_choice(kind, KINDS, "kind of interface", "kind")
+    if not (math.isfinite(t_end) and t_end > 0.0):
+        raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
+    if not 0.0 < rtol < 1.0:
+        raise InvalidValueError(
+            "the relative tolerance is out of range", where="rtol", given=rtol, allowed="a number > 0 and < 1"
+        )
+
+
+def _narrow(source: ExportSource) -> ModelRequest:
+    """Return the request without what a unit does not use; raises FormulationError for single precision."""
+    request = source.request
+    if request.precision != "double":
+        raise FormulationError(
+            "an FMU needs double precision",
+            where=f"{source.path}: model.precision",
+            given=request.precision,
+            allowed="double",
+            hint='precision = "double"',
+        )
+    if request.flags != "reference":
+        request = replace(request, flags="reference")  # the unit may run on another machine
+    return replace(request, batch_width=0, interfaces=(), solvers=(), keep=(), integrators=())
+
+
+def _has_angles(layout: Layout) -> bool:
+    return "rad" in layout.coordinate_units()
+
+
+def _choose_outputs(
+    structure: Subject, request: ModelRequest, wanted: Sequence[str], given: Sequence[str]
+) -> tuple[str, ...]:
+    """Return the quantities that are outputs; raises for those given that cannot be."""
+    check_request(structure, request.wanting("acceleration"))
+    if not given:
+        usual = [name for name in USUAL if _is_offered(structure, request, name)]
+        more = [name for name in wanted if name not in (*USUAL, *SAME) and not find_quantity(name).sparse]
+        return tuple(dict.fromkeys((*usual, *more)))
+    for name in given:
+        if find_quantity(name).sparse:
+            raise InvalidValueError(
+                "a sparse matrix cannot be an output",
+                where="outputs",
+                given=name,
+                allowed=", ".join(key for key, row in QUANTITIES.items() if not row.sparse),
+            )
+        if not (name == POSITION and _has_node_coordinates(structure, request)):
+            check_request(structure, request.wanting("acceleration", name))
+    return tuple(dict.fromkeys(given))
+
+
+def _has_node_coordinates(structure: Subject, request: ModelRequest) -> bool:
+    from tensegrity_codegen.formulations import find_formulation
+
+    return find_formulation(request.formulation).in_nodes
+
+
+def _is_offered(structure: Subject, request: ModelRequest, name: str) -> bool:
+    if name == POSITION and _has_node_coordinates(structure, request):
+        return True
+    try:
+        check_request(structure, request.wanting("acceleration", name))
+    except FormulationError:
+        return False
+    return True
+
+
+def _generate(
+    structure: Subject, request: ModelRequest, outputs: Sequence[str], integrator: str
+) -> tuple[GeneratedSource, ModelRequest]:
+    """Return the C of the library, and the request that it was made from."""
+    coordinates = _has_node_coordinates(structure, request)
+    computed = [name for name in outputs if not (name == POSITION and coordinates)]
+    own = request.wanting("acceleration", *computed, integrators=(integrator,))
+    return emit(structure, own), own
+
+
+def _list_notes(layout: Layout, has_derivatives: bool) -> tuple[str, ...]:
+    notes = []
+    if not has_derivatives:
+        notes.append("the structure is too large for directional derivatives, which the unit lacks")
+    manifest = layout.manifest
+    if manifest.rigid_bar or manifest.formulation == "node_distance":
+        notes.append(
+            "the coordinates depend on each other: initial values must agree, and importers that integrate "
+            "by themselves (model exchange) do not keep the constraints exactly"
+        )
+    if layout.structure.has_switch.any() and not any(kind for _, kind in layout.margins):
+        notes.append("switches of member laws are no events of this unit")
+    return tuple(notes)
+
+
+EXPORTER = Exporter(
+    "fmu",
+    "functional mock-up unit (FMI 2.0 or 3.0), with C sources",
+    (".fmu",),
+    _write,
+    ("fmi", "kind", "outputs", "method", "t_end", "rtol", "sources_only", "compiler"),
+    order=10,
+)

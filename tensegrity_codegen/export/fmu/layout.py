@@ -1,0 +1,197 @@
+"""What a unit has of a library: arguments, states and blocks of calculated values, each with its place."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["POSITION", "Argument", "Block", "Layout"]
+
+POSITION = "node_position"
+MARGINS = ("cable_margin", "switch_margin")
+INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
+Parts = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Argument:
+    """One argument of the library: its numbers start at `place` among all arguments."""
+
+    spec: ArgumentSpec
+    place: int
+    parts: tuple[Parts, ...]
+    units: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the argument."""
+        return self.spec.name
+
+
+@dataclass(frozen=True)
+class Block:
+    """Values of one quantity, from `start` on among all calculated values.
+
+    spec: the function that computes them; None: node positions that are coordinates.
+    """
+
+    quantity: str
+    spec: FunctionSpec | None
+    start: int
+    parts: tuple[Parts, ...]
+    unit: str
+    sentence: str
+    is_margin: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return len(self.parts)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All that a unit has, from a library's manifest.
+
+    Attributes
+    ----------
+    manifest : Manifest
+        The library.
+    structure : Structure or BodySystem
+        What it was made from.
+    outputs : tuple of str
+        Quantities that are outputs.
+    """
+
+    manifest: Manifest
+    structure: Subject
+    outputs: tuple[str, ...]
+
+    @property
+    def n_coordinates(self) -> int:
+        """Number of coordinates."""
+        return len(self.manifest.coordinate_name)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Letters of the axes that the scene models."""
+        return tuple("xyz"[axis] for axis in self.manifest.axes)
+
+    @cached_property
+    def arguments(self) -> tuple[Argument, ...]:
+        """Inputs first, then parameters, in the library's order."""
+        specs = [item for item in self.manifest.arguments if item.name not in ("coordinate", "velocity")]
+        found, place = [], 0
+        for spec in sorted(specs, key=lambda item: item.name != "input"):
+            if prod(spec.shape):
+                parts = _combine(spec.over or None, spec.shape, self.axes)
+                units = self._input_units if spec.name == "input" else (spec.unit,) * len(parts)
+                found.append(Argument(spec, place, parts, units))
+                place += len(parts)
+        return tuple(found)
+
+    @property
+    def _input_units(self) -> tuple[str, ...]:
+        return tuple(INPUT_UNITS[item.kind] for item in self.structure.inputs)
+
+    @property
+    def n_arguments(self) -> int:
+        """Number of inputs and parameters."""
+        return sum(len(item.parts) for item in self.arguments)
+
+    @property
+    def n_inputs(self) -> int:
+        """Number of inputs."""
+        return len(self.manifest.input_name)
+
+    @cached_property
+    def blocks(self) -> tuple[Block, ...]:
+        """Outputs, then the margins of events."""
+        specs = {item.quantity: item for item in self.manifest.functions}
+        found: list[Block] = []
+        start = 0
+        for quantity, is_margin in (
+            *((name, False) for name in self.outputs),
+            *((name, True) for name in MARGINS if name in specs and self.manifest_margins(name)),
+        ):
+            spec = specs.get(quantity)
+            row = QUANTITIES[quantity]
+            parts = self._parts(row.shape, spec)
+            found.append(Block(quantity, spec, start, parts, row.unit, row.sentence, is_margin))
+            start += len(parts)
+        return tuple(found)
+
+    def manifest_margins(self, quantity: str) -> tuple[str, ...]:
+        """Return the names of the members that a margin is of."""
+        names = self.manifest.member_name
+        mask = self.structure.tension_only if quantity == MARGINS[0] else self.structure.has_switch
+        return tuple(name for name, has in zip(names, mask.tolist(), strict=True) if has)
+
+    def _parts(self, shape: tuple[str, ...], spec: FunctionSpec | None) -> tuple[Parts, ...]:
+        known: dict[str, Callable[[], tuple[str, ...]]] = {
+            "n_nodes": lambda: self.manifest.node_name,
+            "n_axes": lambda: self.axes,
+            "n_members": lambda: self.manifest.member_name,
+            "n_coordinates": lambda: self.manifest.coordinate_name,
+            "n_inputs": lambda: self.manifest.input_name,
+            "n_bar_pairs": lambda: self.manifest.bar_pair_name,
+            "n_tension_only": lambda: self.manifest_margins(MARGINS[0]),
+            "n_switches": lambda: self.manifest_margins(MARGINS[1]),
+        }
+        lists: list[tuple[str | int, ...]] = []
+        for k, word in enumerate(shape):
+            names: tuple[str | int, ...] = known[word]() if word in known else ()
+            size = len(names) if spec is None else spec.shape[k]
+            lists.append(names if len(names) == size else tuple(range(size)))
+        return tuple(itertools.product(*lists))
+
+    @property
+    def n_values(self) -> int:
+        """Number of calculated values, margins included."""
+        return sum(item.size for item in self.blocks)
+
+    @property
+    def margins(self) -> tuple[tuple[str, int], ...]:
+        """Member and kind (0 slack, 1 switch) of each margin."""
+        return tuple(
+            (name, MARGINS.index(block.quantity))
+            for block in self.blocks
+            if block.is_margin
+            for name in self.manifest_margins(block.quantity)
+        )
+
+    def integrator(self, name: str) -> IntegratorSpec:
+        """Return the integrator of that name."""
+        return next(item for item in self.manifest.integrators if item.name == name)
+
+    def coordinate_units(self) -> tuple[str, ...]:
+        """Return the unit of each coordinate."""
+        unit = self.manifest.argument("coordinate").unit
+        if "," not in unit:
+            return (unit,) * self.n_coordinates
+        return tuple(
+            "m" if name.rpartition("_")[2] in ("x", "y", "z") else "rad"
+            for name in self.manifest.coordinate_name
+        )
+
+
+def _combine(
+    over: tuple[str, ...] | None, shape: tuple[int, ...], axes: tuple[str, ...]
+) -> tuple[Parts, ...]:
+    """Return the names of the entries of an argument: of nodes, members or inputs, and of axes."""
+    lists: list[tuple[str | int, ...]] = []
+    for k, size in enumerate(shape):
+        if k == 0 and over is not None and len(over) == size:
+            lists.append(over)
+        elif k == len(shape) - 1 and size == len(axes):
+            lists.append(axes)
+        else:
+            lists.append(tuple(range(size)))
+    return tuple(itertools.product(*lists))

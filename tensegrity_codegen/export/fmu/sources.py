@@ -1,0 +1,202 @@
+"""The C sources of a unit: the library, the configuration, and the functions of the standard."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tensegrity_codegen.codegen.integrators.radau import COUNTS
+from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
+from tensegrity_codegen.codegen.print.render import render, template_folder
+from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
+from tensegrity_codegen.codegen.source import BANNER
+from tensegrity_codegen.export.fmu.layout import Layout
+from tensegrity_codegen.export.fmu.tangent import Tangent
+from tensegrity_codegen.manifest import STATUS, FunctionSpec
+
+__all__ = ["Experiment", "UnitSources", "write_unit_sources"]
+
+ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
+WATCHED = {"cable": "CABLE", "switch": "SWITCH"}
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """How a unit is used.
+
+    Attributes
+    ----------
+    fmi : str
+        Version of the standard: "2.0" or "3.0".
+    kinds : tuple of str
+        Interfaces: "me" (model exchange), "cs" (co-simulation).
+    method : str
+        Integrator of the co-simulation.
+    t_end, rtol : float
+        Stop time [s] and relative tolerance of the default experiment.
+    length : float
+        Size of the structure [m], which absolute tolerances follow.
+    """
+
+    fmi: str
+    kinds: tuple[str, ...]
+    method: str
+    t_end: float
+    rtol: float
+    length: float
+
+
+@dataclass(frozen=True)
+class UnitSources:
+    """Files of a unit: name -> text; compiled: those that are compiled; token: identifies all of it."""
+
+    files: Mapping[str, str]
+    compiled: tuple[str, ...]
+    token: str
+
+
+def write_unit_sources(
+    library: Mapping[str, str], layout: Layout, tangent: Tangent | None, experiment: Experiment
+) -> UnitSources:
+    """Return the sources of a unit.
+
+    Parameters
+    ----------
+    library : mapping of str to str
+        Files of the generated library: name -> text.
+    layout : Layout
+        What the unit has.
+    tangent : Tangent or None
+        Directional derivatives.
+    experiment : Experiment
+        Version, interfaces, method and tolerances.
+    """
+    name, version = layout.manifest.name, experiment.fmi[0]
+    own = {
+        item: (template_folder() / "fmu" / item).read_text(encoding="utf-8")
+        for item in ("fmu.h", "fmu_core.h", f"fmi{version}.h", f"fmi{version}_functions.h")
+    }
+    files = {f"{name}.h": library[f"{name}.h"], f"{name}_code.h": library[f"{name}.c"], **own}
+    tables = f"{name}_tables.c"
+    if tables in library:
+        files[tables] = library[tables]
+    unit = f"{name}_fmu.c"
+    included = ("fmu_config.h", f"{name}_code.h", "fmu_core.h", f"fmi{version}_functions.h")
+    files[unit] = f"/* {BANNER} */\n" + "".join(f'#include "{item}"\n' for item in included)
+    context = _context(layout, tangent, experiment)
+    token = _identify(files, render("fmu_config.h", {**context, "token": ""}), experiment)
+    files["fmu_config.h"] = wrap_lines(render("fmu_config.h", {**context, "token": token}))
+    return UnitSources(files, tuple(item for item in (unit, tables) if item in files), token)
+
+
+def _identify(files: Mapping[str, str], config: str, experiment: Experiment) -> str:
+    """Return a text in the form of a GUID that is the same for the same unit."""
+    parts = [*(f"{name}\n{files[name]}" for name in sorted(files)), config, repr(experiment)]
+    digest = hashlib.sha256("\0".join(parts).encode("utf-8")).hexdigest()
+    return "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+
+
+def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) -> dict[str, Any]:
+    manifest = layout.manifest
+    margins = layout.margins
+    functions = {item.quantity: item for item in manifest.functions}
+    return {
+        "banner": BANNER,
+        "name": manifest.name,
+        "NAME": manifest.name.upper(),
+        "rtol": print_number(experiment.rtol),
+        "atol_ratio": print_number(ATOL_RATIO * experiment.length),
+        "nominal": print_number(experiment.length),
+        "with_exchange": "me" in experiment.kinds,
+        "with_steps": "cs" in experiment.kinds,
+        "n": {
+            "inputs": layout.n_inputs,
+            "arguments": layout.n_arguments,
+            "coordinates": layout.n_coordinates,
+            "margin_blocks": sum(item.is_margin for item in layout.blocks),
+            "margins": len(margins),
+            "calculated": layout.n_values,
+        },
+        "status_texts": [item.replace("_", " ") for item in STATUS],
+        "member_names": _strings(manifest.member_name),
+        "margin_names": _strings([name for name, _ in margins]),
+        "margin_kinds": [kind for _, kind in margins] or [0],
+        "block_starts": [*(item.start for item in layout.blocks), layout.n_values],
+        "arguments": [{"name": item.name, "place": item.place} for item in layout.arguments],
+        "acceleration": _call(layout, functions["acceleration"]),
+        "blocks": [
+            {"quantity": item.quantity, "start": item.start, "symbol": "", "passed": ""}
+            | (_call(layout, item.spec) if item.spec is not None else {})
+            for item in layout.blocks
+        ],
+        "position": _place_positions(layout),
+        "tangent": _describe_tangent(tangent),
+        "integrator": _describe_integrator(layout, experiment.method),
+    }
+
+
+def _strings(names: Sequence[str]) -> list[str]:
+    """Return names, which are identifiers, as C strings; one where there is none."""
+    return [f'"{name}"' for name in names] or ['""']
+
+
+def _pass(layout: Layout, names: Sequence[str]) -> str:
+    """Return arguments of a function of the library as they are passed, each followed by a comma."""
+    places = {item.name: f"argument + {item.place}" for item in layout.arguments}
+    places |= {"coordinate": "state", "velocity": "state + FMU_N_COORDINATES"}
+    return "".join(f"{places[name]}, " for name in names)
+
+
+def _call(layout: Layout, spec: FunctionSpec) -> dict[str, str]:
+    return {"symbol": spec.symbol, "passed": _pass(layout, spec.arguments)}
+
+
+def _describe_tangent(tangent: Tangent | None) -> dict[str, Any] | None:
+    if tangent is None:
+        return None
+    return {
+        "lines": tangent.lines,
+        "inputs": [{"name": name, "source": source} for name, source in tangent.inputs],
+        "outputs": [{"name": name, "source": source} for name, source in tangent.outputs],
+    }
+
+
+def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
+    spec, manifest = layout.integrator(method), layout.manifest
+    kinds = [word for kind, word in WATCHED.items() if kind in spec.events]
+    return {
+        "name": spec.name,
+        "symbol": spec.symbol,
+        "passed": _pass(layout, spec.arguments),
+        "work_size": spec.work_size,
+        "is_implicit": spec.name == "radau",
+        "has_run": spec.name != "radau" or bool(spec.events) or bool(manifest.driven),
+        "has_events": bool(spec.events),
+        "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{word}" for word in kinds) or "0",
+        "n_counts": len(COUNTS),
+    }
+
+
+def _place_positions(layout: Layout) -> dict[str, Any] | None:
+    """Return where node positions come from, if they are coordinates and anchors."""
+    if all(block.spec is not None for block in layout.blocks):
+        return None
+    manifest = layout.manifest
+    coordinate = {place: k for k, place in enumerate(manifest.coordinate_node_axis)}
+    anchors = {}
+    for item in layout.arguments:
+        if item.name == "anchor_position":
+            anchors = {parts: item.place + k for k, parts in enumerate(item.parts)}
+    places = [(node, axis) for node in range(len(manifest.node_name)) for axis in manifest.axes]
+    argument = [
+        -1 if place in coordinate else anchors.get((manifest.node_name[place[0]], "xyz"[place[1]]), -1)
+        for place in places
+    ]
+    return {
+        "coordinate": [coordinate.get(place, -1) for place in places],
+        "argument": argument,
+        "has_argument": max(argument) >= 0,
+        "start": print_numbers([manifest.node_position[node][axis] for node, axis in places]),
+    }

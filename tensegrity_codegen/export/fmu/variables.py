@@ -1,0 +1,163 @@
+"""The variables of a unit, in the order of their value references."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tensegrity_codegen.export.fmu.layout import Layout
+from tensegrity_codegen.export.fmu.names import join_names, quote_name
+from tensegrity_codegen.export.fmu.tangent import Tangent
+
+__all__ = ["Variable", "list_variables"]
+
+KIND_WORDS = ("is_slack", "is_below_switch")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar variable.
+
+    Attributes
+    ----------
+    name : str
+        Structured name.
+    causality, variability, initial : str
+        Words of the standard; initial "" where the standard has none.
+    sentence : str
+        Description.
+    unit : str
+        Unit, "1" where it has none.
+    start : float or None
+        Value at the start, where it can be set.
+    type : str
+        "real", "boolean" or "integer".
+    state : int or None
+        Of a derivative: the value reference of its state.
+    is_indicator : bool
+        Whether it is an event indicator.
+    dependencies : tuple of int, or None
+        Value references of the inputs and states that it depends on; None: not known.
+    """
+
+    name: str
+    causality: str
+    variability: str
+    initial: str
+    sentence: str
+    unit: str = "1"
+    start: float | None = None
+    type: str = "real"
+    state: int | None = None
+    is_indicator: bool = False
+    dependencies: tuple[int, ...] | None = None
+
+
+def list_variables(layout: Layout, tangent: Tangent | None) -> tuple[Variable, ...]:
+    """Return all variables; the value reference of each is its place."""
+    time = Variable("time", "independent", "continuous", "", "Time.", "s")
+    return (
+        time,
+        *_list_arguments(layout),
+        *_list_states(layout),
+        *_list_derivatives(layout, tangent),
+        *_list_values(layout, tangent),
+        *_list_events(layout),
+    )
+
+
+def _list_arguments(layout: Layout) -> list[Variable]:
+    found = []
+    for item in layout.arguments:
+        is_input = item.name == "input"
+        words = ("input", "continuous", "") if is_input else ("parameter", "tunable", "exact")
+        for parts, unit, start in zip(item.parts, item.units, item.spec.nominal, strict=True):
+            name = join_names(item.name, parts)
+            found.append(Variable(name, *words, item.spec.sentence, unit, start))
+    return found
+
+
+def _list_states(layout: Layout) -> list[Variable]:
+    found = []
+    units = layout.coordinate_units()
+    for argument, suffix in (("coordinate", ""), ("velocity", "/s")):
+        spec = layout.manifest.argument(argument)
+        names = zip(layout.manifest.coordinate_name, units, spec.nominal, strict=True)
+        for name, unit, start in names:
+            words = ("local", "continuous", "exact", spec.sentence, unit + suffix)
+            found.append(Variable(join_names(argument, (name,)), *words, start))
+    return found
+
+
+def _list_derivatives(layout: Layout, tangent: Tangent | None) -> list[Variable]:
+    first, n = 1 + layout.n_arguments, layout.n_coordinates
+    found = []
+    for k, name in enumerate(layout.manifest.coordinate_name):
+        unit = f"{layout.coordinate_units()[k]}/s"
+        words = ("local", "continuous", "calculated", "Rate of the coordinate.", unit)
+        found.append(
+            Variable(
+                f"der(coordinate.{quote_name(name)})", *words, state=first + k, dependencies=(first + n + k,)
+            )
+        )
+    for k, name in enumerate(layout.manifest.coordinate_name):
+        words = ("local", "continuous", "calculated", "Acceleration.", f"{layout.coordinate_units()[k]}/s2")
+        needs = _find_dependencies(layout, tangent, k)
+        found.append(
+            Variable(f"der(velocity.{quote_name(name)})", *words, state=first + n + k, dependencies=needs)
+        )
+    return found
+
+
+def _list_values(layout: Layout, tangent: Tangent | None) -> list[Variable]:
+    found = []
+    for block in layout.blocks:
+        causality = "local" if block.is_margin else "output"
+        for k, parts in enumerate(block.parts):
+            needs = _find_dependencies(layout, tangent, layout.n_coordinates + block.start + k)
+            if block.spec is None:
+                needs = _find_position_dependencies(layout, k)
+            found.append(
+                Variable(
+                    join_names(block.quantity, parts),
+                    causality,
+                    "continuous",
+                    "calculated",
+                    block.sentence,
+                    block.unit,
+                    is_indicator=block.is_margin,
+                    dependencies=needs,
+                )
+            )
+    return found
+
+
+def _find_dependencies(layout: Layout, tangent: Tangent | None, row: int) -> tuple[int, ...] | None:
+    """Return the value references of inputs and states that a row of the derivatives depends on."""
+    if tangent is None:
+        return None
+    parameters = range(1 + layout.n_inputs, 1 + layout.n_arguments)
+    columns = (1 + column for column in tangent.pattern[row].nonzero()[0].tolist())
+    return tuple(column for column in columns if column not in parameters)
+
+
+def _find_position_dependencies(layout: Layout, k: int) -> tuple[int, ...]:
+    node, axis = divmod(k, len(layout.manifest.axes))
+    place = (node, layout.manifest.axes[axis])
+    places = layout.manifest.coordinate_node_axis
+    return (1 + layout.n_arguments + places.index(place),) if place in places else ()
+
+
+def _list_events(layout: Layout) -> list[Variable]:
+    found = [
+        Variable(
+            join_names(KIND_WORDS[kind], (name,)),
+            "output",
+            "discrete",
+            "calculated",
+            ("Whether the cable is slack.", "Whether the member is below the switch of its law.")[kind],
+            type="boolean",
+        )
+        for name, kind in layout.margins
+    ]
+    sentence = "Number of times that a cable went slack or taut, or the law of a member switched."
+    return [*found, Variable("event_count", "output", "discrete", "calculated", sentence, type="integer")]
