@@ -66,19 +66,19 @@ class LoadedController:
             given = self._pointer(to_sized(coordinate, (len(self.description.coordinates),), "coordinate"))
         return self._word(self._call("init")(self._memory, given))
 
-    def step(self, time: float, measured: ArrayLike) -> tuple[str, FloatArray]:
+    def step(self, time: float, measured: ArrayLike | None) -> tuple[str, FloatArray]:
         """Return the status and the rest lengths (n_actuators,) [m] of a step from measurements (n_y,)."""
         return self._step("step", (time,), measured, len(self.description.sensors), "measured")
 
-    def step_state(self, time: float, state: ArrayLike) -> tuple[str, FloatArray]:
+    def step_state(self, time: float, state: ArrayLike | None) -> tuple[str, FloatArray]:
         """Return the status and the rest lengths (n_actuators,) [m] of a step from a state (n_states,)."""
         return self._step("step_state", (time,), state, 2 * len(self.description.coordinates), "state")
 
-    def next(self, measured: ArrayLike) -> tuple[str, FloatArray]:
+    def next(self, measured: ArrayLike | None) -> tuple[str, FloatArray]:
         """Return what `step` does, one sample after the last step."""
         return self._step("next", (), measured, len(self.description.sensors), "measured")
 
-    def next_state(self, state: ArrayLike) -> tuple[str, FloatArray]:
+    def next_state(self, state: ArrayLike | None) -> tuple[str, FloatArray]:
         """Return what `step_state` does, one sample after the last step."""
         return self._step("next_state", (), state, 2 * len(self.description.coordinates), "state")
 
@@ -96,10 +96,12 @@ class LoadedController:
         return str(self._ffi.string(self._call("status_text")(number)).decode("ascii"))
 
     def _step(
-        self, name: str, before: tuple[float, ...], given: ArrayLike, size: int, where: str
+        self, name: str, before: tuple[float, ...], given: ArrayLike | None, size: int, where: str
     ) -> tuple[str, FloatArray]:
-        values = to_sized(given, (size,), where)
-        status = self._call(name)(self._memory, *before, self._pointer(values), self._pointer(self._command))
+        call, values = self._call(name), self._ffi.NULL
+        if given is not None:
+            values = self._pointer(to_sized(given, (size,), where))
+        status = call(self._memory, *before, values, self._pointer(self._command))
         return self._word(status), self._command.copy()
 
     def _pointer(self, values: FloatArray) -> Any:

@@ -1,4 +1,4 @@
-"""The pinned prism with motion, gains, estimator and controller in C, made once for each file."""
+"""The pinned prism with motion, gains, estimator and controller in C, made once."""
 
 from __future__ import annotations
 
@@ -10,30 +10,31 @@ from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tests.codegen.quickly import without_optimisation
 from tests.runtime.control.pinned_prism import build_prism, design_gains, move_prism
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def model() -> CompiledModel:
     return build_prism()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def motion(model: CompiledModel) -> Motion:
     return move_prism(model)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def gains(model: CompiledModel, motion: Motion) -> Gains:
     return design_gains(model, motion)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def estimator(model: CompiledModel, motion: Motion) -> Estimator:
     return design_kalman(model, motion, sample=0.005)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bundle(
     model: CompiledModel,
     motion: Motion,
@@ -42,4 +43,5 @@ def bundle(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> ControllerBundle:
     folder = tmp_path_factory.mktemp("controller") / "ctl"
-    return build_controller(model, motion, gains, estimator=estimator, out=folder)
+    with without_optimisation():
+        return build_controller(model, motion, gains, estimator=estimator, out=folder)

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Sensor
+from tests.codegen.quickly import without_optimisation
 from tests.controller.replay import check_same, replay, replay_states
 from tests.runtime.control.pinned_prism import draw_errors
 from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, move_tower
@@ -39,7 +40,10 @@ def test_delays_within_and_beyond_a_sample(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator, tmp_path: Path
 ) -> None:
     delay = [0.0, 0.002, 0.005, 0.008, 0.0, 0.002, 0.005, 0.0, 0.0]
-    bundle = build_controller(model, motion, gains, estimator=estimator, delay=delay, out=tmp_path / "ctl")
+    with without_optimisation():
+        bundle = build_controller(
+            model, motion, gains, estimator=estimator, delay=delay, out=tmp_path / "ctl"
+        )
     run = simulate_control(
         model, motion, gains.at_knots(), estimator=estimator, t_end=0.5, seed=2, delay=delay
     )
@@ -54,7 +58,8 @@ def test_the_true_state_without_estimator_and_all_gains(
     start, end = motion.rest_length[0, 8], motion.rest_length[-1, 8]
     limits[8, int(end > start)] = 0.5 * (start + end)
     wide = {"range": limits}
-    bundle = build_controller(model, motion, gains, knots=None, out=tmp_path / "ctl", **wide)
+    with without_optimisation():
+        bundle = build_controller(model, motion, gains, knots=None, out=tmp_path / "ctl", **wide)
     run = simulate_control(model, motion, gains, t_end=1.5, **draw_errors(model, 3), **wide)
     done = replay_states(bundle.load(), run)
     check_same(done, run, motion)

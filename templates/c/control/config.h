@@ -85,7 +85,7 @@ static const real SUM_OUTPUT[N_Z * N_X] = {(real)1.0, (real)0.0}; /* what is sum
 static const real STRETCH_START[N_STRETCH] = {(real)0.0, (real)0.004}; /* [s] */
 static const real FILTER_TIME[N_FILTER] = {(real)0.0, (real)1.0};
 static const real FILTER_GAIN[N_FILTER * N_E * N_Y] = {
-    (real)0.5, (real)2.0, (real)1.0, (real)0.5, (real)2.0, (real)1.0};
+    (real)0.5, (real)5.0, (real)10.0, (real)0.5, (real)5.0, (real)10.0};
 static const unsigned char IS_LENGTH[N_Y] = {1}; /* measured numbers that are lengths, above 0 */
 
 /* Accelerations of the model; returns 0, or another number where they are not finite. */
