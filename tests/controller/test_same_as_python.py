@@ -67,6 +67,18 @@ def test_the_true_state_without_estimator_and_all_gains(
     assert not any(name.endswith("_model.c") for name in bundle.files)
 
 
+def test_25_stored_gains_end_as_all_of_them(model: CompiledModel, motion: Motion, gains: Gains) -> None:
+    errors = draw_errors(model, 0)
+    ends = [
+        simulate_control(model, motion, item, t_end=3.0, **errors).worst_error(0.5)
+        for item in (gains, gains.at_knots(25))
+    ]
+    assert len(gains.at_knots(25).time) == 25
+    assert gains.at_knots(25).at(37) != pytest.approx(gains.at(37), rel=1e-12)
+    assert ends[1] == pytest.approx(ends[0], rel=1e-2)
+    assert gains.at_knots(1000) is gains
+
+
 @pytest.mark.thorough
 def test_a_noisy_loop_of_the_tower(tmp_path: Path) -> None:
     model = build_tower()

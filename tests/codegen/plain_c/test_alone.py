@@ -7,21 +7,22 @@ from pathlib import Path
 import pytest
 
 from tests.codegen.compilers import FAMILIES
-from tests.codegen.plain_c.alone import FILES, compile_alone, options_for
+from tests.codegen.plain_c.alone import CONTROL, FILES, GROUPS, compile_alone, options_for
 
 CPP = {"gcc": "g++", "clang": "clang++", "zig": "zig"}
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*FILES, *CONTROL])
 def test_each_file_needs_no_other_to_be_included_before(name: str, tmp_path: Path) -> None:
     compile_alone([name], "gcc", "c", options_for(15, False), tmp_path)
 
 
+@pytest.mark.parametrize("group", GROUPS)
 @pytest.mark.parametrize("language", ["c", "c++"])
-def test_all_compile_together(language: str, tmp_path: Path) -> None:
+def test_all_compile_together(group: str, language: str, tmp_path: Path) -> None:
     family = "gcc" if language == "c" else CPP["gcc"]
     for single in (False, True):
-        compile_alone(FILES, family, language, options_for(15, single), tmp_path)
+        compile_alone(GROUPS[group], family, language, options_for(15, single), tmp_path)
 
 
 @pytest.mark.thorough
@@ -32,6 +33,14 @@ def test_all_compile_together(language: str, tmp_path: Path) -> None:
 def test_every_compiler_takes_every_size(
     family: str, language: str, n: int, single: bool, tmp_path: Path
 ) -> None:
-    compile_alone(
-        FILES, family if language == "c" else CPP[family], language, options_for(n, single), tmp_path
-    )
+    compiler = family if language == "c" else CPP[family]
+    for files in GROUPS.values():
+        compile_alone(files, compiler, language, options_for(n, single), tmp_path)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("gains", [0, 1])
+def test_controllers_of_every_kind_compile(gains: int, single: bool, tmp_path: Path) -> None:
+    options = (*options_for(1, single), f"-DWITH_GAINS={gains}", "-DWITH_ESTIMATOR=0")
+    compile_alone(CONTROL, "gcc", "c", options, tmp_path)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.codegen.build_c import run
-from tests.codegen.plain_c.alone import FILES, options_for
+from tests.codegen.plain_c.alone import GROUPS, options_for
 
 # Not: sizes are whole numbers of int, far below its largest; equal types side by side are what numerics has.
 CHECKS = (
@@ -24,10 +24,10 @@ def require(program: str) -> str:
     return found
 
 
-@pytest.fixture
-def unit(tmp_path: Path) -> Path:
-    """A unit that includes every file."""
-    lines = [f'#include "{name}"\n' for name in FILES if name.endswith(".h")]
+@pytest.fixture(params=GROUPS)
+def unit(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A unit that includes every file of a group."""
+    lines = [f'#include "{name}"\n' for name in GROUPS[request.param] if name.endswith(".h")]
     path = tmp_path / "unit.c"
     path.write_text("".join(lines) + "extern int unit_;\nint unit_ = 0;\n", encoding="utf-8")
     return path
