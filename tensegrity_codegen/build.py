@@ -18,10 +18,16 @@ from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_structure,
     hash_text,
 )
-from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, describe_toolchain, find_flags
+from tensegrity_codegen.codegen.compilation.flags import (
+    Compiler,
+    FlagSet,
+    check_target_flags,
+    describe_toolchain,
+    find_flags,
+)
 from tensegrity_codegen.codegen.compilation.machine import find_instruction_sets
-from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.codegen.compilation.trial import check_library
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
+from tensegrity_codegen.codegen.compilation.trial import check_foreign_library, check_library
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.errors import LibraryError
 from tensegrity_codegen.manifest import Manifest
@@ -29,6 +35,7 @@ from tensegrity_codegen.output_folder import write_folder
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.targets import Target, find_host, find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
@@ -80,14 +87,17 @@ class BuiltLibrary:
         return self.entry.library
 
     def load(self, *, precision: str | None = None) -> CompiledModel:
-        """Load the library into this process; LibraryError if it is not of the `precision` asked for.
+        """Load the library into this process.
+
+        LibraryError if it is not of the `precision` asked for, or was built for another machine.
 
         A library from the cache that does not load, as after a change of the system, is built again once.
         """
         try:
             return CompiledModel(self.path, self.manifest, precision=precision, structure=self.structure)
         except LibraryError:
-            if self.build_again is None or precision not in (None, self.manifest.precision):
+            foreign = self.manifest.target not in ("", find_host())
+            if self.build_again is None or foreign or precision not in (None, self.manifest.precision):
                 raise
         return self.build_again().load(precision=precision)
 
@@ -110,6 +120,7 @@ def build_library(
     *,
     compiler: str | None = None,
     flags: str | None = None,
+    target: str | None = None,
     cache: Cache | None = None,
     measure: bool = False,
 ) -> BuiltLibrary:
@@ -126,6 +137,10 @@ def build_library(
     flags : str, optional
         ``"reference"`` (bit-equal to CasADi's virtual machine) or ``"native"``; by default those of the
         request.
+    target : str, optional
+        Machine to compile for, by zig: ``"aarch64-linux"``, ``"x86_64-linux"``, ``"x86_64-windows"``,
+        ``"aarch64-macos"``, ``"x86_64-macos"``, ``"wasm32"`` or ``"thumbv7em"``; by default this one. A
+        library for another machine can be exported, not loaded.
     cache : Cache, optional
         Cache of compiled libraries; by default that of the user.
     measure : bool
@@ -140,6 +155,8 @@ def build_library(
     ------
     FormulationError
         The formulation or emitter does not support the request.
+    UnknownNameError
+        An unknown target.
     CompilerMissingError, CompileError
         No C compiler was found, or it failed.
     OutputError
@@ -156,8 +173,10 @@ def build_library(
     cache = cache or Cache()
     if flags is not None:
         request = replace(request, flags=find_flags(flags, "flags").name)
-    tool, flag_set = find_compiler(compiler), find_flags(request.flags)
-    toolchain = describe_toolchain(tool, flag_set)
+    machine, flag_set = find_target(target), find_flags(request.flags)
+    check_target_flags(flag_set, machine, "flags" if flags is not None else "model.flags")
+    tool = find_cross_compiler(machine, compiler) if machine.name else find_compiler(compiler)
+    toolchain = describe_toolchain(tool, flag_set, machine)
     identity = _Identity.of(structure, request)
     request_key = _request_key(identity, toolchain, measure)
     entry, manifest = _find(cache, request_key, identity)
@@ -166,11 +185,13 @@ def build_library(
     def build_again() -> BuiltLibrary:
         assert entry is not None
         cache.drop(entry.key)
-        return build_library(structure, request, compiler=compiler, cache=cache, measure=measure)
+        return build_library(
+            structure, request, compiler=compiler, target=target, cache=cache, measure=measure
+        )
 
     if entry is None or manifest is None:
-        source = _emit(structure, request, tool, flag_set, measure)
-        entry, manifest = _compile(source, tool, flag_set, toolchain, cache, identity)
+        source = _emit(structure, request, tool, flag_set, machine, measure)
+        entry, manifest = _compile(source, tool, flag_set, machine, toolchain, cache, identity)
         cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
     return BuiltLibrary(
         entry=entry,
@@ -260,14 +281,19 @@ def _read_manifest(entry: CacheEntry, identity: _Identity) -> Manifest | None:
 
 
 def _emit(
-    structure: Subject, request: ModelRequest, compiler: Compiler, flags: FlagSet, measure: bool
+    structure: Subject,
+    request: ModelRequest,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target,
+    measure: bool,
 ) -> GeneratedSource:
     # Imported here, so that a library from the cache costs no import of CasADi.
     from tensegrity_codegen.codegen.emit import emit
 
     def size(files: Mapping[str, str]) -> int:
         sources = {name: text for name, text in files.items() if _is_library_source(name)}
-        return object_size(sources, compiler=compiler, flags=flags) or 0
+        return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
 
     return emit(structure, request, size if measure else None)
 
@@ -280,6 +306,7 @@ def _compile(
     source: GeneratedSource,
     compiler: Compiler,
     flags: FlagSet,
+    target: Target,
     toolchain: str,
     cache: Cache,
     identity: _Identity,
@@ -298,15 +325,20 @@ def _compile(
             name=source.manifest.name,
             compiler=compiler,
             flags=flags,
+            target=target,
         )
-        texts, manifest = dict(source.files), source.manifest
+        texts, manifest = dict(source.files), replace(source.manifest, target=target.name)
         if not flags.portable:
             manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
-            texts["manifest.json"] = manifest.to_json()
+        texts["manifest.json"] = manifest.to_json()
         files = {name: text.encode("utf-8") for name, text in texts.items()}
         files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
 
         def check(folder: Path) -> None:
-            check_library(folder / artifact.file_name, manifest, compiler, artifact.log)
+            library = folder / artifact.file_name
+            if target.name:
+                check_foreign_library(library, manifest, target, compiler, artifact.log)
+            else:
+                check_library(library, manifest, compiler, artifact.log)
 
         return cache.store(key, files, scene=identity.scene, check=check), manifest

@@ -211,6 +211,7 @@ class Manifest:
     driven: tuple[
         str, ...
     ] = ()  # arguments that can change with time in integrators, in the order of their places
+    target: str = ""  # machine that the library was compiled for, "" where it is the one that compiled it
     declarations: str = ""  # types and functions of the header, as C
 
     @cached_property

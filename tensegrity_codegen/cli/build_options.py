@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.targets import TARGETS
+
 __all__ = [
     "AnyFlagsOption",
     "EmitterOption",
@@ -14,6 +16,7 @@ __all__ = [
     "InterfaceOption",
     "MeasureOption",
     "QuantityOption",
+    "TargetOption",
     "TuneForOption",
     "TuneOption",
 ]
@@ -39,6 +42,12 @@ InterfaceOption = Annotated[
     list[str] | None,
     typer.Option(
         "--interface", help="Also callable this way, besides the scene's: casadi, for casadi.external."
+    ),
+]
+TargetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--target", help=f"Machine to compile for, by zig, instead of this one: {', '.join(TARGETS)}."
     ),
 ]
 TuneOption = Annotated[

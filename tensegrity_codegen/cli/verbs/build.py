@@ -14,6 +14,7 @@ from tensegrity_codegen.cli.build_options import (
     InterfaceOption,
     MeasureOption,
     QuantityOption,
+    TargetOption,
     TuneForOption,
     TuneOption,
 )
@@ -33,6 +34,7 @@ from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.output_folder import check_folder
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.request import ModelRequest, check_batch_width, check_interfaces
+from tensegrity_codegen.targets import find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
@@ -57,6 +59,7 @@ def build(
     interface: InterfaceOption = None,
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
+    target: TargetOption = None,
     json: JsonOption = False,
 ) -> None:
     """Generate and compile the library of a scene.
@@ -69,6 +72,7 @@ def build(
 
         if out is not None:
             check_folder(out)
+        _check_target(target, tune or tune_for is not None)
         structure, request = output.load(scene)
         request = _narrow(request, quantity, precision, emitter, batch_width, flags)
         request = _add_interfaces(request, interface or ())
@@ -79,11 +83,24 @@ def build(
         elif any_flags:
             raise InvalidValueError("nothing to compare", where="--any-flags", hint="add --tune")
         else:
-            built = build_library(structure, request, compiler=compiler, measure=measure)
+            built = build_library(structure, request, compiler=compiler, target=target, measure=measure)
         folder = built.entry.folder
         if out is not None:
             folder = built.export(out, overwrite=overwrite, inputs=[scene])
         _tell(output, built, folder, tuned)
+
+
+def _check_target(target: str | None, tunes: bool) -> None:
+    """Refuse an unknown target, and one whose speed would have to be measured here."""
+    find_target(target, "--target")
+    if target is not None and tunes:
+        raise InvalidValueError(
+            "libraries for another machine cannot be measured on this one",
+            where="--target",
+            given=f"--target {target} with --tune",
+            allowed="one of them",
+            hint="build without --tune, or tune on that machine",
+        )
 
 
 def _tune(
@@ -172,6 +189,7 @@ def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:
         "seconds": built.seconds,
         "compiler": built.compiler,
         "flags": built.flags,
+        "target": manifest.target,
         "precision": manifest.precision,
         "instruction_sets": manifest.instruction_sets,
         "batch_width": manifest.batch_width,

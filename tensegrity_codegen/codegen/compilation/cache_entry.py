@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.codegen.compilation.private_files import write_private
+from tensegrity_codegen.targets import library_suffixes
 
 __all__ = [
     "ENTRY_FILE",
@@ -26,7 +27,7 @@ ENTRY_FILE = "entry.json"
 ENTRY_VERSION = 2  # 2: loaded once before it was stored; `scene` says what it was made from
 REQUEST_VERSION = 1
 FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
-LIBRARY_ENDINGS = (".so", ".dylib", ".dll")
+LIBRARY_ENDINGS = library_suffixes()
 MANIFEST_FILE = "manifest.json"
 
 

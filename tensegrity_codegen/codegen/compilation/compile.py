@@ -17,10 +17,11 @@ from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.cache_root import find_cache_root
 from tensegrity_codegen.codegen.compilation.child import ChildOutcome, run_several
-from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command, library_file_name
+from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command
 from tensegrity_codegen.codegen.compilation.object_file import read_code_size
 from tensegrity_codegen.codegen.compilation.private_files import check_parents, make_private
 from tensegrity_codegen.errors import CompileError, InvalidNameError, InvalidValueError, UnsafeCacheError
+from tensegrity_codegen.targets import Target, find_system, library_file_name
 from tensegrity_codegen.work_folder import work_folder
 
 __all__ = [
@@ -47,8 +48,8 @@ OUT_OF_MEMORY = re.compile(
 class CompiledArtifact:
     """A compiled library and how it came about.
 
-    file_name: lib<name>.so, .dylib or <name>.dll; library: its bytes; log: all that the compiler wrote;
-    command: what made the library, the last one run, with file names relative to its folder; seconds: wall
+    file_name: as library_file_name gives it; library: its bytes; log: all that the compiler wrote; command:
+    what made the library, the last one run, with file names relative to its folder; seconds: wall
     time of all runs [s]; peak_memory: largest resident set of one run [byte], None where unknown.
     """
 
@@ -66,27 +67,31 @@ def compile_library(
     name: str,
     compiler: Compiler,
     flags: FlagSet,
+    target: Target | None = None,
     timeout: float = COMPILE_TIMEOUT,
     memory_limit: int | None = MEMORY_LIMIT,
 ) -> CompiledArtifact:
     """Compile sources (file name -> text; every .c is compiled, every .h can be included) into one library.
 
-    name: C identifier that names the library; timeout [s]; memory_limit: address space of each process of the
-    compiler [byte], None for no limit, no effect on Windows and macOS. Raises InvalidNameError,
-    InvalidValueError (no .c file), and CompileError with the compiler's log if it fails or meets a limit.
+    name: C identifier that names the library; target: machine to compile for, this one by default;
+    timeout [s]; memory_limit: address space of each process of the compiler [byte], None for no limit, no
+    effect on Windows and macOS. Raises InvalidNameError, InvalidValueError (no .c file), and CompileError
+    with the compiler's log if it fails or meets a limit.
     Ctrl-C kills the compiler with all its children and removes all files.
     """
     if not NAME.fullmatch(name):
         raise InvalidNameError(
             "the library's name is no C identifier", where="name", given=name, allowed="letters, digits, _"
         )
-    output, units = library_file_name(name), _units(sources)
+    target = target or find_system()
+    output, units = library_file_name(name, target), _units(sources)
     started = time.monotonic()
     with _written(sources) as folder:
         limits = (compiler, folder, timeout, memory_limit)
-        outcomes = _compile_objects(units, flags, *limits) if len(units) > 1 else []
+        apart = len(units) > 1 or target.is_archive
+        outcomes = _compile_objects(units, flags, target, *limits) if apart else []
         inputs = tuple(f"{unit}.o" for unit in units) if outcomes else units
-        command = build_command(compiler, flags, inputs, output)
+        command = build_command(compiler, flags, inputs, output, target=target)
         outcomes += _run([command], *limits)
         library = _read_output(folder / output, outcomes[-1], compiler)
     peaks = [outcome.peak_memory for outcome in outcomes]
@@ -105,6 +110,7 @@ def object_size(
     *,
     compiler: Compiler,
     flags: FlagSet,
+    target: Target | None = None,
     timeout: float = COMPILE_TIMEOUT,
     memory_limit: int | None = MEMORY_LIMIT,
 ) -> int | None:
@@ -114,7 +120,8 @@ def object_size(
     """
     units = _units(sources)
     with _written(sources) as folder:
-        outcomes = _compile_objects(units, flags, compiler, folder, timeout, memory_limit)
+        limits = (compiler, folder, timeout, memory_limit)
+        outcomes = _compile_objects(units, flags, target or find_system(), *limits)
         objects = [
             _read_output(folder / f"{unit}.o", done, compiler)
             for unit, done in zip(units, outcomes, strict=True)
@@ -165,6 +172,7 @@ def _units(sources: Mapping[str, str]) -> tuple[str, ...]:
 def _compile_objects(
     units: Sequence[str],
     flags: FlagSet,
+    target: Target,
     compiler: Compiler,
     folder: Path,
     timeout: float,
@@ -172,7 +180,9 @@ def _compile_objects(
 ) -> list[ChildOutcome]:
     """Compile each unit to an object file `<unit>.o`, the longest text first."""
     order = sorted(units, key=lambda unit: -(folder / unit).stat().st_size)
-    commands = [build_command(compiler, flags, (unit,), f"{unit}.o", shared=False) for unit in order]
+    commands = [
+        build_command(compiler, flags, (unit,), f"{unit}.o", shared=False, target=target) for unit in order
+    ]
     outcomes = dict(zip(order, _run(commands, compiler, folder, timeout, memory_limit), strict=True))
     return [outcomes[unit] for unit in units]
 

@@ -10,20 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tensegrity_codegen.errors import FormulationError, suggest
+from tensegrity_codegen.targets import Target, find_system
 
 __all__ = [
     "FLAG_SETS",
     "WARNINGS",
     "Compiler",
     "FlagSet",
-    "Target",
     "build_command",
     "build_program_command",
+    "check_target_flags",
     "describe_cpu",
     "describe_toolchain",
     "find_flags",
-    "find_target",
-    "library_file_name",
 ]
 
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion")
@@ -46,23 +45,6 @@ class FlagSet:
     options: tuple[str, ...]
     portable: bool = True
 
-
-@dataclass(frozen=True)
-class Target:
-    """What one operating system needs to make a shared library: options, ending, libraries to link."""
-
-    shared: tuple[str, ...]
-    position: tuple[str, ...]
-    prefix: str
-    suffix: str
-    libraries: tuple[str, ...]
-
-
-TARGETS = {
-    "linux": Target(("-shared",), ("-fPIC",), "lib", ".so", ("-lm",)),
-    "darwin": Target(("-dynamiclib",), ("-fPIC",), "lib", ".dylib", ("-lm",)),
-    "win32": Target(("-shared",), (), "", ".dll", ("-lm",)),
-}
 
 # No contraction: a*b+c keeps its two roundings, so that a result is the same on every machine. No errno and
 # no traps, which nobody reads here: roots become one instruction, loops vectors; no result changes by it.
@@ -115,17 +97,6 @@ def find_flags(name: str, where: str = "model.flags") -> FlagSet:
     return FLAG_SETS[name]
 
 
-def find_target(system: str = sys.platform) -> Target:
-    """Return what an operating system (as in `sys.platform`) needs; an unknown one is taken as Linux."""
-    return TARGETS["win32" if system == "cygwin" else system if system in TARGETS else "linux"]
-
-
-def library_file_name(name: str, target: Target | None = None) -> str:
-    """Return the file name of a shared library: lib<name>.so, lib<name>.dylib or <name>.dll."""
-    target = target or find_target()
-    return f"{target.prefix}{name}{target.suffix}"
-
-
 def build_command(
     compiler: Compiler,
     flags: FlagSet,
@@ -135,11 +106,17 @@ def build_command(
     shared: bool = True,
     target: Target | None = None,
 ) -> tuple[str, ...]:
-    """Return the command that makes a shared library of all sources, or (shared=False) an object of one."""
-    target = target or find_target()
+    """Return the command that makes a library of all sources, or (shared=False) an object of one.
+
+    An archive is made of object files.
+    """
+    target = target or find_system()
+    if shared and target.is_archive:
+        return (*compiler.command[:-1], "ar", "rcsD", output, *sources)  # zig cc -> zig ar
     kind = target.shared if shared else ("-c",)
     libraries = target.libraries if shared else ()
-    options = (*OWN_OPTIONS.get(compiler.name, ()), *flags.options, *WARNINGS, *target.position)
+    own = _replace_cpu(OWN_OPTIONS.get(compiler.name, ()), target)
+    options = (*own, *flags.options, *WARNINGS, *target.position, *target.options)
     return (*compiler.command, *options, *kind, *sources, "-o", output, *libraries)
 
 
@@ -148,14 +125,31 @@ def build_program_command(
 ) -> tuple[str, ...]:
     """Return the command that makes a program of all sources."""
     options = (*OWN_OPTIONS.get(compiler.name, ()), *flags.options)
-    return (*compiler.command, *options, *sources, "-o", output, *find_target().libraries)
+    return (*compiler.command, *options, *sources, "-o", output, *find_system().libraries)
 
 
-def describe_toolchain(compiler: Compiler, flags: FlagSet) -> str:
+def check_target_flags(flags: FlagSet, target: Target, where: str) -> None:
+    """Raise FormulationError, naming `where`, for native flags with a target, another machine."""
+    if target.name and not flags.portable:
+        raise FormulationError(
+            "these flags compile for the machine at hand, and a target names another one",
+            where=where,
+            given=f"flags {flags.name}, target {target.name}",
+            allowed='flags "reference"',
+            hint='use `flags="reference"`, or build on that machine',
+        )
+
+
+def describe_toolchain(compiler: Compiler, flags: FlagSet, target: Target | None = None) -> str:
     """Return all that makes two compilations of one source differ, as one text to hash into a cache key."""
-    command = build_command(compiler, flags, ("SOURCE.c",), "OUTPUT")
+    command = build_command(compiler, flags, ("SOURCE.c",), "OUTPUT", target=target)
     machine = f"{sys.platform} {platform.machine()}"
     parts = [compiler.name, compiler.version, *command, machine]
+    if target is not None and target.name:
+        parts += [
+            target.name,
+            *build_command(compiler, flags, ("SOURCE.c",), "O", shared=False, target=target),
+        ]
     return "\n".join(parts if flags.portable else [*parts, describe_cpu()])
 
 
@@ -168,3 +162,9 @@ def describe_cpu() -> str:
     wanted = ("model name", "flags", "Features", "CPU part", "isa")
     rows = {line for line in text.splitlines() if line.split("\t")[0].strip(" :") in wanted}
     return hashlib.sha256("\n".join(sorted(rows)).encode("utf-8")).hexdigest()
+
+
+def _replace_cpu(options: tuple[str, ...], target: Target) -> tuple[str, ...]:
+    """Return the options without their choice of a processor where the target makes one."""
+    chosen = any(option.startswith("-mcpu=") for option in target.options)
+    return tuple(option for option in options if not (chosen and option.startswith("-mcpu=")))

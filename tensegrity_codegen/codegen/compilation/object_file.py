@@ -1,7 +1,7 @@
 """How much machine code an object file holds, read from its section headers.
 
 Layouts: System V ABI chapter 4 (ELF), Apple's mach-o/loader.h (Mach-O, 64 bit), Microsoft's PE/COFF
-specification section 4.
+specification section 4, WebAssembly core specification section 5.5.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ ELF_ALLOCATED, ELF_WRITABLE, ELF_NO_BITS = 2, 1, 8
 MACHO_64 = 0xFEEDFACF
 MACHO_SEGMENT_64 = 0x19
 COFF_MACHINES = (0x8664, 0xAA64, 0x014C)
+WASM_CODE, WASM_DATA = 10, 11
 CODE_NAMES = (".text", ".rodata", ".rdata")
 
 
@@ -26,6 +27,8 @@ def read_code_size(data: bytes) -> int | None:
     try:
         if data[:4] == b"\x7fELF":
             return _read_elf(data)
+        if data[:4] == b"\0asm":
+            return _read_wasm(data)
         if len(data) >= 4 and struct.unpack_from("<I", data)[0] == MACHO_64:
             return _read_macho(data)
         if len(data) >= 2 and struct.unpack_from("<H", data)[0] in COFF_MACHINES:
@@ -71,6 +74,29 @@ def _read_coff(data: bytes) -> int:
     headers = [first + 40 * k for k in range(count)]
     code = [at for at in headers if _text(data, at, 8).startswith(CODE_NAMES)]
     return sum(struct.unpack_from("<I", data, at + 16)[0] for at in code)
+
+
+def _read_wasm(data: bytes) -> int:
+    """Add up the sections of code and of data; constants are among the latter."""
+    total, at = 0, 8
+    while at < len(data):
+        kind = data[at]
+        size, at = _read_leb128(data, at + 1)
+        if kind in (WASM_CODE, WASM_DATA):
+            total += size
+        at += size
+    return total
+
+
+def _read_leb128(data: bytes, at: int) -> tuple[int, int]:
+    """Return an unsigned number of variable length, and the place after it."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 0x80:
+            return value, at
 
 
 def _text(data: bytes, start: int, most: int | None = None) -> str:

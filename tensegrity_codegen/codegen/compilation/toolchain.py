@@ -16,9 +16,10 @@ from tensegrity_codegen.codegen.compilation.compile import compile_library, comp
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.errors import CompileError, CompilerMissingError
 from tensegrity_codegen.extras import name_install
+from tensegrity_codegen.targets import Target
 from tensegrity_codegen.work_folder import work_folder
 
-__all__ = ["Compiler", "check_compiler", "find_compiler", "find_compilers"]
+__all__ = ["Compiler", "check_compiler", "find_compiler", "find_compilers", "find_cross_compiler"]
 
 PROGRAMS = ("cc", "gcc", "clang")
 VERSION_TIMEOUT = 10.0  # s, for one answer to --version
@@ -64,6 +65,29 @@ def find_compiler(wanted: str | None = None) -> Compiler:
             given=wanted,
             allowed=_list_names(),
             hint=INSTALL_HINT,
+        )
+    return compiler
+
+
+def find_cross_compiler(target: Target, wanted: str | None = None) -> Compiler:
+    """Return the compiler for another machine, which is zig.
+
+    Raises CompilerMissingError if zig is not installed or does not work, or something else is wanted.
+    """
+    if wanted is None:
+        compiler = next((item for item in _list_compilers() if item.name == "zig"), None)
+    else:
+        compiler = find_compiler(wanted)
+    if compiler is None or compiler.name != "zig":
+        raise CompilerMissingError(
+            "libraries for other machines are compiled by zig"
+            + (", which is not installed" if compiler is None else ""),
+            where="compiler",
+            given=f"target {target.name}" + ("" if compiler is None else f", compiler {wanted}"),
+            allowed="zig",
+            hint=f"install zig as a Python package: {name_install('cc')}"
+            if compiler is None
+            else 'leave out `compiler`, or use `compiler="zig"`',
         )
     return compiler
 

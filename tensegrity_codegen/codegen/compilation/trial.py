@@ -7,12 +7,14 @@ import shlex
 import sys
 from pathlib import Path
 
+from tensegrity_codegen.binaries import describe_binary
 from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 from tensegrity_codegen.errors import CompileError
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.targets import Target
 
-__all__ = ["check_library"]
+__all__ = ["check_foreign_library", "check_library"]
 
 SCRIPT = Path(__file__).with_name("load_once.py")
 TIMEOUT = 60.0  # s
@@ -40,10 +42,41 @@ def check_library(library: Path, manifest: Manifest, compiler: Compiler, log: st
         environment=os.environ,
         timeout=TIMEOUT,
     )
-    if outcome.ok:
-        return
-    reason = outcome.log.strip() or f"loading it ended with {outcome.ended} {outcome.number}"
-    raise CompileError(
+    if not outcome.ok:
+        reason = outcome.log.strip() or f"loading it ended with {outcome.ended} {outcome.number}"
+        raise _refuse(reason, compiler, log)
+
+
+def check_foreign_library(
+    library: Path, manifest: Manifest, target: Target, compiler: Compiler, log: str = ""
+) -> None:
+    """Compare a library for another machine, which cannot be loaded here, with its manifest.
+
+    Parameters
+    ----------
+    library : the library.
+    manifest : what it should hold.
+    target : the machine that it should be for.
+    compiler : what made it, for the message; log: all that it wrote.
+
+    Raises
+    ------
+    CompileError
+        If it is for another machine than `target`, or lacks the scene's hash or the name of a function.
+    """
+    data = library.read_bytes()
+    found = describe_binary(data)
+    if found != target.binary:
+        raise _refuse(f"it is {found or 'no library'}, and not {target.binary}", compiler, log)
+    if manifest.scene_hash.encode("ascii") not in data:
+        raise _refuse("it was made from another scene", compiler, log)
+    missing = [spec.symbol for spec in manifest.functions if spec.symbol.encode("ascii") not in data]
+    if missing:
+        raise _refuse(f"it has no symbol {', '.join(missing[:5])}", compiler, log)
+
+
+def _refuse(reason: str, compiler: Compiler, log: str) -> CompileError:
+    return CompileError(
         f"the compiler reported success but wrote a library that cannot be used: {reason}",
         log=log,
         where=shlex.join(compiler.command),

@@ -7,9 +7,11 @@ from typing import Any
 
 import cffi
 
+from tensegrity_codegen.binaries import describe_binary
 from tensegrity_codegen.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.manifest import ABI_VERSION, Manifest
 from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.targets import TARGETS, find_host
 
 __all__ = ["LoadedLibrary"]
 
@@ -33,6 +35,7 @@ class LoadedLibrary:
         self.path = path
         self.precision = find_precision(manifest.precision)
         self.batch_width = manifest.batch_width
+        _check_target(path, manifest)
         self.ffi = cffi.FFI()
         try:
             self.ffi.cdef(_declarations(manifest))
@@ -42,9 +45,7 @@ class LoadedLibrary:
             # Absolute: a bare file name would be looked up on the system's library path.
             self._library = self.ffi.dlopen(str(path.absolute()))
         except OSError as error:
-            raise LibraryError(
-                "the library does not load", where=str(path), given=str(error), hint="build it again"
-            ) from error
+            raise _explain_refusal(path, error) from error
         self._check_descriptor(manifest)
         self._check_machine(manifest.name)
 
@@ -103,6 +104,37 @@ class LoadedLibrary:
             allowed="a machine like the one that it was compiled on",
             hint='build it with flags that suit every machine: `flags="reference"`',
         )
+
+
+def _check_target(path: Path, manifest: Manifest) -> None:
+    """Raise LibraryError for a library that was compiled for another machine."""
+    if manifest.target and manifest.target != find_host():
+        raise LibraryError(
+            "the library was compiled for another machine, and cannot be loaded here",
+            where=str(path),
+            given=manifest.target,
+            allowed=find_host(),
+            hint="build it without `target`, or run it on that machine",
+        )
+
+
+def _explain_refusal(path: Path, error: OSError) -> LibraryError:
+    """Return the error for a file that the system does not load; what it is for, where that is the reason."""
+    try:
+        with path.open("rb") as file:
+            found = describe_binary(file.read(2**16))
+    except OSError:
+        found = ""
+    here = TARGETS.get(find_host())
+    if found and here is not None and found != here.binary:
+        return LibraryError(
+            "the library does not load: it is for another machine",
+            where=str(path),
+            given=found,
+            allowed=here.binary,
+            hint="build it again",
+        )
+    return LibraryError("the library does not load", where=str(path), given=str(error), hint="build it again")
 
 
 def _declarations(manifest: Manifest) -> str:

@@ -6,10 +6,9 @@ from tensegrity_codegen.codegen.compilation.flags import (
     build_command,
     describe_toolchain,
     find_flags,
-    find_target,
-    library_file_name,
 )
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.targets import find_system, library_file_name
 
 pytestmark = pytest.mark.optimised
 
@@ -34,7 +33,7 @@ def test_no_flag_set_gives_up_nan_checks_or_contracts(flags):
     ],
 )
 def test_each_system_gets_its_own_kind_of_library(system, file_name, option, position):
-    target = find_target(system)
+    target = find_system(system)
     command = build_command(GCC, FLAG_SETS["reference"], ("a.c",), "out", target=target)
     assert library_file_name("prism", target) == file_name
     assert option in command

@@ -32,6 +32,7 @@ def compile_for(target, folder, *options):
         "powerpc64-linux-gnu",
         "aarch64-macos",
         "x86_64-windows-gnu",
+        "wasm32-wasi",
     ],
 )
 def test_every_format_gives_code_and_constants_but_no_data(target, tmp_path):

@@ -1,0 +1,42 @@
+"""`build --target`: what is refused before anything is built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.targets import TARGETS
+from tests.cli.conftest import Run
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "where"),
+    [
+        (("--target", "aarch64-linx"), "UnknownNameError", "--target"),
+        (("--target", "wasm32", "--tune"), "InvalidValueError", "--target"),
+        (("--target", "wasm32", "--tune-for", "member_tension"), "InvalidValueError", "--target"),
+        (("--target", "wasm32", "--flags", "native"), "FormulationError", "model.flags"),
+    ],
+)
+def test_what_no_other_machine_can_do_is_refused(
+    words: tuple[str, ...], error: str, where: str, run: Run, two_nodes: Path
+) -> None:
+    ended = run("build", two_nodes, *words, "--out", "library", "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == error
+    assert where in ended.data["where"]
+    assert words[1] in ended.data["given"]
+    assert ended.data["allowed"]
+    assert not Path("library").exists()
+
+
+def test_the_help_lists_all_targets(run: Run) -> None:
+    text = run("build", "--help").out.replace("\n", " ")
+    assert all(
+        name.replace("-", "") in text.replace("-", "").replace("│", "") for name in ("wasm32", *TARGETS)
+    )
+
+
+def test_a_library_for_this_machine_names_no_target(run: Run, two_nodes: Path) -> None:
+    assert run("build", two_nodes, "--json").data["target"] == ""
