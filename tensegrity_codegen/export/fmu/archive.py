@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.compile import compile_library
-from tensegrity_codegen.codegen.compilation.flags import find_flags, find_target
+from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.export.fmu.sources import UnitSources
+from tensegrity_codegen.targets import find_system
 
 __all__ = ["compile_unit", "write_archive"]
 
@@ -34,7 +35,7 @@ def compile_unit(
     folder = f"{MACHINES.get(machine, machine)}-{SYSTEMS.get(sys.platform, sys.platform)}"
     if fmi == "2.0":
         folder = OLD_NAMES.get(folder, folder)
-    return {f"binaries/{folder}/{name}{find_target().suffix}": artifact.library}
+    return {f"binaries/{folder}/{name}{find_system().suffix}": artifact.library}
 
 
 def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
