@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.schema.schema import Scene
+    from tensegrity_codegen.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
@@ -78,6 +79,7 @@ __all__ = [
     "Scene",
     "Sensitivity",
     "Structure",
+    "SymbolicFunctions",
     "TensegrityError",
     "TensionDistribution",
     "Trajectory",
@@ -102,6 +104,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_control",
+    "symbolic_functions",
     "time_motion",
 ]
 
@@ -125,6 +128,7 @@ _HOME = {
     "Scene": "scene.schema.schema",
     "Sensitivity": "runtime.sensitivity.record",
     "Structure": "structure.structure",
+    "SymbolicFunctions": "scene_functions",
     "TensionDistribution": "runtime.control.tension_distribution",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
@@ -143,6 +147,7 @@ _HOME = {
     "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
+    "symbolic_functions": "scene_functions",
     "time_motion": "runtime.control.time_motion",
     "simulate_control": "runtime.control.closed_loop",
 }

@@ -23,7 +23,7 @@ __all__ = [
 BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
 
 # Interfaces that a library can offer besides its C functions.
-INTERFACES = ("casadi",)
+INTERFACES = ("casadi", "casadi_hessian")
 
 
 def complete_options(
@@ -111,7 +111,8 @@ class ModelRequest:
     keep : tuple of str
         What integrators can keep constant: ``"energy"``.
     interfaces : tuple of str
-        Interfaces besides the C functions: ``"casadi"``.
+        Interfaces besides the C functions: ``"casadi"``, with first derivatives, or ``"casadi_hessian"``,
+        with second derivatives too.
 
     Raises
     ------

@@ -41,7 +41,9 @@ EmitterOption = Annotated[
 InterfaceOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--interface", help="Also callable this way, besides the scene's: casadi, for casadi.external."
+        "--interface",
+        help="Also callable this way, besides the scene's: casadi, for casadi.external with first "
+        "derivatives; casadi_hessian, with second derivatives too.",
     ),
 ]
 TargetOption = Annotated[

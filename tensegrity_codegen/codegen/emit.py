@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from tensegrity_codegen.codegen.casadi_interface.derivatives import (
+    build_derivatives,
+    list_derivative_parts,
+)
 from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
@@ -170,13 +174,15 @@ def _sources(
     functions: tuple[WantedFunction, ...],
     left_out: tuple[LeftOut, ...] = (),
 ) -> tuple[Manifest, dict[str, str]]:
+    derivatives = build_derivatives(model, request, functions)
     manifest = describe(model, request, functions, left_out)
+    manifest = replace(manifest, parts=(*manifest.parts, *list_derivative_parts(request, derivatives)))
     emitter, precision = EMITTERS[request.emitter], find_precision(request.precision)
     bodies = emitter.write(model, functions, precision)
     lanes: Mapping[str, PrintedLanes] = {}
     if request.batch_width and emitter.write_lanes is not None:
         lanes = emitter.write_lanes(functions, request.batch_width, precision)
-    return write_sources(manifest, functions, bodies, lanes)
+    return write_sources(manifest, functions, bodies, lanes, derivatives)
 
 
 def _measure(

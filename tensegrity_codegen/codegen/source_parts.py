@@ -85,6 +85,6 @@ def _profiles(integrators: Sequence[IntegratorSpec], driven: Sequence[str]) -> S
 
 
 def _casadi_interface(request: ModelRequest) -> SourcePart:
-    if "casadi" in request.interfaces:
-        return SourcePart("casadi_interface", True, "interfaces names casadi")
+    if request.interfaces:
+        return SourcePart("casadi_interface", True, f"interfaces names {', '.join(request.interfaces)}")
     return SourcePart("casadi_interface", False, "interfaces does not name casadi")

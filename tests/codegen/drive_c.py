@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from tensegrity_codegen.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.precision import find_precision
 
@@ -40,14 +42,14 @@ STEPS = (
 )
 
 
-def format_driver(manifest: Manifest) -> str:
-    """Return the program's text; it ends with 0 unless a status is outside the table."""
+def format_driver(manifest: Manifest, source: str) -> str:
+    """Return the program's text; it ends with 0 unless a status is outside the table. source: scene.c."""
     largest = max(len(item.nominal) for item in manifest.arguments)
     body = [_function_calls(manifest, spec) for spec in manifest.functions]
     body += [_reset(manifest)] if manifest.integrators else []
     body += [_integrator_calls(manifest, spec) for spec in manifest.integrators]
-    has_casadi = "casadi" in manifest.interfaces
-    body += [_casadi_calls(manifest, spec) for spec in manifest.functions if has_casadi]
+    externals = find_externals(source)
+    body += [EXTERNAL, *(f"EXTERNAL({name})" for name in externals)] if externals else []
     return "\n".join(
         [
             *(f"#include <{name}.h>" for name in ("limits", "math", "stddef", "stdio", "stdlib", "string")),
@@ -61,7 +63,7 @@ def format_driver(manifest: Manifest) -> str:
             *body,
             "int main(void)\n{",
             *(f"  call_{spec.quantity}();" for spec in manifest.functions),
-            *(f"  external_{spec.quantity}();" for spec in manifest.functions if has_casadi),
+            *(f"  external_{name}();" for name in externals),
             *(f"  integrate_{spec.name}();" for spec in manifest.integrators),
             '  puts(worst ? "bad status" : "done");\n  return worst;\n}\n',
         ]
@@ -144,26 +146,50 @@ def _integrator_calls(manifest: Manifest, spec: IntegratorSpec) -> str:
     return _with_bad_values(f"integrate_{spec.name}", declarations, calls, whole)
 
 
-def _casadi_calls(manifest: Manifest, spec: FunctionSpec) -> str:
-    """Calls as CasADi makes them: no more work memory than asked for, NULL for zeros and for no result."""
-    name, count = f"{manifest.name}_{spec.quantity}", len(spec.arguments)
-    return f"""static void external_{spec.quantity}(void)
-{{
-  const double *arg[{count + 1}] = {{NULL}};
-  double out[{_size(manifest, spec)}], *res[1] = {{NULL}}, *w;
-  long long n_arg, n_res, n_iw, n_w, i;
-  {name}_work(&n_arg, &n_res, &n_iw, &n_w);
-  w = (double *)malloc((size_t)(n_w + 1) * sizeof(double));
-  if (w == NULL) {{ worst = 1; return; }}
-  note({name}(arg, res, NULL, w, {name}_checkout()));
-  res[0] = out;
-  note({name}(arg, res, NULL, w, 0));
-  {name}_release(0);
-  for (i = -1; i <= {name}_n_in(); ++i) {{
-    const char *word = {name}_name_in(i);
-    const long long *pattern = {name}_sparsity_in(i);
-    if ((word == NULL) != (pattern == NULL)) {{ worst = 1; }}
-  }}
-  if ({name}_name_out(1) != NULL || {name}_sparsity_out(1) != NULL) {{ worst = 1; }}
-  free(w);
-}}"""
+# Calls as CasADi makes them: no more work memory than asked for, NULL for zeros and for no result.
+EXTERNAL = """
+static size_t count_entries(const long long *pattern)
+{
+  const long long rows = pattern[0], columns = pattern[1];
+  return (size_t)(pattern[2] == 1 && columns != 0 ? rows * columns : pattern[2 + columns]);
+}
+#define EXTERNAL(f) \\
+int f(const double **arg, double **res, long long *iw, double *w, int mem); \\
+int f##_checkout(void); \\
+void f##_release(int mem); \\
+long long f##_n_in(void); \\
+long long f##_n_out(void); \\
+const char *f##_name_in(long long i); \\
+const char *f##_name_out(long long i); \\
+const long long *f##_sparsity_in(long long i); \\
+const long long *f##_sparsity_out(long long i); \\
+int f##_work(long long *sz_arg, long long *sz_res, long long *sz_iw, long long *sz_w); \\
+static void external_##f(void) \\
+{ \\
+  long long n_arg, n_res, n_iw, n_w, i; \\
+  const double **arg; \\
+  double **res, *w; \\
+  f##_work(&n_arg, &n_res, &n_iw, &n_w); \\
+  arg = (const double **)calloc((size_t)n_arg + 1, sizeof *arg); \\
+  res = (double **)calloc((size_t)n_res + 1, sizeof *res); \\
+  w = (double *)malloc((size_t)(n_w + 1) * sizeof(double)); \\
+  note(f(arg, res, NULL, w, f##_checkout())); \\
+  for (i = f##_n_out() - 1; i >= 0; --i) { \\
+    res[i] = (double *)malloc((count_entries(f##_sparsity_out(i)) + 1) * sizeof(double)); \\
+    note(f(arg, res, NULL, w, 0)); \\
+  } \\
+  f##_release(0); \\
+  for (i = -1; i <= f##_n_in(); ++i) { \\
+    if ((f##_name_in(i) == NULL) != (f##_sparsity_in(i) == NULL)) { worst = 1; } \\
+  } \\
+  if (f##_name_out(f##_n_out()) != NULL || f##_sparsity_out(f##_n_out()) != NULL) { worst = 1; } \\
+  for (i = 0; i < n_res; ++i) { free(res[i]); } \\
+  free(w); free(res); free((void *)arg); \\
+}
+"""
+DECLARED = re.compile(r"^\w+_API casadi_int (\w+)_n_in\(void\);", re.MULTILINE)
+
+
+def find_externals(source: str) -> list[str]:
+    """Return the names of CasADi's functions in a C source."""
+    return DECLARED.findall(source)

@@ -212,7 +212,9 @@ class ModelOptions(Table):
         (), description="Solvers of the library."
     )
     interfaces: Annotated[tuple[Annotated[str, *_INTERFACE], ...], Strict(False)] = Field(
-        (), description="Ways to call the library besides its C functions: casadi, for casadi.external."
+        (),
+        description="Ways to call the library besides its C functions: casadi, for casadi.external with "
+        "first derivatives; casadi_hessian, with second derivatives too.",
     )
 
 

@@ -259,7 +259,10 @@ def test_no_sanitizer_has_anything_to_say_of_native_code(tmp_path: Path) -> None
     if compiler.name == "zig" or not has_sanitizers(compiler, tmp_path):
         pytest.skip("no compiler here builds programs with the address sanitizer")
     made = source()
-    write_files(tmp_path, made.files | {"driver.c": format_driver(made.manifest)})
+    write_files(
+        tmp_path,
+        made.files | {"driver.c": format_driver(made.manifest, made.files[f"{made.manifest.name}.c"])},
+    )
     options = ["-std=c99", "-O1", "-march=native", "-DTENSEGRITY_NATIVE", "-fsanitize=address,undefined"]
     units = ["driver.c", "triangle.c"]
     run([*compiler.command, *options, *units, "-o", "run_all", "-lm"], tmp_path, compiler)
@@ -277,7 +280,11 @@ def test_every_public_function_asks_before_it_does_anything(subject: Any) -> Non
     request = replace(request, flags="native", interfaces=("casadi",))
     source = emit(structure, replace(request, integrators=request.integrators or ("rk4", "rk54", "rk853")))
     text, name = source.files[f"{source.manifest.name}.c"], source.manifest.name
-    defined = re.findall(rf"^((?:\w+ )*)int ({name}_\w+)\([^;{{]*?\)\s*\{{\s*(\S+)", text, re.MULTILINE)
+    defined = re.findall(
+        rf"^((?:\w+ )*)int ((?:jac_|adj1_|jac_adj1_)?{name}_\w+)\([^;{{]*?\)\s*\{{\s*(\S+)",
+        text,
+        re.MULTILINE,
+    )
     asked = [(before, word) for before, symbol, word in defined if not symbol.endswith(ANSWERS)]
     assert len(asked) > len(source.manifest.functions) + len(source.manifest.integrators)
     assert set(asked) == {("TENSEGRITY_PLAIN ", "TENSEGRITY_CHECK_MACHINE")}

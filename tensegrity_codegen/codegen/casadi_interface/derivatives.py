@@ -1,0 +1,158 @@
+"""Derivatives of functions as further CasADi functions, by the names that casadi.external looks up.
+
+For a function `f` of the arguments x these are, with second derivatives requested,
+
+- `jac_f(x, out_f)`: the sparse Jacobians to each argument,
+- `adj1_f(x, out_f, adj_f)`: the products of the transposed Jacobians with `adj_f`,
+- `jac_adj1_f(x, out_f, adj_f, out_adj_x)`: the Jacobians of these products, the Hessian of `adj_f' f`.
+
+There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its solvers never call it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
+from tensegrity_codegen.codegen.prune import PrunedFunction
+from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS, MOST_OPERATIONS
+from tensegrity_codegen.manifest import SourcePart
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.symbolic.operations import count_operations
+
+__all__ = ["NONE", "Derivative", "Derivatives", "build_derivatives", "list_derivative_parts"]
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """One derivative: its name without the scene's, its order, its expressions, what it is.
+
+    The arguments and results of `function` have the names and sparsities that CasADi expects.
+    """
+
+    name: str
+    order: int
+    function: ca.Function
+    meaning: str
+    operations: int
+
+
+@dataclass(frozen=True)
+class Derivatives:
+    """The derivatives of a library, and the names of those that are too long for it."""
+
+    made: tuple[Derivative, ...] = ()
+    too_long: tuple[str, ...] = ()
+
+
+NONE = Derivatives()
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A derivative to be built: of which function, under which prefix, of which order."""
+
+    function: WantedFunction
+    prefix: str
+    order: int
+
+    @property
+    def name(self) -> str:
+        return self.prefix + self.function.quantity.name
+
+
+def build_derivatives(
+    model: EmittedModel, request: ModelRequest, functions: Sequence[WantedFunction]
+) -> Derivatives:
+    """Return the derivatives that the interfaces of a request ask for.
+
+    Together with the functions they have at most as many operations as unrolled functions may have; what does
+    not fit is listed. First derivatives come first.
+    """
+    if not request.interfaces:
+        return NONE
+    wanted = _list_wanted(functions, "casadi_hessian" in request.interfaces)
+    if model.subject.n_members > MOST_MEMBERS:
+        return Derivatives(too_long=tuple(item.name for item in wanted))
+    symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
+    left = MOST_OPERATIONS - sum(f.written_operations for f in functions)
+    made: list[Derivative] = []
+    too_long: list[str] = []
+    for item in wanted:
+        found = _derive(_as_casadi(symbolic, item.function), item)
+        if found.operations <= left:
+            left -= found.operations
+            made.append(found)
+        else:
+            too_long.append(item.name)
+    return Derivatives(tuple(made), tuple(too_long))
+
+
+def list_derivative_parts(request: ModelRequest, derivatives: Derivatives) -> tuple[SourcePart, ...]:
+    """Return the entries of the manifest's list of parts for derivatives, where there is CasADi."""
+    if not request.interfaces:
+        return ()
+    return (
+        _describe_part("casadi_derivatives", 1, ("casadi", "casadi_hessian"), request, derivatives),
+        _describe_part("casadi_second_derivatives", 2, ("casadi_hessian",), request, derivatives),
+    )
+
+
+def _describe_part(
+    name: str, order: int, interfaces: Sequence[str], request: ModelRequest, derivatives: Derivatives
+) -> SourcePart:
+    asked = [item for item in interfaces if item in request.interfaces]
+    if not asked:
+        return SourcePart(name, False, f"interfaces does not name {' or '.join(interfaces)}")
+    count = sum(item.order == order for item in derivatives.made)
+    why = f"interfaces names {', '.join(asked)}: {count} functions"
+    if order == 1 or not count:  # lists what is missing once
+        lost = derivatives.too_long
+        why += f"; too long for unrolled code: {', '.join(lost)}" if lost else ""
+    return SourcePart(name, bool(count), why)
+
+
+def _list_wanted(functions: Sequence[WantedFunction], with_second: bool) -> list[_Wanted]:
+    """Return what is derived: a matrix is a derivative already, so that its Jacobian is a second one."""
+    some = [f for f in functions if f.arguments]
+    found = [_Wanted(f, "jac_", 1) for f in some if not f.quantity.sparse]
+    if with_second:
+        for f in some:
+            prefixes = ("jac_",) if f.quantity.sparse else ("adj1_", "jac_adj1_")
+            found += [_Wanted(f, prefix, 2) for prefix in prefixes]
+    return found
+
+
+def _as_casadi(model: SymbolicModel, function: WantedFunction) -> ca.Function:
+    """Return a function as a CasADi function, with the same arguments."""
+    if isinstance(function, PrunedFunction):
+        return function.function
+    name = function.quantity.name
+    expression = model.expression(name)
+    if not function.quantity.sparse:
+        expression = ca.densify(expression)
+    symbols = [model.arguments[item].symbol for item in function.arguments]
+    return ca.Function(name, symbols, [ca.cse(expression)], list(function.arguments), [name])
+
+
+def _derive(function: ca.Function, wanted: _Wanted) -> Derivative:
+    derived = function if wanted.prefix == "jac_" else function.reverse(1)
+    if wanted.prefix != "adj1_":
+        derived = derived.jacobian()
+    symbols = derived.sx_in()
+    results = ca.cse(derived.call(symbols))
+    shared = ca.Function("derivative", symbols, results, derived.name_in(), derived.name_out())
+    return Derivative(wanted.name, wanted.order, shared, MEANING[wanted.prefix], count_operations(shared))
+
+
+# What a derivative is, before the name of its quantity.
+MEANING = {
+    "jac_": "Jacobians of",
+    "adj1_": "Transposed Jacobians, times a vector, of",
+    "jac_adj1_": "Second derivatives, times a vector, of",
+}

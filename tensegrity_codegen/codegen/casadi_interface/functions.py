@@ -1,0 +1,115 @@
+"""What the template of CasADi's interface reads: every function with its arguments, results and patterns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from tensegrity_codegen.codegen.casadi_interface.derivatives import Derivative, Derivatives
+from tensegrity_codegen.codegen.print.printer import print_body
+from tensegrity_codegen.manifest import Pattern
+
+__all__ = ["MOST_ENTRIES", "casadi_context", "casadi_pattern", "name_symbol"]
+
+# Entries of a pattern that casadi.external is told: it wants them a second time, which takes compilers long.
+MOST_ENTRIES = 200_000
+
+WORDS = ("jac_adj1_", "adj1_", "jac_")
+
+
+@dataclass(frozen=True)
+class _Port:
+    """One argument or result: its place, name, number of values and pattern.
+
+    in_body: whether the C body reads or writes it; offset: where it has spare memory in the work array.
+    """
+
+    place: int
+    name: str
+    size: int
+    pattern: list[int]
+    in_body: bool = True
+    offset: int = 0
+
+
+def casadi_pattern(shape: tuple[int, int], pattern: Pattern | None) -> list[int]:
+    """Return a sparsity as CasADi reads it: rows, columns, then 1 if dense, else column starts and rows."""
+    rows, columns = shape
+    if pattern is None or len(pattern.row) == rows * columns:
+        return [rows, columns, 1]
+    return [rows, columns, *pattern.column_start.tolist(), *pattern.row.tolist()]
+
+
+def name_symbol(scene: str, name: str) -> str:
+    """Return the C name of a function or derivative, `jac_SCENE_QUANTITY` for `jac_QUANTITY`."""
+    for word in WORDS:
+        if name.startswith(word):
+            return f"{word}{scene}_{name.removeprefix(word)}"
+    return f"{scene}_{name}"
+
+
+def casadi_context(
+    scene: str, functions: Sequence[Mapping[str, Any]], derivatives: Derivatives
+) -> list[dict[str, Any]]:
+    """Return the functions of the interface: those of the library that CasADi can have, and derivatives.
+
+    functions: what the template of the source reads of them.
+    """
+    plain = [_plain(scene, function) for function in functions if function["has_casadi_abi"]]
+    derived = [
+        _derived(scene, item)
+        for item in derivatives.made
+        if all(item.function.nnz_out(k) <= MOST_ENTRIES for k in range(item.function.n_out()))
+    ]
+    return [*plain, *derived]
+
+
+def _plain(scene: str, function: Mapping[str, Any]) -> dict[str, Any]:
+    arguments = [
+        _Port(k, a["name"], a["size"], a["casadi_pattern"]) for k, a in enumerate(function["arguments"])
+    ]
+    results = [_Port(0, function["quantity"], function["size"], function["casadi_pattern"])]
+    return _context(f"{scene}_{function['quantity']}", arguments, results) | {"symbol": function["symbol"]}
+
+
+def _derived(scene: str, item: Derivative) -> dict[str, Any]:
+    made = item.function
+    body = print_body(made, made.name_in(), made.name_out())
+    arguments = [
+        _Port(k, made.name_in(k), made.nnz_in(k), _of_sparsity(made.sparsity_in(k)), k in body.reads)
+        for k in range(made.n_in())
+    ]
+    zeros = max((port.size for port in arguments if port.in_body), default=0)
+    sizes = [made.nnz_out(k) for k in range(made.n_out())]
+    results = [
+        _Port(k, made.name_out(k), size, _of_sparsity(made.sparsity_out(k)), size > 0, zeros + sum(sizes[:k]))
+        for k, size in enumerate(sizes)
+    ]
+    quantity = item.name.removeprefix(next(word for word in WORDS if item.name.startswith(word)))
+    return _context(name_symbol(scene, item.name), arguments, results, sum(sizes)) | {
+        "symbol": "",
+        "kernel": f"{item.name}_checked",
+        "comment": f"{item.meaning} {quantity}: {item.operations} operations.",
+        "lines": body.lines,
+    }
+
+
+def _of_sparsity(sparsity: ca.Sparsity) -> list[int]:
+    pattern = Pattern(sparsity.shape, sparsity.row(), sparsity.colind())
+    return casadi_pattern(sparsity.shape, pattern)
+
+
+def _context(
+    name: str, arguments: Sequence[_Port], results: Sequence[_Port], spare: int = 0
+) -> dict[str, Any]:
+    """Return what stands for one function; spare: values of results that CasADi may not want."""
+    return {
+        "name": name,
+        "arguments": arguments,
+        "results": results,
+        "zeros": max((port.size for port in arguments if port.in_body), default=0),
+        "spare": spare,
+    }
