@@ -87,7 +87,7 @@ def test_casadi_is_told_of_no_pattern_that_is_too_long(monkeypatch: pytest.Monke
     structure, request = everything()
     request = replace(request, interfaces=("casadi",))
     told = emit(structure, request).files[f"{structure.name}.c"]
-    monkeypatch.setattr(source, "MOST_CASADI_ENTRIES", 5)
+    monkeypatch.setattr(source, "MOST_ENTRIES", 5)
     files = emit(structure, request).files
     short = files[f"{structure.name}.c"]
     for quantity, is_short in (("tangent_stiffness", False), ("acceleration", True)):
