@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.control.loop.disturbances import Gust
     from tensegrity_codegen.runtime.control.lqr import design_lqr
     from tensegrity_codegen.runtime.control.motion import Motion
+    from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust, StatedErrors
+    from tensegrity_codegen.runtime.control.study.study import study_control
+    from tensegrity_codegen.runtime.control.study.tuning import Tuning, choose_weights
     from tensegrity_codegen.runtime.control.tension_distribution import (
         TensionDistribution,
         design_distribution,
@@ -64,6 +68,7 @@ __all__ = [
     "BatchTrajectory",
     "CompiledModel",
     "ControlRun",
+    "ControlStudy",
     "ControllerBundle",
     "Equilibrium",
     "EquilibriumPath",
@@ -76,17 +81,21 @@ __all__ = [
     "Motion",
     "PlanResult",
     "Profile",
+    "RandomGust",
     "Scene",
     "Sensitivity",
+    "StatedErrors",
     "Structure",
     "SymbolicFunctions",
     "TensegrityError",
     "TensionDistribution",
     "Trajectory",
+    "Tuning",
     "__version__",
     "analyse",
     "build_controller",
     "build_library",
+    "choose_weights",
     "compile_scene",
     "design_distribution",
     "design_kalman",
@@ -104,6 +113,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_control",
+    "study_control",
     "symbolic_functions",
     "time_motion",
 ]
@@ -114,6 +124,7 @@ _HOME = {
     "CompiledModel": "runtime.model.model",
     "ControlRun": "runtime.control.loop.control_run",
     "ControllerBundle": "controller.build_controller",
+    "ControlStudy": "runtime.control.study.control_study",
     "Equilibrium": "runtime.statics.equilibrium",
     "EquilibriumPath": "runtime.control.equilibrium_path",
     "Estimator": "runtime.control.design.estimator",
@@ -126,14 +137,18 @@ _HOME = {
     "PlanResult": "runtime.planning.outcome",
     "Profile": "runtime.profiles.profile",
     "Scene": "scene.schema.schema",
+    "RandomGust": "runtime.control.study.stated_errors",
     "Sensitivity": "runtime.sensitivity.record",
+    "StatedErrors": "runtime.control.study.stated_errors",
     "Structure": "structure.structure",
     "SymbolicFunctions": "scene_functions",
     "TensionDistribution": "runtime.control.tension_distribution",
     "TensegrityError": "errors",
     "Trajectory": "runtime.trajectory.trajectory",
+    "Tuning": "runtime.control.study.tuning",
     "analyse": "runtime.analysis.analyse",
     "build_controller": "controller.build_controller",
+    "choose_weights": "runtime.control.study.tuning",
     "design_distribution": "runtime.control.tension_distribution",
     "design_kalman": "runtime.control.kalman",
     "design_lqr": "runtime.control.lqr",
@@ -150,6 +165,7 @@ _HOME = {
     "symbolic_functions": "scene_functions",
     "time_motion": "runtime.control.time_motion",
     "simulate_control": "runtime.control.closed_loop",
+    "study_control": "runtime.control.study.study",
 }
 
 

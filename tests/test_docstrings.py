@@ -41,6 +41,8 @@ MODULES = (
     "runtime.control.loop.disturbances",
     "runtime.control.lqr",
     "runtime.control.motion",
+    "runtime.control.study.study",
+    "runtime.control.study.tuning",
     "runtime.control.tension_distribution",
     "runtime.control.time_motion",
     "runtime.linear.linearize",

@@ -7,6 +7,7 @@ become --rtol, --overwrite.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,14 +15,20 @@ from typer.core import TyperCommand
 
 from tensegrity_codegen.errors import TensegrityError
 
-__all__ = ["VerbCommand", "name_options", "name_options_in_error"]
+__all__ = ["VerbCommand", "name_options", "name_options_in_error", "quote_command"]
 
 _ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
 _options: dict[str, str] = {}  # of the running verb: argument -> option
+_words: list[str] = []  # of the running verb: the whole command
 
 
 class VerbCommand(TyperCommand):
-    """A command that makes its options known to `name_options` while it runs."""
+    """A command that makes its options and its own words known while it runs."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words after the verb."""
+        _words[:] = [*str(ctx.command_path).split(), *args]
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the verb."""
@@ -31,6 +38,11 @@ class VerbCommand(TyperCommand):
             if item.name and long_names:
                 _options[item.name] = long_names[0]
         return super().invoke(ctx)
+
+
+def quote_command() -> str:
+    """Return the command that runs, quoted for a shell."""
+    return shlex.join(_words)
 
 
 def name_options(value: Any) -> Any:

@@ -258,12 +258,12 @@ def _dense(matrix: Any) -> FloatArray:
 def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing) -> NoReturn:
     """Raise FormulationError for states that the sensors do not show."""
     first = hidden[0]
-    shown = ", ".join(sensing.names[:6]) + ", ..." * (len(sensing.names) > 6)
+    shown = ", ".join(sensing.names[:3]) + ", ..." * (len(sensing.names) > 3)
+    direction = describe_direction(first.direction, names)
     raise FormulationError(
-        "the state cannot be observed from these sensors",
+        f"the state cannot be observed from these sensors; unobservable: {direction}",
         where=f"{scene}: design_kalman",
-        given=f"{len(sensing.noise)} numbers ({shown}); "
-        f"rank {first.rank} of {first.size}; unobservable: {describe_direction(first.direction, names)}",
+        given=f"rank {first.rank} of {first.size} with {len(sensing.noise)} numbers: {shown}",
         allowed="sensors that show every motion and disturbance force that does not decay",
-        hint="add sensors, or estimate fewer disturbance forces: only_observable=True, or 0 for some",
+        hint="add sensors, or estimate fewer disturbance forces: `only_observable=True`, or `disturbance=0`",
     )

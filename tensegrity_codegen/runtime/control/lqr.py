@@ -182,14 +182,14 @@ def _refuse(
 ) -> NoReturn:
     """Raise FormulationError for modes that do not decay and that the actuators cannot change."""
     first = hidden[0]
-    reason = f"rank {first.rank} of {first.size} at eigenvalue {_tell(first.eigenvalue)}: "
-    reason += describe_direction(first.direction, names)
+    reason = describe_direction(first.direction, names)
     if rigid:
         reason = f"rigid motions of the whole structure: {', '.join(rigid)}"
     raise FormulationError(
-        "the actuators cannot stabilise the motion",
+        f"the actuators cannot stabilise the motion; not changed: {reason}",
         where=f"{scene}: design_lqr",
-        given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; {reason}",
+        given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; "
+        f"rank {first.rank} of {first.size} at eigenvalue {_tell(first.eigenvalue)}",
         allowed="actuators that change every motion that does not decay",
         hint="anchor a structure that can move freely; sum fewer outputs; or add actuators",
     )

@@ -48,7 +48,7 @@ def write_plan(found: PlanResult, path: str | Path) -> None:
 def _arrays(found: PlanResult) -> dict[str, NDArray[Any]]:
     names = (
         *("progress", "target", "goal", "change", "rest_length", "node_position", "member_tension"),
-        *("bar_distance", "smallest_eigenvalue", "residual"),
+        *("bar_distance", "smallest_eigenvalue", "residual", "coordinate"),
     )
     words = ("target_name", "target_unit", "actuator_name", "node_name", "member_name", "bar_pair_name")
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(getattr(found, name)) for name in names}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ def build_rest(
     equilibrium: Equilibrium,
     duration: float = 1.0,
     arguments: Mapping[str, Any] | None = None,
+    actuators: Sequence[str] | None = None,
 ) -> Motion:
     """Return the motion that stays at an equilibrium.
 
@@ -42,11 +43,13 @@ def build_rest(
         Time of the last knot.
     arguments : mapping, optional
         Inputs and run-time parameters where they differ from the scene.
+    actuators : sequence of str, optional
+        Names of the actuators that may move; by default all of the scene.
 
     Returns
     -------
     Motion
-        Two knots, all actuators.
+        Two knots.
 
     Raises
     ------
@@ -60,7 +63,7 @@ def build_rest(
             "not an equilibrium", where="motion", given=equilibrium.status, allowed=", ".join(FOUND)
         )
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
-    actuation = find_actuation(model)
+    actuation = find_actuation(model, actuators)
     given = merge_inputs(model.manifest, arguments)
     value = np.asarray(given.get(INPUT, model.nominal(INPUT)), dtype=float).ravel()
     still = np.zeros((2, len(equilibrium.coordinate)))

@@ -1,0 +1,234 @@
+"""Options of the verb `control`, and how their texts are read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensegrity_codegen.cli.options import parse_vector
+from tensegrity_codegen.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust, StatedErrors
+
+__all__ = [
+    "DisturbanceOption",
+    "DrawsOption",
+    "DurationOption",
+    "EffortOption",
+    "EstimatorOption",
+    "GustOption",
+    "IntegralOption",
+    "LastOption",
+    "LeastTensionOption",
+    "PlanOption",
+    "ResponseOption",
+    "SampleOption",
+    "SeedOption",
+    "StartErrorOption",
+    "StiffnessErrorOption",
+    "TEndOption",
+    "ToOption",
+    "ToleranceOption",
+    "WeightsOption",
+    "read_errors",
+    "read_least_tension",
+]
+
+ToOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--to",
+        help="TARGET=VALUE of a plan, as of the verb plan; may be repeated; without it and --plan the "
+        "equilibrium is held.",
+        show_default=False,
+    ),
+]
+PlanOption = Annotated[
+    Path | None, typer.Option("--plan", help="Result file of the verb plan (.npz), in place of --to.")
+]
+DurationOption = Annotated[
+    float | None,
+    typer.Option(
+        "--duration", help="Time of the motion [s]; default: twice the shortest that the rates permit."
+    ),
+]
+SampleOption = Annotated[float, typer.Option("--sample", help="Time between two commands [s].")]
+TEndOption = Annotated[
+    float | None,
+    typer.Option("--t-end", help="Simulated time [s]; default: three times the motion, 2 s at rest."),
+]
+LastOption = Annotated[
+    float | None,
+    typer.Option(
+        "--last", help="Time before the end in which errors are compared [s]; default: a sixth of --t-end."
+    ),
+]
+DrawsOption = Annotated[int, typer.Option("--draws", help="Number of draws of the disturbances.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws and of the noise.")]
+StartErrorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--start-error",
+        help="By how much every coordinate is off at the start: a displacement of nodes (3mm) or, of angles, "
+        "an angle (1.2deg); both may be given; default: a hundredth of the size of the structure.",
+        show_default=False,
+    ),
+]
+StiffnessErrorOption = Annotated[
+    float,
+    typer.Option(
+        "--stiffness-error", help="Part by which the stiffness of each cable is off, up or down by the draw."
+    ),
+]
+GustOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--gust",
+        help="NODE=FX,FY,FZ@START+DURATION: a force on a node [N, s]; NODE=F@...: of random direction; "
+        "NODE may be a pattern such as 't*', of which one node is drawn; may be repeated.",
+        show_default=False,
+    ),
+]
+ToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance",
+        help="Displacement of a node that the weights accept for a moment [m]; default: a twentieth of the "
+        "size of the structure.",
+    ),
+]
+EffortOption = Annotated[
+    float | None,
+    typer.Option(
+        "--effort",
+        help="Change of a rest length that the weights accept [m]; larger: stronger feedback; default: the "
+        "least of --tolerance / 20, rate times --response-time and half the range.",
+    ),
+]
+ResponseOption = Annotated[
+    float | None,
+    typer.Option(
+        "--response-time",
+        help="Time in which the weights accept a change by --tolerance [s]; default: 1 over the lowest "
+        "natural frequency [rad/s].",
+    ),
+]
+IntegralOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--integral",
+        help="Coordinate whose error is summed; may be repeated; none: no integral action; default: all, or "
+        "what the actuators can move.",
+        show_default=False,
+    ),
+]
+WeightsOption = Annotated[
+    Path | None,
+    typer.Option("--weights", help="Weights in place of those of the options: .npz with arrays Q and R."),
+]
+LeastTensionOption = Annotated[
+    str | None,
+    typer.Option(
+        "--least-tension",
+        help="Distribute tensions so that none is below this [N]; scene: below the limits of the scene.",
+    ),
+]
+EstimatorOption = Annotated[
+    bool, typer.Option("--estimator/--no-estimator", help="Simulate an estimator, where there are sensors.")
+]
+DisturbanceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--disturbance",
+        help="How fast the estimator lets disturbance forces change [N or N m in 1 s]; 0: none is estimated.",
+    ),
+]
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+ERROR = re.compile(rf"\s*({NUMBER})\s*(deg|rad|mm|cm|m)?\s*")
+TIMES = re.compile(rf"\s*({NUMBER})\s*(?:\+\s*({NUMBER})\s*)?")
+LENGTHS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+ANGLES = {"deg": math.pi / 180, "rad": 1.0}
+
+
+def read_errors(
+    start: Sequence[str] | None, stiffness: float, gusts: Sequence[str] | None, axes: Sequence[int]
+) -> StatedErrors:
+    """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
+    from tensegrity_codegen.runtime.control.study.stated_errors import StatedErrors
+
+    length = angle = None
+    for text in start or ():
+        match = ERROR.fullmatch(text)
+        unit = (match[2] or "") if match else ""
+        is_angle = unit in ANGLES
+        if match is None or (angle if is_angle else length) is not None:
+            raise InvalidValueError(
+                "not an error of the start" if match is None else "an error of the start is given twice",
+                where="--start-error",
+                given=text,
+                allowed="a length (0.003, 3mm, 1cm) and an angle (1.2deg, 0.02rad), each at most once",
+            )
+        if is_angle:
+            angle = float(match[1]) * ANGLES[unit]
+        else:
+            length = float(match[1]) * LENGTHS[unit]
+    drawn = tuple(_read_gust(text, axes) for text in gusts or ())
+    return StatedErrors(length, angle, stiffness, drawn)
+
+
+def _read_gust(text: str, axes: Sequence[int]) -> RandomGust:
+    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust
+
+    node, equals, rest = text.partition("=")
+    vector, at, times = rest.partition("@")
+    match = TIMES.fullmatch(times) if at else None
+    if not equals or not node.strip() or (at and match is None):
+        raise InvalidValueError(
+            "not a gust",
+            where="--gust",
+            given=text,
+            allowed="NODE=FX,FY,FZ@START+DURATION, or NODE=F@START+DURATION",
+            hint="for example t1=0,0,-5@0.5+0.2, or 't*=5@0.5+0.2'",
+        )
+    start = float(match[1]) if match else 0.0
+    duration = float(match[2]) if match and match[2] else 0.2
+    return RandomGust(node.strip(), _read_force(vector, node.strip(), axes), start, duration)
+
+
+def _read_force(text: str, node: str, axes: Sequence[int]) -> float | tuple[float, float, float]:
+    if "," in text:
+        return parse_vector(text, f"--gust {node}", axes)
+    try:
+        size = float(text)
+    except ValueError:
+        size = math.nan
+    if not math.isfinite(size) or size < 0.0:
+        raise InvalidValueError(
+            "not a force",
+            where=f"--gust {node}",
+            given=text,
+            allowed="FX,FY,FZ or one number >= 0 [N]",
+        )
+    return size
+
+
+def read_least_tension(text: str | None) -> float | None:
+    """Return the least tension [N] of an option, None for that of the scene; raises InvalidValueError."""
+    if text is None or text == "scene":
+        return None
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value < 0.0:
+        raise InvalidValueError(
+            "not a least tension", where="--least-tension", given=text, allowed="a number >= 0 [N], or scene"
+        )
+    return value

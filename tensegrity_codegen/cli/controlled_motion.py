@@ -1,0 +1,146 @@
+"""The motion that `control` holds: planned, read from a file, or an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import ConvergenceError, FormulationError, InfeasibleError, InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.control.motion import Motion
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["compile_control", "find_motion"]
+
+SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback
+HELD = 2.0  # [s], of an equilibrium
+
+
+def compile_control(
+    output: Output,
+    scene: Path,
+    to: Sequence[str] | None,
+    plan: Path | None,
+    actuate: Sequence[str] | None,
+    compiler: str | None,
+) -> tuple[Subject, CompiledModel, tuple[str, ...] | None]:
+    """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
+    from tensegrity_codegen.analyses import want_analyses
+    from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
+    from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
+    from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
+    from tensegrity_codegen.runtime.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.structure.actuate import actuate_members
+
+    if to and plan is not None:
+        raise InvalidValueError(
+            "a motion is given twice",
+            where="--plan",
+            given=f"--to {to[0]} and --plan {plan}",
+            allowed="one of them",
+        )
+    quantities: Sequence[str] = ()
+    if to:
+        require_solver()
+        quantities = find_target_quantities(read_targets(list(to)))
+    subject, request = output.load(scene, settles=True)
+    chosen = None
+    if actuate:
+        subject, chosen = actuate_members(subject, actuate)
+    statics = with_statics(subject, request)
+    _check_formulation(subject, statics)
+    needs = find_needs("time_motion", subject, statics).alone(statics)
+    wanted = want_analyses(subject, needs, ("control",))
+    wanted = wanted.wanting(*wanted.quantities, *quantities, integrators=wanted.integrators)
+    return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
+
+
+def _check_formulation(subject: Subject, request: ModelRequest) -> None:
+    """Raise FormulationError where coordinates depend on each other: rigid bars between nodes."""
+    from tensegrity_codegen.formulations import find_formulation
+
+    formulation = find_formulation(request.formulation)
+    if formulation.of_bodies or (formulation.in_nodes and not formulation.has_rigid_bars):
+        return
+    raise FormulationError(
+        "feedback needs coordinates that are independent of each other; those of rigid bars are not",
+        where="model.formulation",
+        given=f"formulation {request.formulation!r}",
+        allowed='"node_position" with bars that have a stiffness, or a scene of bodies',
+        hint="give the class of the bars a spring_constant and a damping, or state the bars as [bodies]",
+    )
+
+
+def find_motion(
+    output: Output,
+    model: CompiledModel,
+    to: Sequence[str] | None,
+    plan: Path | None,
+    chosen: tuple[str, ...] | None,
+    *,
+    duration: float | None,
+    arguments: Mapping[str, Any],
+    t_end: float | None,
+) -> Motion:
+    """Return the motion: of a new plan, of a plan in a file, or at rest in the equilibrium."""
+    from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+    from tensegrity_codegen.runtime.control.study.read_files import read_path
+    from tensegrity_codegen.runtime.control.time_motion import time_motion
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
+    if to:
+        path: Any = _find_plan(output, model, to, chosen, arguments)
+    elif plan is not None:
+        path = read_path(plan, model)
+    else:
+        if duration is not None:
+            raise InvalidValueError(
+                "an equilibrium that is held has no duration",
+                where="--duration", given=duration, allowed="--duration with --to or --plan",
+                hint="--t-end sets the simulated time",
+            )  # fmt: skip
+        found = find_equilibrium(model, arguments=arguments)
+        return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
+    motion = time_motion(model, path, duration, arguments=arguments)
+    if duration is None:
+        motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
+    for text in motion.warnings:
+        output.warn(text)
+    return motion
+
+
+def _find_plan(
+    output: Output,
+    model: CompiledModel,
+    to: Sequence[str],
+    chosen: tuple[str, ...] | None,
+    arguments: Mapping[str, Any],
+) -> PlanResult:
+    """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
+    from tensegrity_codegen.runtime.planning.plan import plan
+
+    found = plan(model, list(to), actuators=chosen, arguments=arguments)
+    for text in found.warnings:
+        output.warn(text)
+    if not found.is_found:
+        kind = InfeasibleError if found.status == "infeasible" else ConvergenceError
+        raise kind(
+            f"there is no plan to hold: {found.message}",
+            evidence={"status": found.status},
+            where=", ".join(to),
+            hint="the verb plan shows what binds",
+        )
+    if found.n_steps == 0:
+        raise InvalidValueError(
+            "the structure is at its target already, so that nothing moves",
+            where="--to",
+            given=", ".join(to),
+            allowed="another target, or no target: then the equilibrium is held",
+        )
+    return found

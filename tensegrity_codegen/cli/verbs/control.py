@@ -1,0 +1,182 @@
+"""`tensegrity-codegen control`: a motion held by feedback, designed and simulated under disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.control_design import ControlDesign
+from tensegrity_codegen.cli.control_options import (
+    DisturbanceOption,
+    DrawsOption,
+    DurationOption,
+    EffortOption,
+    EstimatorOption,
+    GustOption,
+    IntegralOption,
+    LastOption,
+    LeastTensionOption,
+    PlanOption,
+    ResponseOption,
+    SampleOption,
+    SeedOption,
+    StartErrorOption,
+    StiffnessErrorOption,
+    TEndOption,
+    ToleranceOption,
+    ToOption,
+    WeightsOption,
+    read_errors,
+    read_least_tension,
+)
+from tensegrity_codegen.cli.controlled_motion import compile_control, find_motion
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.option_names import quote_command
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.cli.verbs.plan import ActuateOption
+from tensegrity_codegen.extras import require_plot
+from tensegrity_codegen.files import check_ending, check_output, replaced
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["VERB"]
+
+OutOption = Annotated[Path | None, typer.Option("--out", "-o", help="Result file with all arrays (.npz).")]
+PageOption = Annotated[
+    Path | None,
+    typer.Option("--page", help="Write a page with errors, commands, tensions, pictures and limits (.html)."),
+]
+
+
+def control(
+    scene: SceneArgument,
+    to: ToOption = None,
+    plan: PlanOption = None,
+    actuate: ActuateOption = None,
+    input: InputOption = None,
+    duration: DurationOption = None,
+    sample: SampleOption = 0.005,
+    tolerance: ToleranceOption = None,
+    effort: EffortOption = None,
+    response_time: ResponseOption = None,
+    integral_action: IntegralOption = None,
+    weights: WeightsOption = None,
+    least_tension: LeastTensionOption = None,
+    estimator: EstimatorOption = True,
+    disturbance: DisturbanceOption = None,
+    start_error: StartErrorOption = None,
+    stiffness_error: StiffnessErrorOption = 0.05,
+    gust: GustOption = None,
+    draws: DrawsOption = 5,
+    seed: SeedOption = 0,
+    t_end: TEndOption = None,
+    last: LastOption = None,
+    out: OutOption = None,
+    page: PageOption = None,
+    overwrite: OverwriteOption = False,
+    compiler: CompilerOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Hold a motion by feedback: design it, and simulate it in the full model under disturbances.
+
+    Plans the motion, puts it in time, designs a linear-quadratic regulator and, where the scene has sensors,
+    an estimator; then simulates without feedback, with the true state and with the estimator. Exit code 3
+    where a loop with feedback is unstable or ends further from the motion than the open loop.
+
+    Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
+    """
+    output = Output(json)
+    with output.guard(scene):
+        _check_files(scene, plan, weights, out, page, overwrite)
+        read_least_tension(least_tension)
+        subject, model, chosen = compile_control(output, scene, to, plan, actuate, compiler)
+        arguments = read_inputs(input, subject, output)
+        errors = read_errors(start_error, stiffness_error, gust, subject.axes)
+        motion = find_motion(
+            output, model, to, plan, chosen, duration=duration, arguments=arguments, t_end=t_end
+        )
+        design = ControlDesign(
+            model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
+            disturbance, least_tension, arguments,
+        )  # fmt: skip
+        if design.lacks_sensors:
+            output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
+        parts = design.build()
+        with output.progress("simulating") as progress:
+            study = _study(
+                model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
+                arguments=arguments, progress=progress, **parts,
+            )  # fmt: skip
+        if out is not None:
+            _write(study, out)
+        if page is not None:
+            _write_page(study, model, subject, page)
+        written = {"out": None if out is None else str(out), "page": None if page is None else str(page)}
+        _report(output, subject, study, written)
+        if not study.holds:
+            raise typer.Exit(3)
+
+
+def _check_files(
+    scene: Path, plan: Path | None, weights: Path | None, out: Path | None, page: Path | None, overwrite: bool
+) -> None:
+    inputs = [scene, *(file for file in (plan, weights) if file is not None)]
+    for file, ending in ((out, ".npz"), (page, ".html")):
+        if file is not None:
+            check_ending(file, ending)
+            check_output(file, inputs=inputs, overwrite=overwrite)
+    if page is not None:
+        require_plot()
+
+
+def _study(model: CompiledModel, motion: Any, **options: Any) -> ControlStudy:
+    from tensegrity_codegen.runtime.control.study.study import study_control
+
+    return study_control(model, motion, **options)
+
+
+def _write(study: ControlStudy, path: Path) -> None:
+    from tensegrity_codegen.runtime.model.array_file import write_arrays
+
+    write_arrays(path, study.arrays())
+
+
+def _write_page(study: ControlStudy, model: CompiledModel, subject: Subject, path: Path) -> None:
+    """Write the page, whole or not at all."""
+    from tensegrity_codegen.report.control_page import build_control_page
+    from tensegrity_codegen.report.pages.render_page import render_page
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    text = render_page(build_control_page(study, model, outline_bodies(subject), quote_command()))
+    with replaced(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping[str, Any]) -> None:
+    """Print the study: errors of the loops, actuators, assumptions."""
+    from tensegrity_codegen.report.control_studies import (
+        actuators_table,
+        describe_facts,
+        describe_study,
+        errors_table,
+    )
+
+    name = subject.name
+    output.result(
+        {**describe_study(study), **more},
+        errors_table(study, name),
+        actuators_table(study, name),
+        *describe_facts(study),
+        f"{study.status}: {study.message}",
+    )
+
+
+VERB = Verb(control, order=79)

@@ -1,0 +1,204 @@
+"""A study of feedback as a page: outcome, film, errors, commands, tensions, estimate, draws."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.report.control_figures import (
+    build_commands,
+    build_errors,
+    build_estimate,
+    build_motion,
+    build_tensions,
+)
+from tensegrity_codegen.report.control_studies import (
+    LIMIT_NAMES,
+    LOOP_NAMES,
+    STEP_NAMES,
+    describe_facts,
+)
+from tensegrity_codegen.report.pages.page import Block, Chapter, Page, Paragraph, Remark, Section
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.runtime.control.study.control_study import ControlStudy, LoopResult
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.version import VERSION
+
+__all__ = ["build_control_page"]
+
+FloatArray = NDArray[np.float64]
+
+LEAD = {
+    "holds": "Feedback holds the motion under the disturbances below.",
+    "does_not_hold": "Feedback does not hold the motion: without it the errors at the end are smaller.",
+    "unstable": "Feedback is unstable: the simulation of a loop with feedback stopped.",
+}
+
+
+def build_control_page(study: ControlStudy, model: CompiledModel, structure: Structure, command: str) -> Page:
+    """Return the page of a study.
+
+    structure: what is drawn, its members first those of the model (then edges of bodies); command: the
+    command line that makes the page.
+    """
+    worst = f"draw {study.worst_draw} of {len(study.drawn)}"
+    sections = (
+        _outcome(study),
+        build_motion(study, model, structure),
+        build_errors(study, model),
+        build_commands(study),
+        *build_tensions(study, model),
+        *build_estimate(study),
+        _limits(study),
+        _draws(study),
+        _design(study),
+        _again(command),
+    )
+    return Page(
+        title=f"{structure.name}: {_headline(study)}",
+        lead=f"{LEAD[study.status]} Diagrams show the worst draw, {worst}; the end is the last "
+        f"{study.last:.3g} of {study.t_end:.6g} s.",
+        chapters=(
+            Chapter("control", structure.name, study.status.replace("_", " "), _count(study), sections),
+        ),
+        facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def _headline(study: ControlStudy) -> str:
+    """Return the finding: the largest errors at the end, without and with feedback."""
+    is_angle = study.tuning.scales.is_angle.all()
+    parts = []
+    for name, loop in study.loops.items():
+        if loop.unstable:
+            parts.append(f"unstable with the {LOOP_NAMES[name]}" if name != "open" else "unstable open loop")
+            continue
+        value = np.degrees(loop.end_angle.max()) if is_angle else 1000 * loop.end_error.max()
+        word = "without feedback" if name == "open" else f"with the {LOOP_NAMES[name]}"
+        parts.append(f"{value:.2g} {'deg' if is_angle else 'mm'} {word}")
+    return f"worst error {', '.join(parts)}"
+
+
+def _count(study: ControlStudy) -> str:
+    run = study.loops["open"].run
+    estimator = study.estimator
+    measured = "no sensors" if estimator is None else f"{len(estimator.sensing.names)} numbers measured"
+    return (
+        f"{len(run.coordinate_name)} coordinates, {len(run.member_name)} members, "
+        f"{len(run.actuators)} actuators, {measured}."
+    )
+
+
+def _outcome(study: ControlStudy) -> Section:
+    columns = (
+        Column("loop", numeric=False), Column("error at the end", "mm"), Column("largest error", "mm"),
+        Column("angle at the end", "deg"), Column("least tension at the end", "N"),
+        Column("commands cut", "%"),
+    )  # fmt: skip
+    rows = tuple(_outcome_row(name, loop) for name, loop in study.loops.items())
+    note = "Errors are distances of nodes from the motion and errors of angles; of all draws the worst value."
+    blocks: list[Block] = [Table("Loops", columns, rows, note)]
+    blocks += [Remark("differs", _sentence(text)) for text in study.motion.warnings]
+    blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
+    return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
+
+
+def _outcome_row(name: str, loop: LoopResult) -> tuple[Cell, ...]:
+    steps = loop.steps
+    cut = 100 * (1.0 - steps.get("ok", 0) / max(sum(steps.values()), 1))
+    unstable = f", unstable in {loop.unstable}" if loop.unstable else ""
+    return (
+        text_cell(LOOP_NAMES[name] + unstable),
+        number_cell(1000 * float(loop.end_error.max()), ".3g"),
+        number_cell(1000 * float(loop.peak_error.max()), ".3g"),
+        number_cell(float(np.degrees(loop.end_angle.max())), ".3g"),
+        number_cell(float(np.min(loop.end_tension)), ".4g"),
+        number_cell(cut, ".1f"),
+    )
+
+
+def _limits(study: ControlStudy) -> Section:
+    columns = (
+        Column("loop", numeric=False),
+        Column("limit", numeric=False),
+        Column("exceeded at the end", numeric=False),
+    )
+    rows = tuple(
+        (text_cell(LOOP_NAMES[name]), text_cell(LIMIT_NAMES[limit]), text_cell(", ".join(who)))
+        for name, loop in study.loops.items()
+        for limit, who in loop.broken.items()
+    )
+    bad = [LOOP_NAMES[name] for name, loop in study.loops.items() if loop.broken]
+    text = f"not kept at the end: {', '.join(bad)}" if bad else "kept at the end by all loops"
+    blocks: list[Block] = [Table("Limits of the scene", columns, rows)] if rows else []
+    heads = (
+        Column("loop", numeric=False),
+        Column("commands", numeric=False),
+        Column("number"),
+        Column("part", "%"),
+    )
+    counts = tuple(
+        (
+            text_cell(LOOP_NAMES[name]), text_cell(STEP_NAMES.get(word, word)),
+            number_cell(float(count), ".0f"),
+            number_cell(100 * count / max(sum(loop.steps.values()), 1), ".2f"),
+        )
+        for name, loop in study.loops.items()
+        for word, count in loop.steps.items()
+    )  # fmt: skip
+    blocks.append(Table("Commands of all draws", heads, counts))
+    return Section("limits", "limits", "Limits kept or not", "plain", text, tuple(blocks))
+
+
+def _draws(study: ControlStudy) -> Section:
+    names = list(study.loops)
+    columns = [Column("draw")]
+    columns += [Column(LOOP_NAMES[name], "mm") for name in names]
+    columns += [Column(f"tension, {LOOP_NAMES[name]}", "N") for name in names]
+    rows = []
+    for k in range(len(study.drawn)):
+        cells = [number_cell(float(k), ".0f")]
+        for name in names:
+            row = study.loops[name].measures[k]
+            cells.append(
+                text_cell("unstable") if row.status != "ok" else number_cell(1000 * row.end_error, ".3g")
+            )
+        cells += [number_cell(study.loops[name].measures[k].end_tension, ".4g") for name in names]
+        rows.append(tuple(cells))
+    note = "Largest distance of a node from the motion, and least tension of the cables, at the end."
+    table = Table("Draws", tuple(columns), tuple(rows), note)
+    return Section("draws", "all", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
+
+
+def _design(study: ControlStudy) -> Section:
+    gains, tuning = study.gains, study.tuning
+    facts: list[tuple[str, float, str, str]] = [
+        ("displacement that is accepted for a moment", 1000 * tuning.tolerance, "mm", ".4g"),
+        ("response time", 1000 * tuning.response_time, "ms", ".4g"),
+        ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
+        ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
+        ("time in which the slowest error falls to 1/e", study.time_constant, "s", ".3g"),
+        ("sums of errors", float(len(gains.integral_name)), "", ".0f"),
+        ("residual of the Riccati equation", gains.residual, "", ".1e"),
+    ]
+    if study.estimator is not None:
+        facts.append(("states of the estimator", float(len(study.estimator.state_name)), "", ".0f"))
+        facts.append(("residual of the estimator's equation", study.estimator.residual, "", ".1e"))
+    rows = tuple(
+        (text_cell(name), number_cell(value, spec), text_cell(unit)) for name, value, unit, spec in facts
+    )
+    columns = (Column("what", numeric=False), Column("value"), Column("unit", numeric=False))
+    size = f"{gains.K.shape[1]} x {gains.K.shape[2]} gains at {len(gains.time)} times"
+    return Section(
+        "design", "design", "Design", "plain", size, (Table("Regulator and estimator", columns, rows),)
+    )
+
+
+def _again(command: str) -> Section:
+    return Section("command", "again", "Command", "plain", "makes this page", (Paragraph(command),))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."

@@ -1,0 +1,87 @@
+"""A small film inside a page: a motion, over the shadow of the motion that was planned."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.extras import import_extra
+from tensegrity_codegen.report.pages.picture import CSS_DPI, Picture
+from tensegrity_codegen.report.pictures.canvas import new_figure
+from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
+from tensegrity_codegen.report.pictures.film import write_gif
+from tensegrity_codegen.report.pictures.frame import draw_frame, picture_size
+from tensegrity_codegen.report.pictures.legend import add_color_bar
+from tensegrity_codegen.report.pictures.palette import INK, MUTED
+from tensegrity_codegen.report.pictures.view import find_box, fit_view
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["draw_film"]
+
+FloatArray = NDArray[np.float64]
+
+AREA = 11.0  # of the panel [in2]
+PAUSE = 1.0  # [s], on the last picture
+
+
+def draw_film(
+    structure: Structure,
+    time: FloatArray,
+    position: FloatArray,
+    tension: FloatArray,
+    planned: FloatArray,
+    *,
+    slow_down: float = 1.0,
+) -> Picture:
+    """Return a film of positions (n_t, n_nodes, 3) [m] coloured by tensions (n_t, n_members) [N].
+
+    time (n_t,) [s], equally spaced; planned (n_t, n_nodes, 3): drawn dotted; slow_down: seconds of film for a
+    second of the motion.
+    """
+    import_extra("PIL.Image")
+    box = find_box(np.concatenate([position, planned]).reshape(-1, 3), structure.axes)
+    view = fit_view(structure, box, position[0])
+    limit = find_tension_limit(tension)
+    size = picture_size(view, box, with_bar=limit is not None, area=AREA)
+    figure = new_figure(*size, dpi=CSS_DPI)
+    axes = figure.add_subplot()
+    draw_frame(axes, view, box)
+    shadow, clock = _add_shadow(axes)
+    drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
+    if drawing.mappable is not None:
+        add_color_bar(figure, axes, drawing.mappable, name="member tension [N]")
+
+    def paint() -> Iterator[NDArray[np.uint8]]:
+        canvas: Any = figure.canvas
+        for k in range(len(time)):
+            drawing.show(position[k], tension[k])
+            place, _ = view.project(planned[k])
+            shadow.set_segments(list(place[structure.connectivity]))
+            clock.set_text(f"{time[k]:.2f} s")
+            canvas.draw()
+            yield np.array(canvas.buffer_rgba(), dtype=np.uint8)[..., :3]
+
+    fps = min(50.0, (len(time) - 1) / max(float(time[-1] - time[0]) * slow_down, 1e-9))
+    counts = [1] * (len(time) - 1) + [max(1, round(PAUSE * fps))]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.gif"
+        write_gif(path, paint(), counts, fps)
+        data = base64.b64encode(path.read_bytes()).decode("ascii")
+    width, height = (round(float(inches) * CSS_DPI) for inches in figure.get_size_inches())
+    return Picture(width, height, png=f"data:image/gif;base64,{data}")
+
+
+def _add_shadow(axes: Any) -> tuple[Any, Any]:
+    """Return the lines of the planned shape, and the text of the time."""
+    from matplotlib.collections import LineCollection
+
+    shadow = LineCollection([], colors=MUTED, linewidths=0.9, linestyles="dotted", zorder=2)
+    axes.add_collection(shadow, autolim=False)
+    clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", fontsize=10, color=INK)
+    return shadow, clock

@@ -1,0 +1,253 @@
+"""The study of a controller: open loop, true state, estimator, over many draws of disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.runtime.control.closed_loop import simulate_control
+from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.kalman import design_kalman
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
+from tensegrity_codegen.runtime.control.lqr import design_lqr
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.study.control_study import (
+    LOOPS,
+    OPEN,
+    ControlStudy,
+    LoopResult,
+    judge_study,
+)
+from tensegrity_codegen.runtime.control.study.run_measures import RunMeasures, measure_run
+from tensegrity_codegen.runtime.control.study.stated_errors import (
+    DrawnErrors,
+    StatedErrors,
+    check_errors,
+    draw_errors,
+)
+from tensegrity_codegen.runtime.control.study.tuning import Tuning, choose_weights
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+
+__all__ = ["study_control"]
+
+FloatArray = NDArray[np.float64]
+
+HELD = 2.0  # [s], of an equilibrium
+LONGER = 3.0  # simulated time over that of the motion
+SENSORS = "sensors"
+WINDOW = 6.0  # simulated time over that at whose end errors are compared
+MOST_DRAWS = 10_000
+
+
+def study_control(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    *,
+    tuning: Tuning | None = None,
+    gains: Gains | None = None,
+    estimator: Estimator | str | None = SENSORS,
+    distribution: TensionDistribution | None = None,
+    errors: StatedErrors | None = None,
+    sample: float = 0.005,
+    t_end: float | None = None,
+    last: float | None = None,
+    draws: int = 5,
+    seed: int = 0,
+    arguments: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ControlStudy:
+    """Simulate a motion under disturbances: without feedback, with the true state, with an estimator.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold for 2 s.
+    tuning : Tuning, optional
+        Weights of the gains; by default those of `choose_weights`.
+    gains : Gains, optional
+        Feedback; by default of `design_lqr` with the weights.
+    estimator : Estimator, "sensors" or None
+        ``"sensors"``: of `design_kalman` for the sensors of the scene, none without sensors. None: no loop
+        with an estimator.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones, in the loops with feedback.
+    errors : StatedErrors, optional
+        Disturbances; by default every coordinate off at the start and stiffnesses off by 5 %.
+    sample : float [s]
+        Time between two commands, where no gains are given.
+    t_end : float, optional [s]
+        Simulated time; by default three times the motion.
+    last : float, optional [s]
+        Time before the end in which errors are compared; by default a sixth of the simulated time.
+    draws : int
+        Number of draws of the disturbances.
+    seed : int
+        Of the draws.
+    arguments : mapping, optional
+        Inputs and run-time parameters where they differ from the scene, known to the controller.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    ControlStudy
+        Status, errors, tensions and limits of every loop and draw, and the runs of the worst draw.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError
+        A value out of range, an unknown node, a motion that an actuator is too slow for.
+    FormulationError
+        Coordinates depend on each other, the actuators cannot stabilise the motion, or the sensors do not
+        show the state.
+
+    Notes
+    -----
+    docs/control.md has the statuses.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, find_equilibrium, study_control
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> study = study_control(model, find_equilibrium(model), sample=0.02, draws=2)
+    >>> study.status, list(study.loops)
+    ('holds', ['open', 'true_state'])
+    """
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or HELD, arguments)
+    given = merge_inputs(model.manifest, arguments)
+    chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
+    stated = errors or StatedErrors()
+    check_errors(model, stated)
+    _check_count(draws)
+    if gains is None:
+        gains = design_lqr(
+            model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
+            arguments=arguments,
+        )  # fmt: skip
+    end = _read_time(t_end, (LONGER if np.any(way.velocity) else 1.0) * way.duration, "t_end", gains.sample)
+    window = _read_time(last, end / WINDOW, "last", gains.sample)
+    if window > end:
+        raise InvalidValueError("out of range", where="last", given=last, allowed=f"at most {end:g} s")
+    senses = _find_estimator(model, way, estimator, gains.sample, arguments)
+    work = _Work(model, way, gains, senses, distribution, chosen, stated, given, end, window, seed)
+    return work.study(draws, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """All parts of a study."""
+
+    model: CompiledModel
+    motion: Motion
+    gains: Gains
+    estimator: Estimator | None
+    distribution: TensionDistribution | None
+    tuning: Tuning
+    stated: StatedErrors
+    given: Mapping[str, Any]
+    t_end: float
+    last: float
+    seed: int
+
+    def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
+        """Simulate all draws; of the worst one the runs are kept."""
+        names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
+        rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
+        worst, kept, drawn = -np.inf, {}, []
+        for draw in range(draws):
+            now = draw_errors(self.model, self.stated, self.tuning.scales, self.seed, draw)
+            runs = {}
+            for k, name in enumerate(names):
+                runs[name] = self.run(name, now, draw)
+                rows[name].append(measure_run(self.model, runs[name], self.motion, self.last))
+                if progress is not None:
+                    progress((draw + (k + 1) / len(names)) / draws)
+            drawn.append(now)
+            size = _rank(rows[names[-1]][-1])
+            if size > worst:
+                worst, kept, number = size, runs, draw
+        loops = {name: LoopResult.collect(name, rows[name], kept[name]) for name in names}
+        status, message = judge_study(loops, self.tuning.tolerance)
+        return ControlStudy(
+            status=status,
+            message=message,
+            motion=self.motion,
+            tuning=self.tuning,
+            gains=self.gains,
+            estimator=self.estimator,
+            distribution=self.distribution,
+            errors=self.stated,
+            bounds=find_bounds(self.model, self.motion),
+            drawn=tuple(drawn),
+            loops=loops,
+            worst_draw=number,
+            t_end=self.t_end,
+            last=self.last,
+            seed=self.seed,
+        )
+
+    def run(self, name: str, drawn: DrawnErrors, draw: int) -> ControlRun:
+        """Simulate one loop of a draw."""
+        is_open = name == OPEN
+        return simulate_control(
+            self.model,
+            self.motion,
+            None if is_open else self.gains,
+            estimator=self.estimator if name == LOOPS[2] else None,
+            distribution=None if is_open else self.distribution,
+            t_end=self.t_end,
+            sample=self.gains.sample,
+            coordinate_error=drawn.coordinate,
+            arguments={**self.given, **drawn.arguments},
+            gust=drawn.gusts or None,
+            seed=int(np.random.SeedSequence([self.seed, draw]).generate_state(1)[0]),
+        )
+
+
+def _find_estimator(
+    model: CompiledModel,
+    motion: Motion,
+    estimator: Estimator | str | None,
+    sample: float,
+    arguments: Mapping[str, Any] | None,
+) -> Estimator | None:
+    if not isinstance(estimator, str):
+        return estimator
+    check_choice(estimator, (SENSORS,), "estimator", "estimator")
+    if model.structure is None or not model.structure.sensors:
+        return None
+    return design_kalman(model, motion, sample=sample, arguments=arguments)
+
+
+def _rank(row: RunMeasures) -> float:
+    """Return what the worst draw is chosen by: the error at the end, above all where a run stopped."""
+    return np.finfo(float).max if row.status != "ok" else row.end_error
+
+
+def _check_count(draws: int) -> None:
+    if isinstance(draws, bool) or not isinstance(draws, int) or not 1 <= draws <= MOST_DRAWS:
+        raise InvalidValueError("out of range", where="draws", given=draws, allowed=f"1 to {MOST_DRAWS}")
+
+
+def _read_time(value: float | None, default: float, where: str, sample: float) -> float:
+    found = default if value is None else value
+    if not (np.isfinite(found) and found >= sample * (1.0 - 1e-9)):
+        allowed = f"a finite number, at least a sample of {sample:g} s"
+        raise InvalidValueError("out of range", where=where, given=value, allowed=allowed)
+    return float(found)

@@ -1,0 +1,244 @@
+"""The verb `control`: a motion held under disturbances, files, JSON, exit codes, wrong input."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.cli.scene_files import list_examples
+from tests.cli.conftest import Run
+
+TWIST = 'twist("bar*_B", "base_*")=157'
+LIFT = (
+    'axes = "z"\n'
+    + list_examples()["two_nodes"]
+    + '\n[[actuators]]\nname = "winch"\nmembers = "cord"\nrate = 1.0\n'
+)
+SENSOR = '[[sensors]]\nkind = "member_length"\nmembers = "cord"\nnoise = 1e-4\n'
+
+
+@pytest.fixture
+def pinned(folder: Path) -> Path:
+    path = folder / "pinned_prism.toml"
+    path.write_text(list_examples()["pinned_prism"], encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def lift(folder: Path) -> Path:
+    path = folder / "lift.toml"
+    path.write_text(LIFT + SENSOR, encoding="utf-8")
+    return path
+
+
+def change(path: Path, *pairs: tuple[str, str]) -> None:
+    text = path.read_text(encoding="utf-8")
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path.write_text(text, encoding="utf-8")
+
+
+def test_a_motion_is_planned_held_and_written(run: Run, folder: Path, pinned: Path) -> None:
+    words = ("control", pinned, "--to", TWIST, "--draws", 2, "--gust", "bar*_B=3@0.05+0.05")
+    ended = run(*words, "--least-tension", "scene", "--out", "c.npz", "--json")
+    assert ended.code == 0, ended.err
+    data = ended.data
+    assert data["status"] == "holds"
+    assert data["motion"]["duration"] == pytest.approx(2 * data["motion"]["shortest_duration"])
+    assert data["t_end"] == pytest.approx(3 * data["motion"]["duration"])
+    assert set(data["loops"]) == {"open", "true_state", "estimator"}
+    ends = {name: loop["end_error"]["largest"] for name, loop in data["loops"].items()}
+    assert ends["true_state"] < ends["estimator"] < ends["open"]
+    assert len(data["least_tension"]) == 9
+    assert len(data["errors"]["gusts"]) == 2
+    assert all(use["peak_rate"] <= use["rate"] * (1 + 1e-9) for use in data["actuators"].values())
+    with np.load("c.npz", allow_pickle=False) as file:
+        assert file["estimator_draws_end_error"].tolist() == data["loops"]["estimator"]["end_error"]["draws"]
+        assert file["open_coordinate"].shape[1] == 6
+    again = run(
+        "control", pinned, "--weights", "c.npz", "--no-estimator", "--draws", 1, "--t-end", 0.5, "--json"
+    )
+    assert again.code == 0
+    assert "estimator" not in again.data["loops"]
+
+
+def test_a_plan_in_a_file_is_held(run: Run, folder: Path, pinned: Path) -> None:
+    run("plan", pinned, "--to", TWIST, "--steps", 3, "--out", "plan.npz", "--json")
+    ended = run("control", pinned, "--plan", "plan.npz", "--duration", 0.5, "--draws", 1)
+    assert ended.code == 0, ended.err
+    assert "motion of 0.5 s" in ended.out
+    assert "holds: largest errors at the end: open loop" in ended.out
+
+
+def test_an_equilibrium_is_held_and_the_page_is_written(run: Run, folder: Path, lift: Path) -> None:
+    pytest.importorskip("matplotlib")
+    words = ("control", lift, "--t-end", 1, "--draws", 1, "--gust", "n2=-1@0.1+0.1".replace("-1", "1"))
+    ended = run(*words, "--page", "c.html", "--json")
+    assert ended.code == 0, ended.err
+    assert ended.data["motion"]["is_rest"] is True
+    page = (folder / "c.html").read_text(encoding="utf-8")
+    assert "tensegrity-codegen control" in page
+    assert "n2=1@0.1+0.1" in page
+
+
+def test_without_sensors_the_true_state_is_fed_back(run: Run, lift: Path) -> None:
+    change(lift, (SENSOR, ""))
+    ended = run("control", lift, "--t-end", 1, "--draws", 1, "--json")
+    assert ended.code == 0
+    assert list(ended.data["loops"]) == ["open", "true_state"]
+    assert "no [[sensors]]" in ended.data["warnings"][0]
+
+
+def test_feedback_that_does_not_hold_ends_with_code_three(run: Run, lift: Path) -> None:
+    """The cord's tension must be 400 N, ten times what the weight needs: it lifts the mass away."""
+    ended = run("control", lift, "--draws", 1, "--least-tension", 400, "--plan", "plan.npz", "--json")
+    assert ended.code == 2  # no such plan
+    change(lift, ("rate = 1.0", "rate = 1.0\ndelay = 0.35"))
+    words = (
+        "--tolerance",
+        1e-3,
+        "--effort",
+        10,
+        "--response-time",
+        0.01,
+        "--t-end",
+        6,
+        "--start-error",
+        "1mm",
+    )
+    ended = run("control", lift, *words, "--draws", 1, "--stiffness-error", 0, "--no-estimator", "--json")
+    assert ended.code == 3
+    assert ended.data["status"] in ("does_not_hold", "unstable")
+
+
+def test_a_blocked_plan_ends_with_code_three(run: Run, pinned: Path) -> None:
+    ended = run("control", pinned, "--to", TWIST, "--actuate", "t1", "--json")
+    assert ended.code == 3
+    assert "there is no plan to hold" in ended.data["problem"]
+
+
+BAD: Sequence[tuple[list[str], str]] = [
+    (["--gust", "n9=1"], "no free node has this name"),
+    (["--gust", "n1=1"], "only anchored nodes have this name"),
+    (["--gust", "n2"], "not a gust"),
+    (["--gust", "n2=1@soon"], "not a gust"),
+    (["--gust", "n2=x"], "not a force"),
+    (["--gust", "n2=nan,0,0"], "not finite"),
+    (["--gust", "n2=0,0,1@-1"], "gust.start"),
+    (["--start-error", "soon"], "not an error of the start"),
+    (["--start-error", "1mm", "--start-error", "2mm"], "given twice"),
+    (["--start-error", "1deg"], "no coordinate is an angle"),
+    (["--stiffness-error", "1.5"], "--stiffness-error"),
+    (["--least-tension", "much"], "--least-tension"),
+    (["--integral", "n9.x"], "unknown coordinate"),
+    (["--sample", "0"], "--sample"),
+    (["--sample", "3"], "--sample"),
+    (["--tolerance", "-1"], "--tolerance"),
+    (["--draws", "0"], "--draws"),
+    (["--last", "9"], "--last"),
+    (["--duration", "1"], "--t-end sets the simulated time"),
+    (["--disturbance", "-1"], "--disturbance"),
+    (["--weights", "lift.toml"], "an .npz file with arrays Q and R"),
+    (["--plan", "lift.toml"], "that the verb plan wrote"),
+    (["--to", "n2.z=-1.1", "--plan", "plan.npz"], "given twice"),
+    (["--out", "c.txt"], "c.txt"),
+    (["--page", "c.pdf"], "c.pdf"),
+]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"), BAD, ids=lambda item: " ".join(item) if isinstance(item, list) else ""
+)
+def test_bad_input_is_named(run: Run, folder: Path, lift: Path, words: list[str], problem: str) -> None:
+    ended = run("control", lift, "--t-end", 1, *words)
+    assert ended.code == 2
+    assert problem in ended.err
+    assert "Traceback" not in ended.err
+    assert [item.name for item in folder.iterdir()] == ["lift.toml"]
+
+
+def test_weights_of_another_size_or_not_definite_are_named_with_their_file(
+    run: Run, folder: Path, lift: Path
+) -> None:
+    for q, r, problem in (
+        (np.ones(4), np.ones(1), "w.npz: Q: the weight has another size"),
+        (np.ones(3), -np.ones(1), "w.npz: R: the weight is not positive definite"),
+        (np.diag([1.0, 1.0, -1.0]), np.ones(1), "w.npz: Q: the weight is not positive semidefinite"),
+    ):
+        np.savez("w.npz", Q=q, R=r)
+        ended = run("control", lift, "--t-end", 1, "--weights", "w.npz")
+        assert ended.code == 2
+        assert problem in ended.err
+
+
+def test_an_actuator_without_effect_is_named(run: Run, pinned: Path) -> None:
+    base = 'base1 = { class = "top", points = ["base.b1", "base.b2"] }\n'
+    change(pinned, ("[tendons]\n", "[tendons]\n" + base))
+    change(pinned, ("[[sensors]]", '[[actuators]]\nname = "base"\nmembers = "base1"\n\n[[sensors]]'))
+    ended = run("control", pinned, "--t-end", 1)
+    assert ended.code == 2
+    assert "base1 connects points that cannot move" in ended.err
+
+
+def test_a_delay_longer_than_the_motion_is_named(run: Run, lift: Path) -> None:
+    change(lift, ("rate = 1.0", "rate = 1.0\ndelay = 2.0"))
+    ended = run("control", lift, "--t-end", 1)
+    assert ended.code == 2
+    assert "actuators.winch.delay: the delay is longer than the motion" in ended.err
+
+
+def test_sensors_that_do_not_show_the_state_are_named(run: Run, pinned: Path) -> None:
+    change(pinned, ('["top", "vertical", "opposite"]', '["top"]'))
+    ended = run("control", pinned, "--t-end", 1, "--json")
+    assert ended.code == 2
+    assert "rank 15 of 18" in ended.data["given"]
+    assert "force on bar" in ended.data["problem"]
+    assert "--disturbance 0" in ended.data["hint"]
+
+
+def test_a_least_tension_that_the_range_does_not_allow_is_named(run: Run, pinned: Path) -> None:
+    change(pinned, ("range = [0.1, 0.5] ", "range = [0.2485, 0.26] "))
+    ended = run("control", pinned, "--t-end", 1, "--least-tension", 60, "--json")
+    assert ended.code == 2
+    assert ended.data["where"] == "least_tension of top1"
+    assert "does not allow the least tension" in ended.data["problem"]
+
+
+def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, pinned: Path) -> None:
+    ended = run("control", pinned, "--to", TWIST, "--duration", 0.01)
+    assert ended.code == 2
+    assert "--duration: the motion is too fast for the actuator" in ended.err
+
+
+def test_a_scene_without_actuators_masses_or_with_rigid_bars_is_refused(
+    run: Run, folder: Path, lift: Path, pinned: Path
+) -> None:
+    change(pinned, ("[[actuators]]", "[limits]\n[[actuators]]"))
+    text = pinned.read_text(encoding="utf-8").partition("[limits]")[0]
+    pinned.write_text(text, encoding="utf-8")
+    ended = run("control", pinned)
+    assert ended.code == 2
+    assert "no actuators" in ended.err
+    massless = folder / "massless.toml"
+    massless.write_text(LIFT.replace("mass = ", "mass = 0  # "), encoding="utf-8")
+    ended = run("control", massless)
+    assert ended.code == 2
+    assert "mass" in ended.err
+    rigid = folder / "rigid.toml"
+    rigid.write_text(
+        'name = "rigid"\naxes = "xz"\n'
+        '[classes.bar]\nkind = "bar"\n[classes.cord]\nkind = "cable"\nspring_constant = 100\n'
+        "[nodes]\na = { position = [0, 0], anchored = true }\nb = { position = [0, 1], mass = 1 }\n"
+        "c = { position = [1, 1], anchored = true }\n"
+        '[members]\nab = { class = "bar", nodes = ["a", "b"] }\n'
+        'bc = { class = "cord", nodes = ["b", "c"], rest_length = 0.9 }\n'
+        '[[actuators]]\nname = "m"\nmembers = "bc"\n',
+        encoding="utf-8",
+    )
+    ended = run("control", rigid)
+    assert ended.code == 2
+    assert "give the class of the bars a spring_constant" in ended.err

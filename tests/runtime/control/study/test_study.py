@@ -1,0 +1,168 @@
+"""Studies: what disturbs, what is measured, statuses, the worst draw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.study.control_study import judge_study
+from tensegrity_codegen.runtime.control.study.run_measures import find_displacement
+from tensegrity_codegen.runtime.control.study.scales import find_scales
+from tensegrity_codegen.runtime.control.study.stated_errors import draw_errors
+from tensegrity_codegen.runtime.control.study.tuning import choose_weights
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.placement import place_nodes
+
+ERRORS = StatedErrors(start_angle=np.radians(1.2), gusts=(RandomGust("bar*_B", 5.0, 0.5, 0.2),))
+
+
+@pytest.fixture(scope="module")
+def study(model: CompiledModel, motion: Motion) -> ControlStudy:
+    return study_control(model, motion, errors=ERRORS, draws=2, t_end=3.0, last=0.5)
+
+
+def test_default_weights_meet_the_acceptance_of_the_pinned_prism(study: ControlStudy) -> None:
+    worst = {name: np.degrees(loop.end_angle) for name, loop in study.loops.items()}
+    assert study.status == "holds"
+    assert worst["open"].min() > 1.0
+    assert worst["true_state"].max() < 0.05
+    assert worst["estimator"].max() < 0.1
+
+
+@pytest.mark.thorough
+def test_default_weights_meet_it_in_twenty_draws(model: CompiledModel, motion: Motion) -> None:
+    found = study_control(model, motion, errors=ERRORS, draws=20, t_end=3.0, last=0.5)
+    worst = {name: np.degrees(loop.end_angle) for name, loop in found.loops.items()}
+    assert worst["open"].min() > 1.0
+    assert worst["true_state"].max() < 0.05
+    assert worst["estimator"].max() < 0.1
+
+
+def test_the_worst_draw_is_kept_and_can_be_repeated(
+    study: ControlStudy, model: CompiledModel, motion: Motion
+) -> None:
+    loop = study.loops["estimator"]
+    assert study.worst_draw == int(loop.end_error.argmax())
+    drawn = study.drawn[study.worst_draw]
+    run = simulate_control(
+        model, motion, None, sample=0.005, t_end=3.0, coordinate_error=drawn.coordinate,
+        arguments=drawn.arguments, gust=drawn.gusts,
+    )  # fmt: skip
+    np.testing.assert_array_equal(run.coordinate, study.loops["open"].run.coordinate)
+
+
+def test_measures_are_those_of_the_run(study: ControlStudy, model: CompiledModel, motion: Motion) -> None:
+    loop = study.loops["open"]
+    row, run = loop.measures[study.worst_draw], loop.run
+    assert row.end_angle == run.worst_error(0.5)
+    away = find_displacement(model, run, motion)
+    k = 77
+    planned = place_nodes(model, motion.at(float(run.time[k])).coordinate)
+    direct = np.linalg.norm(place_nodes(model, run.coordinate[k]) - planned, axis=1)
+    np.testing.assert_allclose(away[k], direct, atol=1e-12)
+    assert row.peak_error == away.max()
+    assert row.end_error == away[run.time >= 2.5 - 1e-12].max()
+    assert row.least_tension == run.least_tension()[row.least_member == np.array(run.member_name)][0]
+
+
+def test_draws_differ_and_are_the_same_for_the_same_seed(model: CompiledModel, motion: Motion) -> None:
+    scales = find_scales(model, motion, {})
+    first, again, other = (draw_errors(model, ERRORS, scales, seed, 3) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.coordinate, again.coordinate)
+    assert first.gusts == again.gusts
+    assert first.gusts != other.gusts
+    np.testing.assert_allclose(np.abs(first.coordinate), np.radians(1.2))
+    assert np.linalg.norm(first.gusts[0].force) == pytest.approx(5.0)
+
+
+def test_stiffness_alternates_in_the_first_draw(model: CompiledModel, motion: Motion) -> None:
+    scales = find_scales(model, motion, {})
+    drawn = draw_errors(model, StatedErrors(stiffness_error=0.1), scales, 0, 0)
+    assert list(drawn.stiffness.values())[:4] == pytest.approx([0.9, 1.1, 0.9, 1.1])
+    np.testing.assert_allclose(drawn.arguments["axial_stiffness"] / 500.0, list(drawn.stiffness.values()))
+    assert draw_errors(model, StatedErrors(stiffness_error=0.0), scales, 0, 0).arguments == {}
+
+
+def test_start_errors_are_displacements_of_nodes(model: CompiledModel, motion: Motion) -> None:
+    scales = find_scales(model, motion, {})
+    drawn = draw_errors(model, StatedErrors(start_error=2e-3), scales, 0, 1)
+    q = motion.coordinate[0]
+    for k, error in enumerate(drawn.coordinate):
+        moved = q.copy()
+        moved[k] += error
+        way = np.linalg.norm(place_nodes(model, moved) - place_nodes(model, q), axis=1).max()
+        assert way == pytest.approx(2e-3, rel=1e-2)
+
+
+def test_a_loop_that_is_worse_than_none_does_not_hold(
+    study: ControlStudy, model: CompiledModel, motion: Motion
+) -> None:
+    """Gains of the wrong sign: the structure is pushed away."""
+    wrong = replace(study.gains, K=-0.3 * study.gains.K)
+    found = study_control(
+        model, motion, gains=wrong, errors=ERRORS, draws=1, t_end=1.5, estimator=None, seed=study.seed
+    )
+    assert found.status in ("does_not_hold", "unstable")
+    assert not found.holds
+
+
+def test_an_unstable_loop_is_named(study: ControlStudy) -> None:
+    loops = dict(study.loops)
+    row = replace(loops["true_state"].measures[0], status="unstable")
+    loops["true_state"] = replace(loops["true_state"], measures=(row, *loops["true_state"].measures[1:]))
+    status, message = judge_study(loops, study.tuning.tolerance)
+    assert status == "unstable"
+    assert "true state" in message
+    assert "(1 unstable)" in message
+
+
+def test_an_open_loop_that_is_unstable_does_not_forbid_feedback(study: ControlStudy) -> None:
+    loops = dict(study.loops)
+    row = replace(loops["open"].measures[0], status="unstable", end_error=0.0)
+    loops["open"] = replace(loops["open"], measures=(row, row))
+    assert judge_study(loops, study.tuning.tolerance)[0] == "holds"
+
+
+def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStudy, tmp_path: Any) -> None:
+    from tensegrity_codegen.runtime.model.array_file import read_arrays, write_arrays
+
+    write_arrays(tmp_path / "study.npz", study.arrays())
+    data = read_arrays(tmp_path / "study.npz")
+    assert data["estimator_draws_end_error"].shape == (2,)
+    assert data["true_state_command"].shape == (600, 9)
+    assert data["gains_K"].shape[1:] == (9, 18)
+    np.testing.assert_array_equal(data["Q"], study.tuning.Q)
+    assert str(data["status"]) == "holds"
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        ({"draws": 0}, "draws"),
+        ({"draws": True}, "draws"),
+        ({"t_end": -1.0}, "t_end"),
+        ({"last": 0.0}, "last"),
+        ({"last": 9.0}, "last"),
+        ({"t_end": float("nan")}, "t_end"),
+        ({"estimator": "none"}, "estimator"),
+        ({"errors": StatedErrors(start_error=-1.0)}, "start_error"),
+        ({"errors": StatedErrors(stiffness_error=1.0)}, "stiffness_error"),
+        ({"errors": StatedErrors(gusts=(RandomGust("t9", 1.0),))}, "gust.node"),
+        ({"errors": StatedErrors(gusts=(RandomGust("base_*", 1.0),))}, "gust.node"),
+        ({"errors": StatedErrors(gusts=(RandomGust("*", float("nan")),))}, "gust.force"),
+        ({"errors": StatedErrors(gusts=(Gust("nowhere", (1.0, 0.0, 0.0)),))}, "gust.node"),
+    ],
+)
+def test_wrong_values_are_named(
+    model: CompiledModel, motion: Motion, options: dict[str, Any], where: str
+) -> None:
+    tuning = choose_weights(model, motion)
+    with pytest.raises((InvalidValueError, UnknownNameError)) as caught:
+        study_control(model, motion, **{"tuning": tuning, "draws": 1, **options})
+    assert caught.value.where == where
