@@ -33,6 +33,7 @@ class ControlDesign:
     weights: Path | None
     estimator: bool
     disturbance: float | None
+    only_observable: bool
     least_tension: str | None
     arguments: Mapping[str, Any]
 
@@ -63,8 +64,9 @@ class ControlDesign:
         senses = spread = None
         if self.estimator and not self.lacks_sensors:
             senses = design_kalman(
-                model, motion, sample=self.sample, disturbance=self.disturbance, arguments=given
-            )
+                model, motion, sample=self.sample, disturbance=self.disturbance,
+                only_observable=self.only_observable, arguments=given,
+            )  # fmt: skip
         if self.least_tension is not None:
             least = read_least_tension(self.least_tension)
             spread = design_distribution(model, motion, least_tension=least, arguments=given)

@@ -26,6 +26,7 @@ __all__ = [
     "IntegralOption",
     "LastOption",
     "LeastTensionOption",
+    "OnlyObservableOption",
     "PlanOption",
     "ResponseOption",
     "SampleOption",
@@ -147,6 +148,12 @@ DisturbanceOption = Annotated[
     typer.Option(
         "--disturbance",
         help="How fast the estimator lets disturbance forces change [N or N m in 1 s]; 0: none is estimated.",
+    ),
+]
+OnlyObservableOption = Annotated[
+    bool,
+    typer.Option(
+        "--only-observable", help="Estimate disturbance forces only where the sensors tell them apart."
     ),
 ]
 

@@ -19,6 +19,7 @@ from tensegrity_codegen.cli.control_options import (
     IntegralOption,
     LastOption,
     LeastTensionOption,
+    OnlyObservableOption,
     PlanOption,
     ResponseOption,
     SampleOption,
@@ -72,6 +73,7 @@ def control(
     least_tension: LeastTensionOption = None,
     estimator: EstimatorOption = True,
     disturbance: DisturbanceOption = None,
+    only_observable: OnlyObservableOption = False,
     start_error: StartErrorOption = None,
     stiffness_error: StiffnessErrorOption = 0.05,
     gust: GustOption = None,
@@ -105,7 +107,7 @@ def control(
         )
         design = ControlDesign(
             model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
-            disturbance, least_tension, arguments,
+            disturbance, only_observable, least_tension, arguments,
         )  # fmt: skip
         if design.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
