@@ -265,5 +265,5 @@ def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], se
         where=f"{scene}: design_kalman",
         given=f"rank {first.rank} of {first.size} with {len(sensing.noise)} numbers: {shown}",
         allowed="sensors that show every motion and disturbance force that does not decay",
-        hint="add sensors, or estimate fewer disturbance forces (`only_observable=True`) or none (`disturbance=0`)",
+        hint="add sensors, or estimate fewer forces (`only_observable=True`) or none (`disturbance=0`)",
     )
