@@ -96,7 +96,13 @@ def build_distribution_tables(
     ]
     if others.any():
         tables += _lists(printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member")
-    constants = {"N_PREFERRED": len(table), "QP_ITERATIONS": iterations, "QP_PASSES": PASSES}
+    constants = {
+        "N_PREFERRED": len(table),
+        "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
+        "IS_FIXED": int((pulls.sum(axis=0) == 1).all() and (pulls.sum(axis=1) == 1).all()),
+        "QP_ITERATIONS": iterations,
+        "QP_PASSES": PASSES,
+    }
     sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
     return DistributionTables(sizes, constants, tables, bool(others.any()))
 

@@ -1,6 +1,7 @@
 #ifndef DISTRIBUTE_H
 #define DISTRIBUTE_H
 #include "distribution_memory.h"
+#include "memory.h"
 #include "quadratic_program.h"
 
 /* Tensions that give the forces which feedback asks for, above the least ones and near preferred ones:
@@ -153,7 +154,7 @@ static inline void distribution_build(scene_control_distribution *m)
       for (i = 0; i < N_Q; ++i) {
         program->matrix[i * N_U + k] += m->equilibrium[i * N_DRIVEN + e] * m->part[p] / m->mean_root;
       }
-      if (N_ROWS > N_Q) {
+      if (IS_COUPLED) {
         program->matrix[(N_Q + e) * N_U + k] += WEIGHT_ROOT[0] * m->part[p];
       }
     }
@@ -175,7 +176,7 @@ static inline void distribution_aim(real bottom, scene_control_distribution *m)
   }
   for (k = 0; k < N_U; ++k) {
     real sum = (real)0.0;
-    if (N_ROWS == N_Q) {
+    if (!IS_COUPLED) {
       for (p = PULL_START[k]; p < PULL_START[k + 1]; ++p) {
         e = PULL_DRIVEN[p];
         sum += m->part[p] * (m->preferred[e] - m->tension[e]);
@@ -219,11 +220,11 @@ static inline void distribution_bound(const distribution_sample *s, const real *
 
 /* One Gauss-Newton step; returns whether it was found, and *moved, the largest change [m]. */
 static inline int distribution_step(
-    int pass, const distribution_sample *s, real *command, real *moved, program_solver *solver, scene_control_distribution *m)
+    int pass, const distribution_sample *s, real *command, real *moved, program_solver *solver,
+    scene_control_distribution *m)
 {
-  /* With one member for each actuator the matrix of the first step is that of all. */
-  const int is_first = pass == 0 || N_PULLS > N_U || N_SHARED > 0;
-  const real rest = DISTRIBUTION_SMALLEST + (N_ROWS > N_Q ? (real)0.0 : (real)1.0);
+  const int is_first = pass == 0 || !IS_FIXED;
+  const real rest = DISTRIBUTION_SMALLEST + (IS_COUPLED ? (real)0.0 : (real)1.0);
   const real bottom = WEIGHT_ROOT[0] * program_root(rest);
   int k;
   distribution_tension(command, m->tension, m->slope, m);
@@ -275,7 +276,10 @@ static inline int distribution_judge(const distribution_sample *s, const real *c
     is_rated |= !at_range && (command[k] <= s->low[k] + same || command[k] >= s->high[k] - same);
     is_ranged |= at_range;
   }
-  return is_rated ? SCENE_CONTROL_RATE_LIMITED : is_ranged ? SCENE_CONTROL_RANGE_LIMITED : SCENE_CONTROL_TENSION_LIMITED;
+  if (is_rated) {
+    return SCENE_CONTROL_RATE_LIMITED;
+  }
+  return is_ranged ? SCENE_CONTROL_RANGE_LIMITED : SCENE_CONTROL_TENSION_LIMITED;
 }
 
 /* The command of a sample, within low and high whatever happens, and its status. m->base and m->preferred are set. */

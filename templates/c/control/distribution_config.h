@@ -36,6 +36,8 @@ enum {
   N_SUMMED = SCENE_CONTROL_N_SUMMED,
   N_SET = SCENE_CONTROL_N_SET,
   N_PREFERRED = 2,     /* knots of preferred tensions: one, or those of the motion */
+  IS_COUPLED = 0,      /* whether any member is pulled by several actuators */
+  IS_FIXED = 1,        /* whether one member for each actuator keeps the matrix the same in all steps */
   QP_ITERATIONS = 100, /* most of DAQP in one program */
   QP_PASSES = 4        /* Gauss-Newton steps */
 };
@@ -57,7 +59,7 @@ static const int OTHER_START[N_DRIVEN + 1] = {0, 0}, OTHER_INPUT[1] = {0};
 /* Place of each entry of the equilibrium matrix in the columns of driven members, row by row; -1: in none of them. */
 static const int EQUILIBRIUM_PLACE[N_EQUILIBRIUM] = {0, -1};
 
-/* Lengths of the members and entries of the equilibrium matrix; returns 0, or another number where they are not finite. */
+/* Lengths of the members and entries of the equilibrium matrix; returns 0, another number if not finite. */
 static inline int control_geometry(const real *coordinate, real *length, real *entry)
 {
   length[0] = (real)1.0 + coordinate[0];

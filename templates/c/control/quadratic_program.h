@@ -26,8 +26,8 @@ typedef struct {
 static inline int program_row(int i) { return i * N_U - i * (i + 1) / 2; }
 
 /* R and Q of the matrix with `bottom` > 0 times the unit matrix below it. Reflection k makes column k zero below row k,
- * where only the next N_ROWS rows have entries. The large rows are the upper ones: so rounding of them does not spoil the
- * small ones. */
+ * where only the next N_ROWS rows have entries. The upper rows are the large ones, so that their rounding does not spoil
+ * the small ones. */
 static inline void program_factor(real bottom, scene_control_program *m)
 {
   real ahead[N_U];
