@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from tensegrity_codegen.controller.build_controller import ControllerBundle, build_controller
     from tensegrity_codegen.controller.loaded import LoadedController, load_controller
+    from tensegrity_codegen.controller.simulate_batch import simulate_control_batch
     from tensegrity_codegen.errors import TensegrityError
     from tensegrity_codegen.export.export_fmu import export_fmu
     from tensegrity_codegen.pipeline import (
@@ -113,6 +114,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_control",
+    "simulate_control_batch",
     "study_control",
     "symbolic_functions",
     "time_motion",
@@ -165,6 +167,7 @@ _HOME = {
     "symbolic_functions": "scene_functions",
     "time_motion": "runtime.control.time_motion",
     "simulate_control": "runtime.control.closed_loop",
+    "simulate_control_batch": "controller.simulate_batch",
     "study_control": "runtime.control.study.study",
 }
 

@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
     "build",
     "controller.build_controller",
+    "controller.simulate_batch",
     "controller.loaded",
     "export.export_fmu",
     "pipeline",

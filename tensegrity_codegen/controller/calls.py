@@ -13,7 +13,7 @@ from tensegrity_codegen.controller.measured import MeasuredNumber
 from tensegrity_codegen.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.precision import Precision
 
-__all__ = ["Calls", "count_entries", "write_calls"]
+__all__ = ["Calls", "count_entries", "write_calls", "write_measure"]
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def write_calls(model: Manifest | None, measured: tuple[MeasuredNumber, ...], pr
     sources = {item.source for item in measured} & set(functions)
     return Calls(
         acceleration=_call(functions.get("acceleration"), "acceleration"),
-        measure=_write_measure(functions, measured, precision),
+        measure=write_measure(functions, measured, precision),
         mass=_call(mass, "memory"),
         length=_call(functions.get("member_length"), "length"),
         equilibrium=_call(functions.get("equilibrium_matrix"), "entry"),
@@ -60,7 +60,7 @@ def _call(spec: FunctionSpec | None, result: str) -> str:
     return "" if spec is None else f"{spec.symbol}({', '.join((*spec.arguments, result))})"
 
 
-def _write_measure(
+def write_measure(
     functions: dict[str, FunctionSpec], measured: tuple[MeasuredNumber, ...], precision: Precision
 ) -> list[str]:
     """Return the lines that read the numbers, one call for each run of numbers of one source."""

@@ -17,7 +17,7 @@ from tensegrity_codegen.controller.status import CONTROL_STATUS
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.request import ModelRequest
 
-__all__ = ["ControllerFiles", "write_files"]
+__all__ = ["ControllerFiles", "read_declarations", "write_files"]
 
 ITEM_BYTES = {"int": 4, "unsigned char": 1, "float": 4, "double": 8}
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
@@ -62,7 +62,7 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
         statuses=tuple(CONTROL_STATUS),
         table_bytes=_count_bytes(context),
         library="",
-        declarations=_read_declarations(header),
+        declarations=read_declarations(header),
         made_by=made_by(),
         model=None if model is None else json.loads(model.to_json()),
     )
@@ -80,7 +80,7 @@ def _count_bytes(context: Mapping[str, Any]) -> int:
     return sum(ITEM_BYTES[table.c_type] * len(table.values) for table in context["tables"])
 
 
-def _read_declarations(header: str) -> str:
+def read_declarations(header: str) -> str:
     """Return types and functions of the header as C that cffi reads, with the enumerations of sizes."""
     text = re.sub(r"\b\w+_API ", "", SPANS.sub("", header))
     return re.sub(r"\s+", " ", text).replace("; ", ";\n").strip()

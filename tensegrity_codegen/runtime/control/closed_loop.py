@@ -3,40 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
+from tensegrity_codegen.runtime.control.loop.build_run import build_run
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.controller import Controller
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust, bind_gust
 from tensegrity_codegen.runtime.control.loop.filter import Filter
 from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
-from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["simulate_control"]
 
 FloatArray = NDArray[np.float64]
-
-MOST_SAMPLES = 1_000_000
 
 
 def simulate_control(
@@ -129,12 +127,9 @@ def simulate_control(
     check_motion(model, way)
     check_parts(model.manifest, way, gains, estimator, distribution)
     bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
-    count = _count_samples(way.duration if t_end is None else t_end, step)
-    given = merge_inputs(model.manifest, arguments)
-    if axial_stiffness is not None:
-        given["axial_stiffness"] = np.asarray(axial_stiffness, dtype=float)
-    check_arguments(model, given)
-    start = _find_start(way, coordinate_error, velocity_error)
+    count = count_samples(way.duration if t_end is None else t_end, step)
+    given = find_given(model, arguments, axial_stiffness)
+    start = find_start(way, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
     senses = None if estimator is None else Filter(model, estimator, way, {})
     tensions = None if distribution is None else replace(distribution, bounds=bounds)
@@ -179,14 +174,19 @@ class _Loop:
             statuses.append(status)
             yielding.append(self.controller.yielding)
             tensions.append(self._tension(states[-1], value))
-        record = self._record(states, commands, inputs, tensions, statuses)
-        if self.controller.distribution is not None:
-            record = replace(record, yielding=np.array(yielding, dtype=bool))
-        if self.senses is None or not estimates:
-            return record
-        table = np.array(estimates)
-        n = table.shape[1] // 3
-        return replace(record, estimate=table[:, : 2 * n], disturbance=table[:, 2 * n :])
+        return build_run(
+            self.model.manifest,
+            self.motion,
+            step,
+            state=np.array(states),
+            command=np.array(commands),
+            input=np.array(inputs),
+            tension=np.array(tensions),
+            known=None if self.senses is None else np.array(estimates),
+            statuses=statuses,
+            word=self.plant.word,
+            yielding=None if self.controller.distribution is None else np.array(yielding, dtype=bool),
+        )
 
     def _estimate(
         self, time: float, state: FloatArray, value: FloatArray, noise: np.random.Generator
@@ -214,63 +214,3 @@ class _Loop:
         n = len(state) // 2
         at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
         return np.asarray(self.model.compute("member_tension", **at)).copy()
-
-    def _record(
-        self,
-        states: list[FloatArray],
-        commands: list[FloatArray],
-        inputs: list[FloatArray],
-        tensions: list[FloatArray],
-        statuses: list[str],
-    ) -> ControlRun:
-        manifest, n_t = self.model.manifest, len(states)
-        time = self.controller.sample * np.arange(n_t, dtype=float)
-        state, n = np.array(states), len(manifest.coordinate_name)
-        goal = np.array([self.motion.at(float(now)).coordinate for now in time])
-        is_ok = self.plant.word == "ok"
-        limited = sum(word != "ok" for word in statuses)
-        message = (
-            f"{n_t - 1} samples, {limited} limited" if is_ok else f"{self.plant.word} at {time[-1]:.6g} s"
-        )
-        return ControlRun(
-            status="ok" if is_ok else "unstable",
-            message=message,
-            time=time,
-            coordinate=state[:, :n],
-            velocity=state[:, n:],
-            error=state[:, :n] - goal,
-            command=np.array(commands).reshape(n_t - 1, -1),
-            input=np.array(inputs).reshape(n_t - 1, -1),
-            member_tension=np.array(tensions),
-            estimate=None,
-            disturbance=None,
-            step_status=tuple(statuses),
-            actuators=self.bounds.names,
-            coordinate_name=manifest.coordinate_name,
-            member_name=manifest.member_name,
-        )
-
-
-def _count_samples(t_end: float, sample: float) -> int:
-    count = t_end / sample
-    if not np.isfinite(count) or not 1.0 - 1e-9 <= count <= MOST_SAMPLES:
-        raise InvalidValueError(
-            "out of range",
-            where="t_end",
-            given=t_end,
-            allowed=f"{sample:g} to {MOST_SAMPLES * sample:g} s, 1 to {MOST_SAMPLES} samples",
-        )
-    return int(np.floor(count + 1e-9))
-
-
-def _find_start(motion: Motion, coordinate: ArrayLike | None, velocity: ArrayLike | None) -> FloatArray:
-    """Return the state of the motion at its start, with errors."""
-    point = motion.at(0.0)
-    state = np.concatenate([point.coordinate, point.velocity])
-    n = len(point.coordinate)
-    for place, value, name in ((0, coordinate, "coordinate_error"), (n, velocity, "velocity_error")):
-        if value is not None:
-            error = to_sized(value, (n,), name)
-            check_finite(error, name)
-            state[place : place + n] += error
-    return state

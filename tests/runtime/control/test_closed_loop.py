@@ -139,3 +139,15 @@ def test_bad_input_is_named(
 def test_gains_of_another_sample_time_are_refused(model: CompiledModel, motion: Motion, gains: Gains) -> None:
     with pytest.raises(InvalidValueError, match="another sample time"):
         simulate_control(model, motion, gains, sample=0.01)
+
+
+def test_a_run_that_fails_in_its_first_sample_has_its_start_alone(
+    model: CompiledModel, motion: Motion
+) -> None:
+    load = np.zeros_like(model.nominal("node_load"))
+    load[model.manifest.node_name.index("bar1_B"), 0] = 1e300
+    run = simulate_control(model, motion, t_end=0.1, arguments={"node_load": load})
+    assert run.status == "unstable"
+    assert run.coordinate.shape == (1, 6)
+    assert run.command.shape == (0, 9)
+    assert run.step_status == ()

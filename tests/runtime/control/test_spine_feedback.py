@@ -1,4 +1,4 @@
-"""Feedback of a structure that nobody planned for: the NTRT spine, bent by 20 deg and straightened."""
+"""Feedback of a structure from elsewhere: the imported NTRT spine, bent by 20 deg and straightened."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_feedback_holds_the_spine(
     assert run.least_tension(1.0)[list(CABLES)].min() > 20.0
     assert open_loop > 0.4
     assert true_state < 0.01
-    assert lengths < 0.06
+    assert lengths < 0.08
     if seed % 5 == 0:
         biased, _ = find_worst(gains, estimators["none"])
-        assert biased > max(0.08, 2 * lengths)
+        assert biased > max(0.08, 1.5 * lengths)

@@ -1,0 +1,123 @@
+#ifndef CONTROL_CLOSED_LOOP_H
+#define CONTROL_CLOSED_LOOP_H
+#include "closed_loop_config.h"
+#include "loop_memory.h"
+
+/* Move the plant over a time with the arguments as they are; returns whether that succeeded. */
+static inline int closed_loop_integrate(const plant_functions *f, double span, real *state, closed_loop *d)
+{
+  double time = 0.0;
+  d->plant_status = plant_integrate(f, span, &time, state, &d->with, d->work);
+  if (d->plant_status == PLANT_OK && time < span) {
+    d->plant_status = PLANT_STEP_TOO_SMALL;
+  }
+  return d->plant_status == PLANT_OK;
+}
+
+/* Move the plant from one time to another, with constant inputs; loads may change in between. */
+static inline int closed_loop_move(const plant_functions *f, double from, double to, real *state, closed_loop *d)
+{
+  long long k = 0;
+  while (k < d->n_changes && d->change_time[k] <= from) {
+    ++k;
+  }
+  for (;; ++k) {
+    const int is_last = !(k < d->n_changes && d->change_time[k] < to);
+    const double end = is_last ? to : d->change_time[k];
+#if WITH_LOADS
+    memcpy(d->with.node_load, d->load + k * LOAD_SIZE, LOAD_SIZE * sizeof(real));
+#endif
+    if (!closed_loop_integrate(f, end - from, state, d)) {
+      return 0;
+    }
+    if (is_last) {
+      return 1;
+    }
+    from = end;
+  }
+}
+
+/* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
+static inline void closed_loop_arrive(double since, closed_loop *d)
+{
+  const scene_control *c = d->controller;
+  int u;
+  for (u = 0; u < N_U; ++u) {
+    int row = c->newest - DELAY_SAMPLES[u] - ((double)DELAY_REST[u] > since);
+    row += row < 0 ? N_SENT : 0;
+    d->with.input[ACTUATOR_PLACE[u]] = c->sent[row * N_U + u];
+  }
+}
+
+/* Move the plant from a sample to the next one. */
+static inline int closed_loop_sample(const plant_functions *f, double time, real *state, closed_loop *d)
+{
+  int k;
+  memcpy(d->with.input, d->controller->input, N_IN * sizeof(real)); /* of the motion; those of actuators follow */
+  for (k = 0; k < N_ARRIVAL; ++k) {
+    const double end = k + 1 < N_ARRIVAL ? ARRIVAL_TIME[k + 1] : (double)CONTROL_SAMPLE;
+    closed_loop_arrive(ARRIVAL_TIME[k], d);
+    if (!closed_loop_move(f, time + ARRIVAL_TIME[k], time + end, state, d)) {
+      return 0;
+    }
+  }
+  return 1;
+}
+
+/* One step of the controller; returns whether there is an estimate to go on with. */
+static inline int closed_loop_step(const plant_functions *f, long long k, closed_loop *d)
+{
+  const real *state = d->state + k * N_X;
+  real rest_length[N_U];
+#if WITH_ESTIMATOR
+  real measured[N_Y];
+  int i;
+  d->is_lost = plant_measure(f, state, &d->with, d->values, measured) != PLANT_OK;
+  for (i = 0; i < N_Y; ++i) {
+    measured[i] += d->noise[k * N_Y + i];
+  }
+  d->status[k] = scene_control_next(d->controller, measured, rest_length);
+#else
+  (void)f;
+  d->status[k] = scene_control_next_state(d->controller, state, rest_length);
+#endif
+  d->is_lost |= d->status[k] == SCENE_CONTROL_ESTIMATE_LOST || d->status[k] == SCENE_CONTROL_NON_FINITE_INPUT;
+  return !d->is_lost;
+}
+
+/* Store what the controller did in a sample, and the tensions at its end; returns whether these are finite. */
+static inline int closed_loop_store(const plant_functions *f, long long k, closed_loop *d)
+{
+  const scene_control *c = d->controller;
+  memcpy(d->command + k * N_U, c->command, N_U * sizeof(real));
+  memcpy(d->input + k * N_IN, d->with.input, N_IN * sizeof(real));
+#if WITH_ESTIMATOR
+  memcpy(d->estimate + k * N_X, c->estimate, N_X * sizeof(real));
+  memcpy(d->disturbance + k * N_Q, c->disturbance, N_Q * sizeof(real));
+#endif
+  d->plant_status = plant_tension(f, d->state + (k + 1) * N_X, &d->with, d->tension + (k + 1) * N_TENSIONS);
+  return d->plant_status == PLANT_OK;
+}
+
+/* Simulate a loop up to its end, or to where the plant stops or the estimate is lost. */
+static inline void closed_loop_run(const plant_functions *f, closed_loop *d)
+{
+  long long k;
+  d->n_done = 0;
+  d->is_lost = 0;
+  memcpy(d->state, d->start, N_X * sizeof(real));
+  scene_control_init(d->controller, NULL);
+  memcpy(d->with.input, d->controller->input, N_IN * sizeof(real));
+  d->plant_status = plant_tension(f, d->state, &d->with, d->tension);
+  for (k = 0; k < d->count && d->plant_status == PLANT_OK; ++k) {
+    real *next = d->state + (k + 1) * N_X;
+    memcpy(next, d->state + k * N_X, N_X * sizeof(real));
+    if (!closed_loop_step(f, k, d) || !closed_loop_sample(f, (double)k * (double)CONTROL_SAMPLE, next, d)
+        || !closed_loop_store(f, k, d)) {
+      return;
+    }
+    d->n_done = k + 1;
+  }
+}
+
+#endif

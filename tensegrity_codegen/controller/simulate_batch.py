@@ -1,0 +1,173 @@
+"""Simulated closed loops in C: one motion and controller, many draws of errors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.controller.closed_loop import CompiledLoop, LoopDraw
+from tensegrity_codegen.controller.parts import ControllerParts, check_start
+from tensegrity_codegen.controller.subject import find_described
+from tensegrity_codegen.controller.write import write_files
+from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
+from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, bind_gust
+from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
+from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+
+__all__ = ["simulate_control_batch"]
+
+OF_DRAWS = ("coordinate_error", "velocity_error", "axial_stiffness", "arguments", "gust", "seed")
+NAME = "loop"  # of the controller in C
+
+
+def simulate_control_batch(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    gains: Gains | None = None,
+    *,
+    draws: Sequence[Mapping[str, Any]],
+    estimator: Estimator | None = None,
+    knots: int | None = MOST_KNOTS,
+    t_end: float | None = None,
+    sample: float | None = None,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+    threads: int | None = None,
+    compiler: str | None = None,
+) -> tuple[ControlRun, ...]:
+    """Simulate a motion with sampled feedback many times, controller and model in one loop in C.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene, with its structure.
+    motion : Motion or Equilibrium
+        The motion to hold, as of `simulate_control`.
+    gains : Gains, optional
+        Feedback; without it the inputs of the motion alone act (open loop).
+    draws : sequence of mapping
+        One for each run: ``coordinate_error``, ``velocity_error``, ``axial_stiffness``, ``arguments``,
+        ``gust`` and ``seed`` as `simulate_control` takes them; those that are missing have its defaults.
+    estimator : Estimator, optional
+        Estimates the state from noisy measurements; without it feedback acts on the true state.
+    knots : int or None
+        Largest number of stored gains of feedback, as of `build_controller`; None: all samples.
+    t_end : float, optional [s]
+        End of the simulation; by default the end of the motion.
+    sample : float, optional [s]
+        Time between two commands; by default that of the gains, 0.005 s without.
+    rate, range, delay : float or array_like, optional [m/s, m, s]
+        Limits of the actuators, by default those of the scene.
+    threads : int, optional
+        Number of runs at the same time; by default the number of processors.
+    compiler : str, optional
+        As of `build_controller`.
+
+    Returns
+    -------
+    tuple of ControlRun
+        One for each draw.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError, FormulationError
+        As `simulate_control`; an unknown key of a draw.
+    LibraryError
+        The model was loaded without its structure.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+
+    Notes
+    -----
+    The controller is that of `build_controller`. The model is integrated as by `simulate_control` (rk853,
+    relative tolerance 1e-9), by the same library, and noise follows from the seed in the same order: with
+    ``gains.at_knots(knots)`` both give the same numbers up to rounding. A measured length of 0 or less has
+    the status ``"invalid_length"`` here, and the last command is kept.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium, simulate_control_batch
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> found = find_equilibrium(model)
+    >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    >>> draws = [{"coordinate_error": [error]} for error in (-0.01, 0.01)]
+    >>> runs = simulate_control_batch(model, found, gains, draws=draws, t_end=1.0)
+    >>> [run.status for run in runs], max(run.worst_error(last=0.2) for run in runs) < 1e-4
+    (['ok', 'ok'], True)
+    """
+    require_double(model.manifest, "a simulated closed loop")
+    require_quantities(model, ("member_tension",), "a simulated closed loop needs")
+    workers = _check_threads(threads)
+    described, request = find_described(model, motion)
+    check_independent(model)
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0)
+    check_motion(model, way)
+    check_parts(model.manifest, way, gains, estimator, None)
+    assert described.structure is not None  # find_described refuses models without
+    parts = ControllerParts(
+        name=NAME,
+        subject=described.structure,
+        manifest=model.manifest,
+        motion=way,
+        gains=gains if gains is None or knots is None else gains.at_knots(knots),
+        estimator=estimator,
+        distribution=None,
+        bounds=find_bounds(model, way, rate=rate, range=range, delay=delay),
+        sample=find_sample(gains, estimator, sample),
+    )
+    check_start(parts)
+    count = count_samples(way.duration if t_end is None else t_end, parts.sample)
+    ready = [_read_draw(model, parts, k, draw, count) for k, draw in enumerate(draws)]
+    if not ready:
+        return ()
+    loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), compiler)
+    with ThreadPoolExecutor(workers) as pool:
+        return tuple(pool.map(lambda draw: loop.run(draw, count), ready))
+
+
+def _read_draw(
+    model: CompiledModel, parts: ControllerParts, k: int, draw: Mapping[str, Any], count: int
+) -> LoopDraw:
+    """Return a draw after the checks of `simulate_control`."""
+    for key in draw:
+        check_choice(key, OF_DRAWS, "key of a draw", f"draws[{k}]")
+    given = find_given(model, draw.get("arguments"), draw.get("axial_stiffness"))
+    noise = np.zeros((0, 0))
+    if parts.estimator is not None:
+        size = parts.estimator.sensing.noise
+        noise = size * np.random.default_rng(draw.get("seed", 0)).normal(size=(count, len(size)))
+    return LoopDraw(
+        start=find_start(parts.motion, draw.get("coordinate_error"), draw.get("velocity_error")),
+        given=given,
+        gusts=bind_gust(model, draw.get("gust"), given.get(NODE_LOAD)),
+        noise=noise,
+    )
+
+
+def _check_threads(threads: int | None) -> int:
+    if threads is None:
+        return os.cpu_count() or 1
+    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+        raise InvalidValueError("out of range", where="threads", given=threads, allowed="1 or more")
+    return threads
