@@ -69,9 +69,8 @@ FMU_EXPORT fmi2Component FMI2(fmi2Instantiate)(
     fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID, fmi2String fmuResourceLocation,
     const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn)
 {
-  void *(*allocate)(size_t, size_t) = functions != NULL && functions->allocateMemory ? functions->allocateMemory : calloc;
-  void (*release)(void *) = functions != NULL && functions->allocateMemory && functions->freeMemory ? functions->freeMemory
-                                                                                                    : free;
+  void *(*allocate)(size_t, size_t) = calloc;
+  void (*release)(void *) = free;
   fmu_instance *instance;
   (void)fmuResourceLocation;
   (void)visible;
@@ -93,6 +92,10 @@ FMU_EXPORT fmi2Component FMI2(fmi2Instantiate)(
           "the unit was exported without this interface");
     }
     return NULL;
+  }
+  if (functions->allocateMemory != NULL && functions->freeMemory != NULL) {
+    allocate = functions->allocateMemory;
+    release = functions->freeMemory;
   }
   instance = (fmu_instance *)allocate(1, sizeof *instance);
   if (instance == NULL) {
@@ -299,8 +302,8 @@ FMI2_FUNCTION(fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte bytes[], 
 }
 
 FMI2_FUNCTION(fmi2GetDirectionalDerivative)(
-    fmi2Component c, const fmi2ValueReference unknown[], size_t nUnknown, const fmi2ValueReference known[], size_t nKnown,
-    const fmi2Real seed[], fmi2Real sensitivity[])
+    fmi2Component c, const fmi2ValueReference unknown[], size_t nUnknown, const fmi2ValueReference known[],
+    size_t nKnown, const fmi2Real seed[], fmi2Real sensitivity[])
 {
   FMI2_BEGIN(fmi2GetDirectionalDerivative, FMU_INITIALIZATION | FMI2_READY)
   FMI2_NEED(

@@ -40,6 +40,24 @@ enum {
   FMU_N_REFERENCES
 };
 
+enum { FMU_MOST_EVENTS = 64 }; /* that are kept until their time has come */
+
+/* The integration of a co-simulation. Where nothing has been set since the last step and steps of the integrator are
+ * longer than those of the communication, it is ahead of the communication point, with states at the points that are
+ * expected next, by its dense output. */
+typedef struct {
+  fmu_integration integration;
+  double time; /* of `state`, at or behind the communication point */
+  double state[FMU_N_STATES];
+  long long n_samples; /* points that are expected; the first n_sampled are filled, n_used are behind */
+  long long n_sampled;
+  long long n_used;
+  double sample_time[FMU_AHEAD];
+  double sample[FMU_AHEAD * FMU_N_STATES];
+  int n_events; /* that are ahead */
+  fmu_event event[FMU_MOST_EVENTS];
+} fmu_front;
+
 /* What changes while an instance runs: what is stored and restored as the state of the unit. */
 typedef struct {
   char token[40]; /* of the model description: bytes of other units are refused */
@@ -52,7 +70,7 @@ typedef struct {
   double argument[FMU_N_ARGUMENTS + 1];
   double state[FMU_N_STATES];
   int is_slack[FMU_N_MARGINS + 1];
-  fmu_integration integration;
+  fmu_front front;
 } fmu_memory;
 
 typedef struct fmu_instance fmu_instance;
@@ -85,6 +103,7 @@ static int fmu_get_margins(fmu_instance *instance, double *margin);
 static int fmu_set_states(fmu_instance *instance, const double *state);
 static int fmu_update_slack(fmu_instance *instance, int counts);
 static int fmu_leave_initialization(fmu_instance *instance);
+static int fmu_check_step(fmu_instance *instance, double point, double size);
 static int fmu_do_step(fmu_instance *instance, double point, double size);
 static int fmu_find_derivative(
     fmu_instance *instance, const unsigned *unknown, size_t n_unknown, const unsigned *known, size_t n_known,

@@ -9,8 +9,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FMU_MOST_EVENTS = 64 }; /* that are logged in one communication step */
-
 /* Send a message to the importer; events only where it has switched logging on. */
 static void fmu_report(fmu_instance *instance, int status, const char *category, const char *format, ...)
 {
@@ -160,6 +158,10 @@ static int fmu_get_flag(fmu_instance *instance, size_t reference, int *value)
   if (reference < FMU_SLACK || reference >= FMU_EVENT_COUNT) {
     return fmu_refuse(instance, reference, "there is no Boolean with it");
   }
+  if ((instance->now.mode & (FMU_STEP | FMU_TERMINATED)) && !instance->now.is_exchange
+      && fmu_update_slack(instance, 0) != FMU_OK) {
+    return FMU_DISCARD;
+  }
   *value = instance->now.is_slack[reference - FMU_SLACK];
   return FMU_OK;
 }
@@ -246,12 +248,11 @@ static int fmu_leave_initialization(fmu_instance *instance)
   return status;
 }
 
-/* Integrate from the communication point over the communication step. */
-static int fmu_do_step(fmu_instance *instance, double point, double size)
+/* FMU_OK where a step of this size may be taken from this point. */
+static int fmu_check_step(fmu_instance *instance, double point, double size)
 {
-  fmu_memory *m = &instance->now;
+  const fmu_memory *m = &instance->now;
   const double end = point + size;
-  int status;
   if (!(size >= 0.0) || !(end - end == 0.0)) {
     fmu_report(instance, FMU_ERROR, "logStatusError", "the communication step %.17g s is not a finite length", size);
     return FMU_ERROR;
@@ -262,36 +263,142 @@ static int fmu_do_step(fmu_instance *instance, double point, double size)
         point, m->time);
     return FMU_ERROR;
   }
-  if (!(end > m->time)) {
-    return FMU_OK;
+  return FMU_OK;
+}
+
+/* Let the integration begin anew at the communication point. */
+static void fmu_begin_here(fmu_memory *m)
+{
+  fmu_front *f = &m->front;
+  f->time = m->time;
+  memcpy(f->state, m->state, sizeof f->state);
+  f->n_samples = 0;
+  f->n_sampled = 0;
+  f->n_used = 0;
+  f->n_events = 0;
+  fmu_begin(&f->integration);
+  m->is_stale = 0;
+}
+
+/* Whether the state at `end` is among those that are known ahead; it becomes that of the communication point. */
+static int fmu_take_sample(fmu_memory *m, double end)
+{
+  fmu_front *f = &m->front;
+  while (f->n_used < f->n_sampled) {
+    const double apart = f->sample_time[f->n_used] - end, same = 1e-12 * (fabs(end) + fabs(end - m->time));
+    if (apart > same) {
+      return 0;
+    }
+    ++f->n_used;
+    if (apart >= -same) {
+      memcpy(m->state, f->sample + (f->n_used - 1) * FMU_N_STATES, sizeof m->state);
+      return 1;
+    }
   }
-  {
-    fmu_event event[FMU_MOST_EVENTS];
-    long long k, n_events = 0;
-    if (m->is_stale) {
-      fmu_begin(&m->integration);
-      m->is_stale = 0;
-    }
-    status = fmu_integrate(
-        end, m->rtol, m->rtol * FMU_ATOL_RATIO, &m->time, m->state, m->argument, event, FMU_MOST_EVENTS, &n_events,
-        &m->integration);
-    fmu_forget(instance);
-    for (k = 0; k < n_events && k < FMU_MOST_EVENTS; ++k) {
-      fmu_report(
-          instance, FMU_OK, "logEvents", "%s %s at t = %.17g s", fmu_member_name[event[k].which],
-          fmu_event_word[event[k].kind != FMU_EVENT_CABLE][event[k].direction > 0], event[k].time);
-    }
-    m->n_events += (int)n_events;
-    if (status == FMU_LIBRARY_OK && m->time < end) {
-      fmu_report(
-          instance, FMU_DISCARD, "logStatusDiscard", "more than %lld steps are needed to reach t = %.17g s",
-          (long long)FMU_MOST_STEPS, end);
-      status = FMU_DISCARD;
+  return 0;
+}
+
+/* Count and log the events up to the communication point. */
+static void fmu_pass_events(fmu_instance *instance)
+{
+  fmu_memory *m = &instance->now;
+  fmu_front *f = &m->front;
+  int k, n_left = 0;
+  for (k = 0; k < f->n_events; ++k) {
+    const fmu_event event = f->event[k];
+    if (event.time > m->time) {
+      f->event[n_left++] = event;
     } else {
-      status = fmu_translate(instance, status, "the integration stops");
+      ++m->n_events;
+      fmu_report(
+          instance, FMU_OK, "logEvents", "%s %s at t = %.17g s", fmu_member_name[event.which],
+          fmu_event_word[event.kind != FMU_EVENT_CABLE][event.direction > 0], event.time);
     }
   }
-  return status == FMU_OK ? fmu_update_slack(instance, 0) : status;
+  f->n_events = n_left;
+}
+
+/* One call of the integrator. */
+static int fmu_advance(fmu_memory *m, double time_end, long long most_steps)
+{
+  fmu_front *f = &m->front;
+  long long n_events = 0;
+  const int n_free = FMU_MOST_EVENTS - f->n_events;
+  const int status = fmu_integrate(
+      time_end, m->rtol, m->rtol * FMU_ATOL_RATIO, most_steps, &f->time, f->state, m->argument, f->n_samples,
+      f->sample_time, f->sample, &f->n_sampled, f->event + f->n_events, n_free, &n_events, &f->integration);
+  if (n_events > n_free) {
+    m->n_events += (int)n_events - n_free; /* too many to be kept; they count at once */
+    n_events = n_free;
+  }
+  f->n_events += (int)n_events;
+  return status;
+}
+
+/* Integrate until the state at `end` is known. is_steady: nothing has been set since the last step, and the integrator
+ * is not behind `end`; is_known: whether it came there. */
+static int fmu_reach(fmu_memory *m, double end, double size, int is_steady, int *is_known)
+{
+  fmu_front *f = &m->front;
+  long long i;
+  int k, status = FMU_LIBRARY_OK;
+  f->n_samples = 0;
+  f->n_sampled = 0;
+  f->n_used = 0;
+  if (is_steady && f->integration.step > size && f->time < end) {
+    f->n_samples = FMU_AHEAD;
+    for (k = 0; k < FMU_AHEAD; ++k) {
+      f->sample_time[k] = end + k * size;
+    }
+    for (i = 0; i < FMU_MOST_STEPS && status == FMU_LIBRARY_OK && f->time < end; ++i) {
+      status = fmu_advance(m, f->sample_time[FMU_AHEAD - 1], 1);
+    }
+    *is_known = fmu_take_sample(m, end);
+    if (*is_known) {
+      return FMU_LIBRARY_OK;
+    }
+    if (f->time > end) {
+      fmu_begin_here(m); /* the integrator has no state there */
+    }
+    f->n_samples = 0;
+    f->n_sampled = 0;
+  }
+  if (status == FMU_LIBRARY_OK) {
+    status = fmu_advance(m, end, FMU_MOST_STEPS);
+  }
+  *is_known = status == FMU_LIBRARY_OK && f->time >= end;
+  memcpy(m->state, f->state, sizeof m->state);
+  return status;
+}
+
+/* Integrate from the communication point over the communication step. */
+static int fmu_do_step(fmu_instance *instance, double point, double size)
+{
+  fmu_memory *m = &instance->now;
+  fmu_front *f = &m->front;
+  const double end = point + size;
+  int status = fmu_check_step(instance, point, size), is_known;
+  if (status != FMU_OK || !(end > m->time)) {
+    return status;
+  }
+  is_known = !m->is_stale && f->n_used < f->n_sampled && fmu_take_sample(m, end);
+  if (!is_known) {
+    const int is_steady = !m->is_stale && f->time <= end;
+    if (!is_steady) {
+      fmu_begin_here(m); /* a value has been set, or this is another point than those expected */
+    }
+    status = fmu_reach(m, end, size, is_steady, &is_known);
+  }
+  fmu_forget(instance);
+  m->time = is_known ? end : f->time;
+  fmu_pass_events(instance);
+  if (status == FMU_LIBRARY_OK && m->time < end) {
+    fmu_report(
+        instance, FMU_DISCARD, "logStatusDiscard", "more than %lld steps are needed to reach t = %.17g s",
+        (long long)FMU_MOST_STEPS, end);
+    return FMU_DISCARD;
+  }
+  return fmu_translate(instance, status, "the integration stops");
 }
 
 /* A copy of what changes, to come back to. */

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import ctypes as c
 import itertools
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tensegrity_codegen.codegen.compilation.compile import compile_library
+from tensegrity_codegen.codegen.compilation.flags import find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.export.export_fmu import export_fmu
 from tensegrity_codegen.pipeline import compile_scene
 from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -223,6 +227,58 @@ def test_reset_goes_back_to_the_start(make: Make, ours: Trajectory) -> None:
     assert (run_steps(unit, ours.time) == run_steps(fresh, ours.time)).all()
 
 
+def test_short_steps_of_any_length_give_the_same_motion(make: Make, scene: Path) -> None:
+    """Steps far shorter than those of the integrator, which goes ahead of regular ones only."""
+    model = compile_scene(scene, for_="simulate")
+    regular = np.linspace(0.0, 0.1, 1001)
+    irregular = np.unique(
+        np.concatenate([regular[::7], np.random.default_rng(1).uniform(0.0, 0.1, 300), [0.1]])
+    )
+    ours = simulate(model, 0.1, samples=1001, rtol=RTOL)
+    for times in (regular, irregular):
+        unit = make("cs")
+        unit.start(RTOL)
+        found = run_steps(unit, times)
+        expected = np.array([np.interp(times, ours.time, column) for column in positions(ours).T]).T
+        # Straight lines between samples 1e-4 s apart are off by about 1e-4^2 / 8 of the acceleration.
+        allowed = 20 * RTOL if times is regular else 1e-6
+        assert np.abs(found - expected).max() < allowed
+        assert np.abs(found[-1] - positions(ours)[-1]).max() < 20 * RTOL
+        assert unit.count() == ours.log.count
+
+
+def test_events_ahead_count_when_their_time_has_come(make: Make, scene: Path) -> None:
+    model = compile_scene(scene, for_="simulate")
+    log = simulate(model, 0.2, samples=3, rtol=RTOL).log
+    unit = make("cs")
+    unit.start(RTOL)
+    times = np.arange(0.0, 0.2, 2e-4)
+    for first, last in itertools.pairwise(times):
+        assert unit.step(first, last - first) == 0
+        if np.abs(log.time - last).min() > 1e-6:
+            assert unit.count() == np.count_nonzero(log.time <= last)
+
+
+def test_an_input_acts_at_once_though_the_integrator_is_ahead(make: Make, scene: Path) -> None:
+    model = compile_scene(scene, for_="simulate")
+    unit = make("cs")
+    unit.start(RTOL)
+    times = np.linspace(0.0, 0.04, 401)
+    rows = run_steps(unit, times[:203])
+    state = unit.store()
+    assert unit.set_all({"input.winch": -0.005}) == 0
+    rows = np.vstack([rows, run_steps(unit, times[202:])[1:]])
+    kink = times[202]
+    profile = Profile([0.0, kink, kink, 0.04], {"winch": [0.0, 0.0, -0.005, -0.005]})
+    ours = simulate(model, 0.04, samples=401, rtol=RTOL, schedule=profile)
+    assert np.abs(rows - positions(ours)).max() < 20 * RTOL
+    unit.good("SetFMUstate", state)
+    assert unit.get("input.winch") == 0.0
+    plain = simulate(model, 0.04, samples=401, rtol=RTOL)
+    assert np.abs(run_steps(unit, times[202:]) - positions(plain)[202:]).max() < 20 * RTOL
+    unit.good("FreeFMUstate", c.byref(state))
+
+
 def test_several_instances_do_not_mix(make: Make, ours: Trajectory) -> None:
     one, two, alone = make("cs"), make("cs"), make("cs")
     for unit in (one, two, alone):
@@ -265,3 +321,20 @@ def test_a_step_that_cannot_be_taken_says_how_far_it_came(make: Make) -> None:
     unit.good("GetRealStatus", 2, c.byref(reached))
     assert 0.0 <= reached.value < 1.0
     assert "t = " in unit.messages[-1][1]
+
+
+@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+def test_the_sources_compile_without_a_warning(fmi: str, scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "unit.fmu"
+    export_fmu(scene, out, fmi=fmi, sources_only=True)
+    with zipfile.ZipFile(out) as archive:
+        sources = {
+            name.removeprefix("sources/"): archive.read(name).decode("utf-8")
+            for name in archive.namelist()
+            if name.endswith((".c", ".h"))
+        }
+    compiled = compile_library(sources, name="loose", compiler=find_compiler(), flags=find_flags("reference"))
+    assert compiled.log == ""
+    text = "\n".join(sources.values())
+    assert "Modelica Association" not in text  # no header of the standard
+    assert all(len(line) <= 120 for line in text.splitlines())

@@ -17,9 +17,7 @@
 #endif
 #define WITH_DISTURBANCE WITH_ESTIMATOR /* the estimator has disturbance forces */
 #define WITH_SUMS WITH_GAINS            /* feedback of sums of errors */
-#ifndef WITH_DISTRIBUTION
-#define WITH_DISTRIBUTION 0 /* tensions are distributed by a quadratic program */
-#endif
+#define WITH_DISTRIBUTION 0             /* tensions are distributed by a quadratic program */
 
 /* Sizes that the header of a controller states. */
 enum {

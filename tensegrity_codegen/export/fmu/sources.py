@@ -176,6 +176,7 @@ def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
         "has_events": bool(spec.events),
         "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{word}" for word in kinds) or "0",
         "n_counts": len(COUNTS),
+        "n_tensions": len(spec.tensions),
     }
 
 

@@ -132,8 +132,7 @@ def simulate_control(
     start = find_start(way, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
     senses = None if estimator is None else Filter(model, estimator, way, {})
-    tensions = None if distribution is None else replace(distribution, bounds=bounds)
-    loop = _Loop(model, way, Controller(way, gains, bounds, step, tensions), plant, bounds, senses, seed)
+    loop = _Loop(model, way, Controller(way, gains, bounds, step, distribution), plant, bounds, senses, seed)
     return loop.run(count)
 
 
