@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import check_ending, replaced
 from tensegrity_codegen.results.summaries import (
     Fact,
@@ -26,6 +27,12 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 __all__ = ["Motion", "MotionPoint"]
 
 FloatArray = NDArray[np.float64]
+
+# Fields with a row for each knot; `residual` too where it has rows.
+KNOT_FIELDS = (
+    *("time", "coordinate", "velocity", "acceleration"),
+    *("rest_length", "input", "member_tension"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +188,41 @@ class Motion(Summarised):
             v, a = np.zeros_like(v), np.zeros_like(a)
         value = self._profile.pieces.at(since) if self.input_name else np.zeros(0)
         return MotionPoint(q, v, a, value)
+
+    def at_knots(self, count: int) -> Motion:
+        """Return the motion through some of its knots, which takes less memory in a controller in C.
+
+        Parameters
+        ----------
+        count : int
+            Number of knots, evenly distributed among those of the motion; the first and the last, and those
+            at kinks, are kept in any case.
+
+        Returns
+        -------
+        Motion
+            Interpolated as before; the same motion where it has no more knots. ``peak_rate`` stays that of
+            the whole motion.
+
+        Raises
+        ------
+        InvalidValueError
+            Fewer than two knots.
+        """
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
+            raise InvalidValueError("out of range", where="count", given=count, allowed="2 or more knots")
+        total = len(self.time)
+        if total <= count:
+            return self
+        even = np.round(np.linspace(0, total - 1, int(count))).astype(np.int64)
+        bent = [int(np.abs(self.time - kink).argmin()) for kink in self.kinks]
+        rows = np.unique(np.concatenate([even, np.array(bent, dtype=np.int64)]))
+        kept = {
+            name: value[rows]
+            for name, value in vars(self).items()
+            if name in KNOT_FIELDS or (name == "residual" and len(value) == total)
+        }
+        return replace(self, **kept)
 
     @cached_property
     def _profile(self) -> Profile:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
 
 
@@ -56,3 +59,20 @@ def test_the_motion_is_at_rest_before_and_after(motion: Motion) -> None:
 def test_arrays_of_a_motion_cannot_be_written(motion: Motion) -> None:
     with pytest.raises(ValueError, match="read-only"):
         motion.coordinate[0, 0] = 3.0
+
+
+def test_fewer_knots_keep_the_ends_and_the_kinks(motion: Motion) -> None:
+    """A quintic and a cubic are the same between fewer knots."""
+    bent = replace(motion, kinks=(0.5,), residual=np.arange(5.0))
+    fewer = bent.at_knots(3)
+    assert fewer.time.tolist() == [0.0, 0.5, 1.0, 2.0]
+    assert fewer.residual.tolist() == [0.0, 1.0, 2.0, 4.0]
+    assert len(motion.at_knots(3).residual) == 0
+    for time in np.linspace(-0.1, 2.1, 23).tolist():
+        here, there = motion.at(time), fewer.at(time)
+        assert there.input == pytest.approx(here.input, abs=1e-13)
+        assert there.coordinate == pytest.approx(here.coordinate, abs=1e-13)
+        assert there.velocity == pytest.approx(here.velocity, abs=1e-12)
+    assert motion.at_knots(5) is motion
+    with pytest.raises(InvalidValueError, match="2 or more"):
+        motion.at_knots(1)
