@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
 from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE
 from tensegrity_codegen.codegen.compilation.compile import compile_library, object_size
@@ -102,7 +103,7 @@ class BuiltLibrary:
         return self.build_again().load(precision=precision)
 
     def export(self, folder: str | Path, *, overwrite: bool = True, inputs: Iterable[Path] = ()) -> Path:
-        """Copy sources, example, Makefile, manifest and library into a folder: all of them, or none.
+        """Copy sources, example, build files, manifest and library into a folder: all of them, or none.
 
         SHA256SUMS lists what was written. Without `overwrite`, files in the folder that this package did not
         write, or that were changed since, are an OutputError, as everything that cannot be written; files of
@@ -111,6 +112,9 @@ class BuiltLibrary:
         own = {"entry.json", "compile.log"}
         files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
         contents = {path.name: path.read_bytes() for path in files}
+        sources = [name for name in contents if name.endswith(".c") and name != "example.c"]
+        bundle = emit_bundle(self.manifest, sources, self.path.name)
+        contents |= {name: text.encode("utf-8") for name, text in bundle.items()}
         return write_folder(folder, contents, overwrite=overwrite, inputs=inputs, listed=True)
 
 

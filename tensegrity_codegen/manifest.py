@@ -19,10 +19,12 @@ from tensegrity_codegen.formulations import find_formulation
 
 __all__ = [
     "ABI_VERSION",
+    "C_API_VERSION",
     "EVENT_KINDS",
     "JUMP_KINDS",
     "SOLVER_STATUS",
     "STATUS",
+    "STATUS_TEXT",
     "ArgumentSpec",
     "FunctionSpec",
     "IntegratorSpec",
@@ -36,6 +38,9 @@ __all__ = [
 
 ABI_VERSION = 2
 
+# Version of the rules of the C interface, docs/c_api.md: within one, headers only gain declarations.
+C_API_VERSION = 1
+
 # Status codes of every generated function, by number.
 STATUS = (
     *("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer", "step_too_small"),
@@ -44,6 +49,21 @@ STATUS = (
 
 # What a solver returns besides, from the number after those on.
 SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
+
+# What each status means: texts of the header, and of the C function NAME_status_text.
+STATUS_TEXT = {
+    "ok": "the results are there",
+    "non_finite_input": "an argument holds a NAN or an infinity",
+    "non_finite_result": "a result would not be finite, as where the two nodes of a member are at one place",
+    "invalid_argument": "a step, a count or an index is out of range",
+    "null_pointer": "a pointer that is needed is NULL",
+    "step_too_small": "no step that the time can resolve meets the tolerance",
+    "unsupported_machine": "this machine lacks instructions that native code needs",
+    "too_many_events": "too many events follow each other within a thousandth of a step",
+    "not_converged": "no equilibrium within the iterations, or no step lets the energy fall",
+    "unstable": "an equilibrium that is no minimum of the energy",
+    "branch_lost": "the equilibria of a path end here, as at a limit point",
+}
 
 CENTRE = re.compile(r"centre\d*_[xyz]")  # names of coordinates of centres of mass
 

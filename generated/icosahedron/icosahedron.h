@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define ICOSAHEDRON_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum icosahedron_status {
   ICOSAHEDRON_OK = 0, /* the results are there */
   ICOSAHEDRON_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   ICOSAHEDRON_NON_FINITE_RESULT = 2,
@@ -148,6 +151,16 @@ typedef struct {
 } icosahedron_description;
 
 extern ICOSAHEDRON_API const icosahedron_description icosahedron_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+ICOSAHEDRON_API const char *icosahedron_status_text(int status);
+
+/* Names, in the order of the indices above; ICOSAHEDRON_WITHOUT_TEXT, defined when icosahedron.c is compiled, drops
+ * them
+ * and the texts of the status. */
+extern ICOSAHEDRON_API const char icosahedron_node_name[12][4];
+extern ICOSAHEDRON_API const char icosahedron_member_name[30][8];
+extern ICOSAHEDRON_API const char icosahedron_coordinate_name[36][6];
 
 /* ICOSAHEDRON_OK: this library runs on every machine of its architecture. */
 ICOSAHEDRON_API int icosahedron_check_machine(void);

@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define LIN_PRISM_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum lin_prism_status {
   LIN_PRISM_OK = 0, /* the results are there */
   LIN_PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   LIN_PRISM_NON_FINITE_RESULT = 2,
@@ -91,6 +94,15 @@ typedef struct {
 } lin_prism_description;
 
 extern LIN_PRISM_API const lin_prism_description lin_prism_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+LIN_PRISM_API const char *lin_prism_status_text(int status);
+
+/* Names, in the order of the indices above; LIN_PRISM_WITHOUT_TEXT, defined when lin_prism.c is compiled, drops them
+ * and the texts of the status. */
+extern LIN_PRISM_API const char lin_prism_node_name[9][8];
+extern LIN_PRISM_API const char lin_prism_member_name[6][6];
+extern LIN_PRISM_API const char lin_prism_coordinate_name[6][15];
 
 /* LIN_PRISM_OK: this library runs on every machine of its architecture. */
 LIN_PRISM_API int lin_prism_check_machine(void);

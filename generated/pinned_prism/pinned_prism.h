@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define PINNED_PRISM_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum pinned_prism_status {
   PINNED_PRISM_OK = 0, /* the results are there */
   PINNED_PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PINNED_PRISM_NON_FINITE_RESULT = 2,
@@ -107,6 +110,17 @@ typedef struct {
 } pinned_prism_description;
 
 extern PINNED_PRISM_API const pinned_prism_description pinned_prism_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+PINNED_PRISM_API const char *pinned_prism_status_text(int status);
+
+/* Names, in the order of the indices above; PINNED_PRISM_WITHOUT_TEXT, defined when pinned_prism.c is compiled, drops
+ * them
+ * and the texts of the status. */
+extern PINNED_PRISM_API const char pinned_prism_node_name[9][8];
+extern PINNED_PRISM_API const char pinned_prism_member_name[9][10];
+extern PINNED_PRISM_API const char pinned_prism_coordinate_name[6][17];
+extern PINNED_PRISM_API const char pinned_prism_input_name[9][3];
 
 /* PINNED_PRISM_OK: this library runs on every machine of its architecture. */
 PINNED_PRISM_API int pinned_prism_check_machine(void);

@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define PLANAR_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum planar_status {
   PLANAR_OK = 0, /* the results are there */
   PLANAR_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PLANAR_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
@@ -84,6 +87,15 @@ typedef struct {
 } planar_description;
 
 extern PLANAR_API const planar_description planar_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+PLANAR_API const char *planar_status_text(int status);
+
+/* Names, in the order of the indices above; PLANAR_WITHOUT_TEXT, defined when planar.c is compiled, drops them
+ * and the texts of the status. */
+extern PLANAR_API const char planar_node_name[4][2];
+extern PLANAR_API const char planar_member_name[6][7];
+extern PLANAR_API const char planar_coordinate_name[5][4];
 
 /* PLANAR_OK: this library runs on every machine of its architecture. */
 PLANAR_API int planar_check_machine(void);

@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define PRISM_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum prism_status {
   PRISM_OK = 0, /* the results are there */
   PRISM_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PRISM_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
@@ -102,6 +105,15 @@ typedef struct {
 } prism_description;
 
 extern PRISM_API const prism_description prism_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+PRISM_API const char *prism_status_text(int status);
+
+/* Names, in the order of the indices above; PRISM_WITHOUT_TEXT, defined when prism.c is compiled, drops them
+ * and the texts of the status. */
+extern PRISM_API const char prism_node_name[6][3];
+extern PRISM_API const char prism_member_name[12][10];
+extern PRISM_API const char prism_coordinate_name[15][5];
 
 /* PRISM_OK: this library runs on every machine of its architecture. */
 PRISM_API int prism_check_machine(void);

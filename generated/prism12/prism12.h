@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define PRISM12_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum prism12_status {
   PRISM12_OK = 0, /* the results are there */
   PRISM12_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   PRISM12_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
@@ -118,6 +121,16 @@ typedef struct {
 } prism12_description;
 
 extern PRISM12_API const prism12_description prism12_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+PRISM12_API const char *prism12_status_text(int status);
+
+/* Names, in the order of the indices above; PRISM12_WITHOUT_TEXT, defined when prism12.c is compiled, drops them
+ * and the texts of the status. */
+extern PRISM12_API const char prism12_node_name[6][3];
+extern PRISM12_API const char prism12_member_name[15][10];
+extern PRISM12_API const char prism12_coordinate_name[18][5];
+extern PRISM12_API const char prism12_input_name[6][3];
 
 /* PRISM12_OK: this library runs on every machine of its architecture. */
 PRISM12_API int prism12_check_machine(void);

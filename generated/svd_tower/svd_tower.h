@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define SVD_TOWER_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum svd_tower_status {
   SVD_TOWER_OK = 0, /* the results are there */
   SVD_TOWER_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   SVD_TOWER_NON_FINITE_RESULT = 2,
@@ -135,6 +138,16 @@ typedef struct {
 } svd_tower_description;
 
 extern SVD_TOWER_API const svd_tower_description svd_tower_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+SVD_TOWER_API const char *svd_tower_status_text(int status);
+
+/* Names, in the order of the indices above; SVD_TOWER_WITHOUT_TEXT, defined when svd_tower.c is compiled, drops them
+ * and the texts of the status. */
+extern SVD_TOWER_API const char svd_tower_node_name[19][11];
+extern SVD_TOWER_API const char svd_tower_member_name[18][10];
+extern SVD_TOWER_API const char svd_tower_coordinate_name[18][18];
+extern SVD_TOWER_API const char svd_tower_input_name[6][3];
 
 /* SVD_TOWER_OK: this library runs on every machine of its architecture. */
 SVD_TOWER_API int svd_tower_check_machine(void);

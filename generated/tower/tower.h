@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define TOWER_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum tower_status {
   TOWER_OK = 0, /* the results are there */
   TOWER_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   TOWER_NON_FINITE_RESULT = 2, /* a result would not be finite, as where the two nodes of a member are at one place */
@@ -192,6 +195,16 @@ typedef struct {
 } tower_description;
 
 extern TOWER_API const tower_description tower_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+TOWER_API const char *tower_status_text(int status);
+
+/* Names, in the order of the indices above; TOWER_WITHOUT_TEXT, defined when tower.c is compiled, drops them
+ * and the texts of the status. */
+extern TOWER_API const char tower_node_name[18][5];
+extern TOWER_API const char tower_member_name[48][12];
+extern TOWER_API const char tower_coordinate_name[51][7];
+extern TOWER_API const char tower_input_name[2][5];
 
 /* TOWER_OK: this library runs on every machine of its architecture. */
 TOWER_API int tower_check_machine(void);

@@ -6,18 +6,14 @@
 
 #include "two_nodes.h"
 
-static void print_values(const char *title, int status, const double *values, int count)
+static void print_title(const char *title, int status)
 {
-  int k;
-  printf("%s status %d\n", title, status);
-  for (k = 0; k < count; ++k) {
-    printf("  %d % .17g\n", k, (double)values[k]);
-  }
+  printf("%s: %s\n", title, two_nodes_status_text(status));
 }
 
 int main(void)
 {
-  int status, worst = TWO_NODES_OK;
+  int k, status, worst = TWO_NODES_OK;
   double member_tension[1];
   double acceleration[3];
   double total_energy[1];
@@ -27,19 +23,31 @@ int main(void)
          two_nodes_descriptor.abi_version);
 
   status = two_nodes_compute_member_tension(two_nodes_nominal_coordinate, member_tension);
-  print_values("member_tension [N]", status, member_tension, 1);
+  print_title("member_tension [N]", status);
+  for (k = 0; k < 1; ++k) {
+    printf("  %s % .17g\n", two_nodes_member_name[k], (double)member_tension[k]);
+  }
   worst = status > worst ? status : worst;
 
   status = two_nodes_compute_acceleration(two_nodes_nominal_coordinate, acceleration);
-  print_values("acceleration [m/s2]", status, acceleration, 3);
+  print_title("acceleration [m/s2]", status);
+  for (k = 0; k < 3; ++k) {
+    printf("  %s % .17g\n", two_nodes_coordinate_name[k], (double)acceleration[k]);
+  }
   worst = status > worst ? status : worst;
 
   status = two_nodes_compute_total_energy(two_nodes_nominal_coordinate, two_nodes_nominal_velocity, total_energy);
-  print_values("total_energy [J]", status, total_energy, 1);
+  print_title("total_energy [J]", status);
+  for (k = 0; k < 1; ++k) {
+    printf("  value % .17g\n", (double)total_energy[k]);
+  }
   worst = status > worst ? status : worst;
 
   status = two_nodes_compute_cable_margin(two_nodes_nominal_coordinate, cable_margin);
-  print_values("cable_margin [m]", status, cable_margin, 1);
+  print_title("cable_margin [m]", status);
+  for (k = 0; k < 1; ++k) {
+    printf("  [%d] % .17g\n", k, (double)cable_margin[k]);
+  }
   worst = status > worst ? status : worst;
   return worst;
 }

@@ -35,6 +35,33 @@ const char *two_nodes_missing_instruction_set(int k)
   return NULL;
 }
 
+
+#ifndef TWO_NODES_WITHOUT_TEXT
+TENSEGRITY_PLAIN const char *two_nodes_status_text(int status)
+{
+  switch (status) {
+  case TWO_NODES_OK:
+    return "the results are there";
+  case TWO_NODES_NON_FINITE_INPUT:
+    return "an argument holds a NAN or an infinity";
+  case TWO_NODES_NON_FINITE_RESULT:
+    return "a result would not be finite, as where the two nodes of a member are at one place";
+  case TWO_NODES_INVALID_ARGUMENT:
+    return "a step, a count or an index is out of range";
+  case TWO_NODES_NULL_POINTER:
+    return "a pointer that is needed is NULL";
+  case TWO_NODES_STEP_TOO_SMALL:
+    return "no step that the time can resolve meets the tolerance";
+  case TWO_NODES_UNSUPPORTED_MACHINE:
+    return "this machine lacks instructions that native code needs";
+  case TWO_NODES_TOO_MANY_EVENTS:
+    return "too many events follow each other within a thousandth of a step";
+  default:
+    return "unknown status";
+  }
+}
+#endif
+
 const int two_nodes_coordinate_node[3] = {1, 1, 1};
 const int two_nodes_coordinate_axis[3] = {0, 1, 2};
 
@@ -42,6 +69,16 @@ const double two_nodes_nominal_coordinate[3] = {
     0.0, 0.0, -1.0};
 const double two_nodes_nominal_velocity[3] = {
     0.0};
+
+
+#ifndef TWO_NODES_WITHOUT_TEXT
+const char two_nodes_node_name[2][3] = {
+    "n1", "n2"};
+const char two_nodes_member_name[1][8] = {
+    "member1"};
+const char two_nodes_coordinate_name[3][5] = {
+    "n2_x", "n2_y", "n2_z"};
+#endif
 
 
 #if defined(__GNUC__)

@@ -22,8 +22,11 @@ extern "C" {
 #endif
 #endif
 
+/* Version of the rules of this interface: within one version, headers only gain declarations. */
+#define TWO_NODES_C_API_VERSION 1
+
 /* Status: what every function returns. */
-enum {
+enum two_nodes_status {
   TWO_NODES_OK = 0, /* the results are there */
   TWO_NODES_NON_FINITE_INPUT = 1, /* an argument holds a NAN or an infinity */
   TWO_NODES_NON_FINITE_RESULT = 2,
@@ -76,6 +79,15 @@ typedef struct {
 } two_nodes_description;
 
 extern TWO_NODES_API const two_nodes_description two_nodes_descriptor;
+
+/* What a status means, in a few words; "unknown status" for other numbers. */
+TWO_NODES_API const char *two_nodes_status_text(int status);
+
+/* Names, in the order of the indices above; TWO_NODES_WITHOUT_TEXT, defined when two_nodes.c is compiled, drops them
+ * and the texts of the status. */
+extern TWO_NODES_API const char two_nodes_node_name[2][3];
+extern TWO_NODES_API const char two_nodes_member_name[1][8];
+extern TWO_NODES_API const char two_nodes_coordinate_name[3][5];
 
 /* TWO_NODES_OK: this library runs on every machine of its architecture. */
 TWO_NODES_API int two_nodes_check_machine(void);

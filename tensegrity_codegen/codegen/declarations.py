@@ -7,7 +7,7 @@ import re
 __all__ = ["read_declarations"]
 
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
-CONSTANTS = re.compile(r"enum \{[^}]*\};|extern \w+_API const \w+ \w+\[[^;]*;")
+CONSTANTS = re.compile(r"enum (?:\w+ )?\{[^}]*\};|extern \w+_API const \w+ \w+\[[^;]*;")
 SPACE = re.compile(r"\s+")
 
 

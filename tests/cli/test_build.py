@@ -18,7 +18,9 @@ def test_the_folder_holds_all_that_is_needed_to_embed(run: Run, folder: Path, tw
     names = {path.name for path in (folder / "library").iterdir()}
     library = Path(data["library"])
     made = {"Makefile", "example.c", "manifest.json", "two_nodes.c", "two_nodes.h", library.name}
-    assert names == made | {"SHA256SUMS"}
+    package = "tensegrity_two_nodes"
+    bundle = {"CMakeLists.txt", f"{package}Config.cmake", f"{package}Sources.cmake", "README.md", "NOTICE.md"}
+    assert names == made | bundle | {f"{package}.pc", f"{package}.pc.in", "SHA256SUMS"}
     assert library.parent == Path("library")
     manifest = json.loads((folder / "library" / "manifest.json").read_text(encoding="utf-8"))
     assert data["name"] == manifest["name"] == "two_nodes"

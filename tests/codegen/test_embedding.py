@@ -159,11 +159,11 @@ def test_two_scenes_go_into_one_program(sources: Any, tmp_path: Path) -> None:
 
 
 def parse_printed(text: str) -> dict[str, list[float]]:
-    """Return title -> numbers of the blocks "title ...\\n  index number"."""
+    """Return title -> numbers of the blocks "title ...\\n  place number"."""
     found: dict[str, list[float]] = {}
     title = ""
     for line in text.splitlines():
-        entry = re.match(r"^  \d+ +(\S+)$", line)
+        entry = re.match(r"^  \S.* +(\S+)$", line)
         if entry:
             found[title].append(float(entry[1]))
         else:

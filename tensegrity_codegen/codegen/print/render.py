@@ -39,6 +39,7 @@ def _environment() -> jinja2.Environment:
     )
     environment.filters["wrapped"] = wrap_values
     environment.filters["enumerated"] = _enumerate
+    environment.filters["quoted"] = _quote
     environment.globals["paste"] = paste
     environment.globals["plain_c"] = plain_c_folder(template_folder())
     return environment
@@ -50,6 +51,11 @@ def wrap_values(values: Iterable[Any]) -> str:
     width = max(map(len, texts), default=0) + len(", ")
     count = max(LINE_LENGTH // width, 1)
     return ",\n    ".join(", ".join(texts[k : k + count]) for k in range(0, len(texts), count))
+
+
+def _quote(names: Iterable[str]) -> list[str]:
+    """Return names, which are identifiers, as C strings."""
+    return [f'"{name}"' for name in names]
 
 
 def _enumerate(names: Iterable[str], prefix: str) -> str:

@@ -1,0 +1,88 @@
+"""What lets other programs find a library: files for CMake and pkg-config, a page, a notice of licences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from tensegrity_codegen.codegen.compilation.flags import find_flags
+from tensegrity_codegen.codegen.print.banner import BANNER
+from tensegrity_codegen.codegen.print.render import render
+from tensegrity_codegen.manifest import C_API_VERSION, Manifest
+
+__all__ = ["LICENCE", "emit_bundle", "name_package"]
+
+LICENCE = """\
+MIT License
+
+Copyright (c) 2026 the tensegrity_codegen authors
+
+Permission is hereby granted, free of charge, to any person obtaining a copy
+of this software and associated documentation files (the "Software"), to deal
+in the Software without restriction, including without limitation the rights
+to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+copies of the Software, and to permit persons to whom the Software is
+furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all
+copies or substantial portions of the Software.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY,
+FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE
+AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM,
+OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE
+SOFTWARE.
+"""
+
+
+def name_package(scene: str) -> str:
+    """Return the name of a library as a package, which no other package has."""
+    return f"tensegrity_{scene}"
+
+
+def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dict[str, str]:
+    """Return the files for other programs, name -> text.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        Description of the library.
+    sources : iterable of str
+        Names of its C files, without the example.
+    library : str
+        Name of the compiled library.
+    """
+    package, name = name_package(manifest.name), manifest.name
+    context = {
+        "banner": BANNER,
+        "name": name,
+        "NAME": name.upper(),
+        "package": package,
+        "c_api_version": C_API_VERSION,
+        "description": _describe(manifest),
+        "sources": list(sources),
+        "library": library,
+        "options": [item for item in find_flags(manifest.flags).options if not item.startswith("-std=")],
+        "functions": manifest.functions,
+        "integrators": manifest.integrators,
+        "solvers": manifest.solvers,
+        "licence": LICENCE.splitlines(),
+        "made_by": ", ".join(f"{what} {release}" for what, release in manifest.made_by.items()),
+    }
+    files = {
+        "CMakeLists.txt": "CMakeLists.txt",
+        f"{package}Sources.cmake": "Sources.cmake",
+        f"{package}Config.cmake": "Config.cmake",
+        f"{package}.pc.in": "package.pc.in",
+        f"{package}.pc": "package.pc",
+        "README.md": "README.md",
+        "NOTICE.md": "NOTICE.md",
+    }
+    return {file: render(f"bundle/{template}", context) for file, template in files.items()}
+
+
+def _describe(manifest: Manifest) -> str:
+    """Return one line that says what the library is of."""
+    counts = f"{len(manifest.node_name)} nodes and {len(manifest.member_name)} members"
+    return f"Tensegrity structure {manifest.name}: {counts}, {manifest.precision} precision"

@@ -1,0 +1,150 @@
+"""The tables of docs/c_api.md are those of the registries and of a generated header."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.integrators.integrators import INTEGRATORS
+from tensegrity_codegen.codegen.integrators.solvers import SOLVERS
+from tensegrity_codegen.manifest import ABI_VERSION, C_API_VERSION, SOLVER_STATUS, STATUS, STATUS_TEXT
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.quantities import ARGUMENTS, QUANTITIES, Quantity
+from tensegrity_codegen.tableaus import EXPLICIT
+from tests.codegen.c_api.header_rule import Interface, read_interface
+from tests.codegen.subjects import everything
+from tests.doc_tables import DOCS, check_table
+
+PAGE = "c_api.md"
+ROOT = Path(__file__).resolve().parents[3]
+
+SIZES = {
+    "nodes": "nodes",
+    "members": "members",
+    "axes": "modelled axes, 1 to 3",
+    "coordinates": "free coordinates",
+    "states": "numbers of a state: all coordinates, then all velocities",
+    "inputs": "inputs and actuators",
+    "bar_pairs": "pairs of bars, where a quantity runs over them",
+}
+KINDS = {
+    "node": "nodes",
+    "member": "members",
+    "coordinate": "free coordinates",
+    "input": "inputs and actuators",
+    "bar_pair": "pairs of bars",
+}
+
+
+def shape_of(quantity: Quantity) -> str:
+    if not quantity.shape:
+        return "scalar"
+    return "(" + ", ".join(quantity.shape) + ("," if len(quantity.shape) == 1 else "") + ")"
+
+
+def cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def test_status(update_golden: bool) -> None:
+    rows = [
+        (f"`NAME_{name.upper()}`", str(number), STATUS_TEXT[name], "" if number < len(STATUS) else "solvers")
+        for number, name in enumerate((*STATUS, *SOLVER_STATUS))
+    ]
+    check_table(PAGE, "status", ("constant", "value", "text", "of"), rows, update_golden)
+    assert set(STATUS_TEXT) == {*STATUS, *SOLVER_STATUS}
+
+
+def read_headers() -> tuple[Interface, Interface]:
+    """A library with all arguments and inputs, and one with pairs of bars."""
+    prism, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism.toml")
+    pairs = emit(prism, request.wanting("bar_distance")).files["prism.h"]
+    structure, request = everything()
+    return read_interface(emit(structure, request).files["braced.h"]), read_interface(pairs)
+
+
+def test_sizes(update_golden: bool) -> None:
+    found, pairs = read_headers()
+    numbers = [name.partition("_N_") for name in (*found.constants, *pairs.constants)]
+    assert {last.lower() for first, _, last in numbers if first in ("BRACED", "PRISM") and last} == set(SIZES)
+    rows = [(f"`NAME_N_{name.upper()}`", text) for name, text in SIZES.items()]
+    check_table(PAGE, "sizes", ("constant", "number of"), rows, update_golden)
+
+
+def test_names(update_golden: bool) -> None:
+    found, pairs = read_headers()
+    arrays = [name for name in (*found.arrays, *pairs.arrays) if name.endswith("_name")]
+    assert {name.partition("_")[2].removesuffix("_name") for name in arrays} == set(KINDS)
+    for kind in KINDS:
+        assert any(f"_{kind.upper()}_" in name for name in (*found.constants, *pairs.constants))
+    rows = [(f"`NAME_{kind.upper()}_<name>`", f"`name_{kind}_name[]`", text) for kind, text in KINDS.items()]
+    check_table(PAGE, "names", ("index", "table of texts", "of"), rows, update_golden)
+
+
+def test_arguments(update_golden: bool) -> None:
+    rows = [(f"`{item.name}`", shape_of(item), item.unit, cell(item.sentence)) for item in ARGUMENTS.values()]
+    check_table(PAGE, "arguments", ("argument", "shape", "unit", "meaning"), rows, update_golden)
+
+
+def test_functions(update_golden: bool) -> None:
+    rows = [
+        (
+            f"`name_compute_{item.name}`",
+            shape_of(item) + (", sparse" if item.sparse else ""),
+            item.unit,
+            cell(item.sentence),
+        )
+        for item in QUANTITIES.values()
+    ]
+    check_table(PAGE, "functions", ("function", "result", "unit", "meaning"), rows, update_golden)
+
+
+def test_integrators(update_golden: bool) -> None:
+    rows = [
+        (
+            f"`name_integrate_{name}`, `name_integrate_{name}_run`",
+            f"`NAME_{name.upper()}_WORK`",
+            EXPLICIT[name].title if name in EXPLICIT else "Radau IIA of order 5, for stiff bars",
+        )
+        for name in INTEGRATORS
+    ]
+    rows += [
+        (
+            f"`name_find_{name}`, `name_find_{name}_path`",
+            f"`NAME_{name.upper()}_WORK`",
+            "Newton's method on the potential energy",
+        )
+        for name in SOLVERS
+    ]
+    check_table(PAGE, "integrators", ("functions", "work memory", "method"), rows, update_golden)
+
+
+def test_the_names_of_the_page_are_in_headers() -> None:
+    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/lin_prism.toml")
+    wanted = ("potential_energy", "coordinate_force", "tangent_stiffness")
+    loads = {"node_load": tuple(range(structure.n_nodes))}
+    solving = emit(structure, request.wanting(*wanted, solvers=SOLVERS, parameters=loads)).files[
+        "lin_prism.h"
+    ]
+    structure, request = everything()
+    request = replace(request, batch_width=2, integrators=INTEGRATORS)
+    moving = emit(structure, request).files["braced.h"]
+    for name in SOLVERS:
+        assert f"LIN_PRISM_{name.upper()}_WORK" in solving
+        assert f"lin_prism_find_{name}(" in solving
+        assert f"lin_prism_find_{name}_path(" in solving
+    for name in INTEGRATORS:
+        for text in (
+            f"BRACED_{name.upper()}_WORK",
+            f"braced_integrate_{name}(",
+            f"braced_integrate_{name}_run(",
+        ):
+            assert text in moving, text
+    assert "braced_compute_acceleration_batch(" in moving
+
+
+def test_the_page_states_the_versions() -> None:
+    page = (DOCS / PAGE).read_text(encoding="utf-8")
+    assert f"# The C interface, version {C_API_VERSION}" in page
+    assert f"the binary layout of structs, {ABI_VERSION};" in page
