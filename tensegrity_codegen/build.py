@@ -37,6 +37,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.targets import Target, find_host, find_target
+from tensegrity_codegen.wheels.wheel import build_wheel
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
@@ -102,12 +103,20 @@ class BuiltLibrary:
                 raise
         return self.build_again().load(precision=precision)
 
-    def export(self, folder: str | Path, *, overwrite: bool = True, inputs: Iterable[Path] = ()) -> Path:
+    def export(
+        self,
+        folder: str | Path,
+        *,
+        overwrite: bool = True,
+        inputs: Iterable[Path] = (),
+        wheel: bool = False,
+    ) -> Path:
         """Copy sources, example, build files, manifest and library into a folder: all of them, or none.
 
         SHA256SUMS lists what was written. Without `overwrite`, files in the folder that this package did not
         write, or that were changed since, are an OutputError, as everything that cannot be written; files of
-        `inputs` are never replaced.
+        `inputs` are never replaced. wheel: whether to add a Python package of the library, which needs NumPy
+        alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
         """
         own = {"entry.json", "compile.log"}
         files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
@@ -115,6 +124,8 @@ class BuiltLibrary:
         sources = [name for name in contents if name.endswith(".c") and name != "example.c"]
         bundle = emit_bundle(self.manifest, sources, self.path.name)
         contents |= {name: text.encode("utf-8") for name, text in bundle.items()}
+        if wheel:
+            contents |= dict([build_wheel(self.manifest, self.path)])
         return write_folder(folder, contents, overwrite=overwrite, inputs=inputs, listed=True)
 
 

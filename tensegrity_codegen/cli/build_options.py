@@ -19,6 +19,7 @@ __all__ = [
     "TargetOption",
     "TuneForOption",
     "TuneOption",
+    "WheelOption",
 ]
 
 FolderOption = Annotated[
@@ -51,6 +52,10 @@ TargetOption = Annotated[
     typer.Option(
         "--target", help=f"Machine to compile for, by zig, instead of this one: {', '.join(TARGETS)}."
     ),
+]
+WheelOption = Annotated[
+    bool,
+    typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone."),
 ]
 TuneOption = Annotated[
     bool, typer.Option("--tune", help="Measure emitters and compilers; use and remember the fastest.")

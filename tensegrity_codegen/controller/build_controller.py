@@ -6,16 +6,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
 from tensegrity_codegen.controller.description import ControllerDescription
+from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.controller.loaded import LoadedController, load_controller
 from tensegrity_codegen.controller.parts import ControllerParts, check_start
 from tensegrity_codegen.controller.subject import find_described, find_motion
 from tensegrity_codegen.controller.write import ControllerFiles, write_files
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -30,6 +34,8 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.names import check_scene_name
 
 __all__ = ["ControllerBundle", "build_controller"]
+
+MOST_ITERATIONS = 10_000
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,8 @@ def build_controller(
     rate: ArrayLike | None = None,
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
+    qp_iterations: int = QP_ITERATIONS,
+    daqp_sdist: str | Path | None = None,
     library: bool = True,
     compiler: str | None = None,
     overwrite: bool = False,
@@ -101,6 +109,12 @@ def build_controller(
         Time between two steps; by default that of the gains, 0.005 s without.
     rate, range, delay : float or array_like, optional [m/s, m, s]
         Limits of the actuators, by default those of the scene.
+    qp_iterations : int
+        Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
+        the status ``"not_solved"``.
+    daqp_sdist : str or Path, optional
+        Source package of DAQP, of which a distribution needs C text; by default that in the cache, else pip
+        downloads it. Version and SHA-256 are fixed.
     library : bool
         Whether to compile a shared library too, which `load_controller` needs.
     compiler : str, optional
@@ -124,6 +138,8 @@ def build_controller(
         Coordinates depend on each other, or an unknown precision.
     OutputError
         The folder cannot be written, or holds files that may not be replaced.
+    MissingSourceError
+        The source of DAQP cannot be had, or is another one.
     CompilerMissingError, CompileError
         No C compiler was found, or it failed.
 
@@ -154,6 +170,7 @@ def build_controller(
     way = find_motion(described, motion)
     check_motion(described, way)
     check_parts(described.manifest, way, gains, estimator, distribution)
+    _check_same_motion(distribution, way)
     chosen = described.manifest.name if name is None else name
     check_scene_name(chosen, "name")
     assert described.structure is not None  # find_described refuses models without
@@ -167,6 +184,8 @@ def build_controller(
         distribution=distribution,
         bounds=find_bounds(described, way, rate=rate, range=range, delay=delay),
         sample=find_sample(gains, estimator, sample),
+        qp_iterations=_check_iterations(qp_iterations),
+        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
     )
     check_start(parts)
     files = write_files(parts, replace(request, precision=real.name), real)
@@ -180,6 +199,34 @@ def build_controller(
     taken = [*inputs, *([Path(scene)] if isinstance(scene, str | Path) else [])]
     folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)
+
+
+def _check_same_motion(distribution: TensionDistribution | None, motion: Motion) -> None:
+    """Raise InvalidValueError for a distribution that prefers the tensions of another motion."""
+    if distribution is None:
+        return
+    other = distribution.motion
+    names = ("time", "input", "member_tension")
+    if not all(np.array_equal(getattr(other, name), getattr(motion, name)) for name in names):
+        raise InvalidValueError(
+            "designed for another motion",
+            where="distribution",
+            given=f"a motion of {other.duration:g} s with {len(other.time)} knots",
+            allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
+            hint="design_distribution(model, motion, ...) with this motion",
+        )
+
+
+def _check_iterations(given: int) -> int:
+    """Return the largest number of iterations; raises InvalidValueError."""
+    if isinstance(given, bool) or not isinstance(given, int) or not 1 <= given <= MOST_ITERATIONS:
+        raise InvalidValueError(
+            "out of range",
+            where="qp_iterations",
+            given=given,
+            allowed=f"a whole number, 1 to {MOST_ITERATIONS}",
+        )
+    return given
 
 
 def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:

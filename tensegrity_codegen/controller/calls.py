@@ -20,13 +20,15 @@ __all__ = ["Calls", "count_entries", "write_calls", "write_measure"]
 class Calls:
     """Statements of the functions that call the model, and sizes of their memory.
 
-    acceleration, measure, mass: C statements; envelope: of the mass matrix, None without; size_measured,
-    size_entries: numbers of memory.
+    acceleration, measure, mass, length, equilibrium: C statements; envelope: of the mass matrix, None without
+    one; size_measured, size_entries: numbers of memory.
     """
 
     acceleration: str
     measure: list[str]
     mass: str
+    length: str
+    equilibrium: str
     envelope: Envelope | None
     size_measured: int
     size_entries: int
@@ -46,6 +48,8 @@ def write_calls(model: Manifest | None, measured: tuple[MeasuredNumber, ...], pr
         acceleration=_call(functions.get("acceleration"), "acceleration"),
         measure=write_measure(functions, measured, precision),
         mass=_call(mass, "memory"),
+        length=_call(functions.get("member_length"), "length"),
+        equilibrium=_call(functions.get("equilibrium_matrix"), "entry"),
         envelope=None if mass is None else find_envelope(mass),
         size_measured=max((count_entries(functions[source]) for source in sources), default=1),
         size_entries=1 if mass is None else count_entries(mass),

@@ -2,50 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.controller.table_printer import Table, TablePrinter
 from tensegrity_codegen.manifest import FunctionSpec
+from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import PASSES, TensionDistribution
 
-__all__ = ["DistributionTables", "build_distribution_tables"]
+__all__ = ["QP_ITERATIONS", "DistributionTables", "build_distribution_tables"]
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+QP_ITERATIONS = 100
+# With smaller weights rounding in single precision hides which bounds depend on each other.
+LEAST_WEIGHT = {"double": 0.0, "single": 1e-4}
 
 
 @dataclass(frozen=True)
 class DistributionTables:
-    """Sizes, and tables of whole numbers and of real ones, by their names in C.
+    """Sizes and tables of a distribution.
 
     Attributes
     ----------
     sizes : dict of str to int
-        Enumerators that the header states.
+        Sizes that the header states, by their names in C.
     constants : dict of str to int
         Enumerators of the source alone.
-    indices : dict of str to ndarray of int
-        Tables of indices.
-    numbers : dict of str to ndarray
-        Tables of numbers.
-    weight_root : float
-        Root of eps over the mean square of the equilibrium matrix.
+    tables : list of Table
+        Constant arrays.
+    has_others : bool
+        Whether inputs that are not the actuators' change rest lengths of driven members.
     """
 
     sizes: dict[str, int]
     constants: dict[str, int]
-    indices: dict[str, IntArray]
-    numbers: dict[str, FloatArray]
-    weight_root: float
+    tables: list[Table]
+    has_others: bool
 
 
 def build_distribution_tables(
-    distribution: TensionDistribution, motion: Motion, matrix: FunctionSpec, *, iterations: int = 100
+    distribution: TensionDistribution,
+    motion: Motion,
+    matrix: FunctionSpec,
+    precision: Precision,
+    *,
+    iterations: int = QP_ITERATIONS,
 ) -> DistributionTables:
     """Return the numbers of a distribution as the C of a controller needs them.
 
@@ -57,55 +61,75 @@ def build_distribution_tables(
         The motion of the controller, whose knots are those of the preferred tensions.
     matrix : FunctionSpec
         The equilibrium matrix as the model computes it.
+    precision : Precision
+        Of the numbers.
     iterations : int
         Most iterations of DAQP in one quadratic program.
 
     Returns
     -------
     DistributionTables
-        Tables by their names in C.
+        Sizes and tables by their names in C.
     """
     cables, driven = distribution.cables, distribution.cables.driven
-    pulls = cables.incidence[driven].astype(bool)
-    others = cables.other_incidence[driven].astype(bool)
-    limited = np.isin(driven, cables.limited) & (
-        cables.spring_constant[driven] + cables.axial_stiffness[driven] > 0.0
-    )
-    is_shared = pulls.sum(axis=1) > 1
-    n_coordinates, preferred = motion.coordinate.shape[1], distribution.preferred
-    table = (motion.member_tension if preferred is None else preferred[None])[:, driven]
+    pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0
+    is_stiff = cables.spring_constant[driven] + cables.axial_stiffness[driven] > 0.0
+    limited = np.isin(driven, cables.limited) & is_stiff
     places = _find_places(matrix, driven)
-    sizes = {
-        "N_MEMBERS": len(cables.base),
-        "N_DRIVEN": len(driven),
-        "N_PULLS": int(pulls.sum()),
-        "N_SHARED": int((limited & is_shared).sum()),
-        "N_ROWS": n_coordinates + (len(driven) if is_shared.any() else 0),
-        "SIZE_EQUILIBRIUM": len(places),
+    preferred = distribution.preferred
+    table = (motion.member_tension if preferred is None else preferred[None])[:, driven]
+    printer, weight = TablePrinter(precision), max(distribution.weight, LEAST_WEIGHT[precision.name])
+    tables = [
+        printer.whole("DRIVEN_MEMBER", driven, "members that actuators pull"),
+        printer.whole("IS_LIMITED", limited, "whether they have a least tension"),
+        printer.real("SPRING_CONSTANT", cables.spring_constant[driven], "their spring constants [N/m]"),
+        printer.real("AXIAL_STIFFNESS", cables.axial_stiffness[driven], "their axial stiffnesses [N]"),
+        printer.real("DRIVEN_REST", cables.base[driven], "their rest lengths without inputs [m]"),
+        printer.real(
+            "LEAST_TENSION", np.where(limited, distribution.least_tension[driven], 0.0), "least tensions [N]"
+        ),
+        printer.real("PREFERRED_TENSION", table, "preferred tensions at each knot [N]"),
+        printer.real("WEIGHT_ROOT", [np.sqrt(weight)], "root of the weight of preferred tensions"),
+        *_lists(printer, "PULL_START", "PULL_DRIVEN", pulls.T, "driven members of each actuator"),
+        *_lists(printer, "DRIVEN_START", "DRIVEN_PULL", pulls, "actuators that pull each driven member"),
+        printer.whole("EQUILIBRIUM_PLACE", places, "place of each entry in the columns of driven members"),
+    ]
+    if others.any():
+        tables += _lists(printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member")
+    constants = {
+        "N_PREFERRED": len(table),
+        "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
+        "IS_FIXED": int((pulls.sum(axis=0) == 1).all() and (pulls.sum(axis=1) == 1).all()),
+        "QP_ITERATIONS": iterations,
+        "QP_PASSES": PASSES,
     }
-    return DistributionTables(
-        sizes,
-        {"N_PREFERRED": len(table), "QP_ITERATIONS": iterations, "QP_PASSES": PASSES},
-        {
-            "DRIVEN_MEMBER": driven,
-            "IS_LIMITED": limited.astype(np.int64),
-            "PULL_START": _starts(pulls.sum(axis=0)),
-            "PULL_DRIVEN": np.nonzero(pulls.T)[1],
-            "DRIVEN_START": _starts(pulls.sum(axis=1)),
-            "DRIVEN_PULL": np.nonzero(pulls)[1],
-            "OTHER_START": _starts(others.sum(axis=1)),
-            "OTHER_INPUT": np.nonzero(others)[1],
-            "EQUILIBRIUM_PLACE": places,
-        },
-        {
-            "SPRING_CONSTANT": cables.spring_constant[driven],
-            "AXIAL_STIFFNESS": cables.axial_stiffness[driven],
-            "DRIVEN_REST": cables.base[driven],
-            "LEAST_TENSION": np.where(limited, distribution.least_tension[driven], 0.0),
-            "PREFERRED_TENSION": table.ravel(),
-        },
-        float(np.sqrt(distribution.weight)),
-    )
+    sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
+    return DistributionTables(sizes, constants, tables, bool(others.any()))
+
+
+def _find_sizes(
+    pulls: NDArray[np.bool_], limited: NDArray[np.bool_], n_coordinates: int, n_members: int, n_entries: int
+) -> dict[str, int]:
+    """Return the sizes for members (rows) that actuators (columns) pull."""
+    n_driven, n = pulls.shape
+    is_shared = pulls.sum(axis=1) > 1
+    shared = int((limited & is_shared).sum())
+    rows = n_coordinates + (n_driven if is_shared.any() else 0)
+    return {
+        "N_MEMBERS": n_members,
+        "N_DRIVEN": n_driven,
+        "N_PULLS": int(pulls.sum()),
+        "N_SHARED": shared,
+        "N_ROWS": rows,
+        "N_TARGETS": rows + n,
+        "N_BOUNDS": n + shared,
+        "N_SUMMED": max(shared, 1),
+        "N_SET": n + 1,
+        "SIZE_EQUILIBRIUM": n_entries,
+        "SIZE_MATRIX": (rows + n) * n,
+        "SIZE_TRIANGLE": n * (n + 1) // 2,
+        "SIZE_FACTOR": (n + 1) * (n + 2) // 2,
+    }
 
 
 def _find_places(matrix: FunctionSpec, driven: IntArray) -> IntArray:
@@ -121,6 +145,12 @@ def _find_places(matrix: FunctionSpec, driven: IntArray) -> IntArray:
     return found
 
 
-def _starts(counts: Iterable[Any]) -> IntArray:
-    """Return where rows start that have so many entries, and the end of the last one."""
-    return np.concatenate([[0], np.cumsum(list(counts), dtype=np.int64)])
+def _lists(
+    printer: TablePrinter, start: str, entry: str, chosen: NDArray[np.bool_], comment: str
+) -> list[Table]:
+    """Return two tables: where the list of each row starts, and the chosen columns of all rows."""
+    starts: ArrayLike = np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
+    return [
+        printer.whole(start, starts, f"where the {comment} begin"),
+        printer.whole(entry, np.nonzero(chosen)[1], comment),
+    ]

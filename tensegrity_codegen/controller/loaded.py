@@ -87,9 +87,15 @@ class LoadedController:
 
         ``"command"``: inputs of the actuators [m]; ``"wanted"``: before they were cut; ``"estimate"``:
         coordinates, velocities, disturbance forces; ``"disturbance"``: force on each coordinate;
-        ``"deviation"``: of the state from the motion, then sums; ``"input"``: all inputs.
+        ``"deviation"``: of the state from the motion, then sums; ``"input"``: all inputs; with a distribution
+        of tensions ``"distribution.yields"``: members that actuators pull whose least tension yields,
+        ``"distribution.iterations"``: most iterations of the solver in one program of the last step, ().
         """
-        return np.array(self._ffi.unpack(getattr(self._memory, field), len(getattr(self._memory, field))))
+        found = self._memory
+        for part in field.split("."):
+            found = getattr(found, part)
+        is_array = isinstance(found, self._ffi.CData)
+        return np.array(self._ffi.unpack(found, len(found)) if is_array else found)
 
     def status_text(self, number: int) -> str:
         """Return the sentence of a status."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -50,6 +51,10 @@ class ControllerParts:
         Rates, ranges and delays.
     sample : float [s]
         Time between two commands.
+    qp_iterations : int
+        Most iterations of the solver in one quadratic program of the distribution.
+    daqp : bytes
+        Source archive of DAQP, for a distribution.
     """
 
     name: str
@@ -61,6 +66,8 @@ class ControllerParts:
     distribution: TensionDistribution | None
     bounds: ActuatorBounds
     sample: float
+    qp_iterations: int = QP_ITERATIONS
+    daqp: bytes = field(default=b"", repr=False)
 
     @property
     def model_name(self) -> str:

@@ -12,6 +12,8 @@ from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.codegen.source import BANNER
 from tensegrity_codegen.controller.calls import Calls, write_calls
+from tensegrity_codegen.controller.daqp_source import emit_daqp, read_daqp_licence
+from tensegrity_codegen.controller.distribution_tables import DistributionTables, build_distribution_tables
 from tensegrity_codegen.controller.measured import find_measured
 from tensegrity_codegen.controller.parts import ControllerParts
 from tensegrity_codegen.controller.status import CONTROL_STATUS
@@ -32,6 +34,7 @@ def write_controller(context: dict[str, Any]) -> dict[str, str]:
     return {
         f"{name}_control.h": wrap_lines(render("control/control.h", context)),
         f"{name}_control.c": wrap_lines(render("control/control.c", context)),
+        **context["daqp"],
         "example.c": wrap_lines(render("control/example.c", context)),
         "Makefile": render("control/Makefile", context),
         "CMakeLists.txt": render("control/CMakeLists.txt", context),
@@ -58,7 +61,8 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
     """
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
-    name = precision.name
+    name, tensions = precision.name, _distribute(parts, model, precision)
+    sizes = find_sizes(parts, calls)
     return {
         "banner": BANNER,
         "name": parts.name,
@@ -68,21 +72,43 @@ def build_context(parts: ControllerParts, model: Manifest | None, precision: Pre
         "suffix": precision.suffix,
         "precision": name,
         "made_by": ", ".join(f"{what} {release}" for what, release in made_by().items()),
-        "settings": _settings(parts, name),
+        "settings": _settings(parts, name) | {"WITH_OTHERS": tensions is not None and tensions.has_others},
         "statuses": CONTROL_STATUS,
         "sample": print_number(parts.sample, precision),
         "duration": print_number(parts.motion.duration, precision),
         "same_span": print_number(SAME_SPAN[name], precision),
         "same_command": print_number(SAME_COMMAND[name], precision),
-        "sizes": find_sizes(parts, calls),
+        "sizes": sizes if tensions is None else sizes | tensions.sizes,
         "substeps": 1 if parts.estimator is None else parts.estimator.substeps,
         "knots": count_knots(parts),
         "names": find_names(parts),
-        "tables": build_tables(parts, precision),
+        "tables": [*build_tables(parts, precision), *([] if tensions is None else tensions.tables)],
+        "distribution": tensions,
         "calls": calls,
+        "daqp": _write_daqp(parts, precision),
         "is_length": [int(item.is_length) for item in measured],
         "start": _start(parts, precision),
     }
+
+
+def _distribute(
+    parts: ControllerParts, model: Manifest | None, precision: Precision
+) -> DistributionTables | None:
+    """Return the numbers of the distribution of tensions, None without one."""
+    if parts.distribution is None or model is None:
+        return None
+    matrix = next(spec for spec in model.functions if spec.quantity == "equilibrium_matrix")
+    return build_distribution_tables(
+        parts.distribution, parts.motion, matrix, precision, iterations=parts.qp_iterations
+    )
+
+
+def _write_daqp(parts: ControllerParts, precision: Precision) -> dict[str, str]:
+    """Return file name -> text of the solver of quadratic programs and of its licence, {} without one."""
+    if parts.distribution is None:
+        return {}
+    text = emit_daqp(parts.daqp, single=precision.name == "single")
+    return {f"{parts.name}_control_daqp.h": text, "LICENSE-DAQP.txt": read_daqp_licence(parts.daqp)}
 
 
 def _settings(parts: ControllerParts, precision: str) -> dict[str, bool]:

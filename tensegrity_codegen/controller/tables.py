@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.print.printer import print_numbers
-from tensegrity_codegen.controller.knots import Knots, tabulate_gains, tabulate_inputs, tabulate_states
+from tensegrity_codegen.controller.knots import tabulate_gains, tabulate_inputs, tabulate_states
 from tensegrity_codegen.controller.parts import ControllerParts
+from tensegrity_codegen.controller.table_printer import Table, TablePrinter
 from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 
-__all__ = ["Table", "build_tables", "count_knots"]
+__all__ = ["build_tables", "count_knots"]
 
 FloatArray = NDArray[np.float64]
-
-UNLIMITED = {"double": 1e300, "single": 1e30}  # in place of infinite bounds
-INT, FLAG = "int", "unsigned char"
-
-
-@dataclass(frozen=True)
-class Table:
-    """A constant array: name, C type, entries as C text, comment; an empty one has a zero in its place."""
-
-    name: str
-    c_type: str
-    values: list[str]
-    comment: str
 
 
 def count_knots(parts: ControllerParts) -> dict[str, int]:
@@ -46,7 +32,7 @@ def count_knots(parts: ControllerParts) -> dict[str, int]:
 
 def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     """Return all tables but those of the mass matrix."""
-    printer = _Printer(precision)
+    printer = TablePrinter(precision)
     tables = [*_motion(parts, printer), *_actuators(parts, printer)]
     if parts.gains is not None:
         knots = tabulate_gains(parts.gains.time, parts.gains.K, parts.sample)
@@ -63,7 +49,7 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     return tables
 
 
-def _motion(parts: ControllerParts, printer: _Printer) -> list[Table]:
+def _motion(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
     text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
     return [
@@ -72,7 +58,7 @@ def _motion(parts: ControllerParts, printer: _Printer) -> list[Table]:
     ]
 
 
-def _actuators(parts: ControllerParts, printer: _Printer) -> list[Table]:
+def _actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     bounds, delays = parts.bounds, parts.delays()
     first = [members[0] for members in bounds.members]
     inputs: Sequence[ActuatedInput | BodyInput] = parts.subject.inputs
@@ -92,22 +78,3 @@ def _actuators(parts: ControllerParts, printer: _Printer) -> list[Table]:
         printer.whole("REST_START", starts, "where the inputs that change it begin"),
         printer.whole("REST_INPUT", [k for row in pulls for k in row], "these inputs"),
     ]
-
-
-@dataclass(frozen=True)
-class _Printer:
-    """Prints arrays as C text."""
-
-    precision: Precision
-
-    def real(self, name: str, values: ArrayLike, comment: str) -> Table:
-        most = UNLIMITED[self.precision.name]
-        numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -most, most)
-        return Table(name, self.precision.c_type, print_numbers(numbers, self.precision, name), comment)
-
-    def whole(self, name: str, values: ArrayLike, comment: str, c_type: str = INT) -> Table:
-        numbers = np.asarray(values, dtype=np.int64).ravel().tolist()
-        return Table(name, c_type, list(map(str, numbers)) or ["0"], comment)
-
-    def knots(self, time: str, rows: str, knots: Knots, comment: str) -> list[Table]:
-        return [self.real(time, knots.time, "times of the knots [s]"), self.real(rows, knots.row, comment)]

@@ -40,3 +40,29 @@ def test_the_help_lists_all_targets(run: Run) -> None:
 
 def test_a_library_for_this_machine_names_no_target(run: Run, two_nodes: Path) -> None:
     assert run("build", two_nodes, "--json").data["target"] == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "where"),
+    [
+        (("--wheel",), "InvalidValueError", "--wheel"),
+        (("--wheel", "--target", "wasm32", "--out", "library"), "FormulationError", "--target"),
+    ],
+)
+def test_a_wheel_needs_a_place_and_a_library_that_python_loads(
+    words: tuple[str, ...], error: str, where: str, run: Run, two_nodes: Path
+) -> None:
+    ended = run("build", two_nodes, *words, "--json")
+    assert ended.code == 2
+    assert ended.data["error"] == error
+    assert where in ended.data["where"]
+    assert not Path("library").exists()
+
+
+def test_a_wheel_lies_beside_the_library(run: Run, two_nodes: Path) -> None:
+    data = run("build", two_nodes, "--wheel", "--out", "library", "--json").data
+    wheel = Path(data["wheel"])
+    assert wheel.parent == Path("library")
+    assert wheel.name.startswith("tensegrity_two_nodes-")
+    assert wheel.name in (wheel.parent / "SHA256SUMS").read_text(encoding="utf-8")
+    assert run("build", two_nodes, "--wheel", "--out", "library").code == 0

@@ -65,7 +65,8 @@ def test_a_library_of_the_other_machines_is_linked(
     name: str, subject: tuple[Structure, ModelRequest], tmp_path: Path
 ) -> None:
     built = build_library(*subject, target=name)
-    folder = built.export(tmp_path / "library")
+    folder = built.export(tmp_path / "library", wheel=bool(TARGETS[name].wheel_tag))
+    assert [path.name for path in folder.glob(f"*-py3-none-{TARGETS[name].wheel_tag}.whl")]
     path = folder / library_file_name("braced", TARGETS[name])
     assert describe_binary(path.read_bytes()) == TARGETS[name].binary
     if name == find_host():

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.print.paste import paste_text, plain_c_folder
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.controller.distribution_tables import DistributionTables, build_distribution_tables
+from tensegrity_codegen.controller.table_printer import Table
+from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.tension_distribution import Distributed, TensionDistribution
 from tests.codegen.build_c import STRICT, run
 from tests.codegen.compilers import require_compiler
@@ -23,12 +25,13 @@ __all__ = ["STATUS", "DistributionInC", "compile_unit", "write_source"]
 
 FOLDER = plain_c_folder(template_folder()) / "control"
 STATUS = ("ok", "rate_limited", "range_limited", "tension_limited", "least_tension", "not_solved")
+DOUBLE = find_precision("double")
 ALIASES = {
     "N_Q": "N_COORDINATES", "N_U": "N_ACTUATORS", "N_MEMBERS": "N_MEMBERS", "N_DRIVEN": "N_DRIVEN",
     "N_PULLS": "N_PULLS", "N_SHARED": "N_SHARED", "N_ROWS": "N_ROWS", "N_EQUILIBRIUM": "SIZE_EQUILIBRIUM",
+    "N_BOUNDS": "N_BOUNDS", "N_SUMMED": "N_SUMMED", "N_SET": "N_SET",
 }  # fmt: skip
 FILES = ("distribution_memory.h", "quadratic_program.h", "distribute.h")
-UNUSED = ("DRIVEN_REST", "PREFERRED_TENSION", "OTHER_START", "OTHER_INPUT")
 TAIL = """
 int run(const real *coordinate, const real *wanted, const real *low, const real *high,
         const real *least, const real *most, const real *base, const real *preferred,
@@ -108,13 +111,8 @@ def write_source(
     lines += [f"  SCENE_CONTROL_{name.upper()} = {k}," for k, name in enumerate(STATUS)]
     lines += [f"  {name} = SCENE_CONTROL_{of}," for name, of in ALIASES.items()]
     lines += [*(f"  {name} = {value}," for name, value in tables.constants.items()), "  LAST_ONE = 0\n};"]
-    for name, table in tables.indices.items():
-        lines.append(_write_table("int", name, [str(value) for value in table.tolist()] or ["0"]))
-    for name, values in tables.numbers.items():
-        lines.append(_write_table("real", name, [f"(real){value!r}" for value in values.tolist()]))
-    lines.append(f"static const real WEIGHT_ROOT = (real){tables.weight_root!r};")
-    unused = "".join(f" (void){name};" for name in UNUSED)
-    lines.append(f"void not_used(void);\nvoid not_used(void) {{{unused} }}")
+    lines += [_write_table(table) for table in tables.tables]
+    lines.append("void not_used(void);\nvoid not_used(void) { (void)DRIVEN_REST; (void)PREFERRED_TENSION; }")
     files = [(FOLDER / name).read_text(encoding="utf-8") for name in FILES]
     settings = {"WITH_FLOAT": single}
     memory, *rest = (paste_text(text, {}, settings, real, suffix) for text in files)
@@ -124,8 +122,8 @@ def write_source(
     )
 
 
-def _write_table(kind: str, name: str, values: list[str]) -> str:
-    return f"static const {kind} {name}[{len(values)}] = {{{', '.join(values)}}};"
+def _write_table(table: Table) -> str:
+    return f"static const {table.c_type} {table.name}[{len(table.values)}] = {{{', '.join(table.values)}}};"
 
 
 def compile_unit(
@@ -140,7 +138,9 @@ def compile_unit(
     """Write unit.o and unit.so of a distribution, or the program unit, which reads samples.bin."""
     model = distribution.model
     matrix = next(item for item in model.manifest.functions if item.quantity == "equilibrium_matrix")
-    tables = build_distribution_tables(distribution, distribution.motion, matrix, iterations=iterations)
+    tables = build_distribution_tables(
+        distribution, distribution.motion, matrix, DOUBLE, iterations=iterations
+    )
     shape = (distribution.motion.coordinate.shape[1], len(distribution.bounds.names))
     geometry = GEOMETRY.format(name=model.manifest.name).replace("real", "double")
     source = write_source(tables, *shape, geometry)

@@ -12,6 +12,7 @@ from tensegrity_codegen.controller.daqp_source import SILENCED, emit_daqp, read_
 from tensegrity_codegen.errors import MissingSourceError
 from tests.codegen.build_c import STRICT, require_cpp, run
 from tests.codegen.compilers import require_compiler
+from tests.codegen.plain_c.alone import NEED_DAQP, compile_alone, options_for
 from tests.controller.daqp import require_daqp_archive
 
 SINGLE = pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
@@ -42,6 +43,18 @@ def test_it_compiles_without_a_warning(archive: bytes, family: str, single: bool
 def test_it_compiles_as_cpp(archive: bytes, tmp_path: Path) -> None:
     name = write_unit(tmp_path, emit_daqp(archive), "unit.cpp")
     run([*require_cpp("g++"), "-std=c++11", *STRICT, "-c", name, "-o", "unit.o"], tmp_path)
+
+
+@SINGLE
+@pytest.mark.parametrize("name", sorted(NEED_DAQP))
+@pytest.mark.parametrize("language", ["c", "c++"])
+def test_the_files_of_the_controller_that_need_it_compile_alone(
+    archive: bytes, name: str, language: str, single: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "daqp_static.h").write_text(emit_daqp(archive, single=single), encoding="utf-8")
+    options = (*options_for(1, single), f"-I{tmp_path}", "-DWITH_DISTRIBUTION=1")
+    compiler = "gcc" if language == "c" else "g++"
+    compile_alone([f"control/{name}"], compiler, language, options, tmp_path)
 
 
 def test_it_has_no_memory_and_no_symbols_of_its_own(archive: bytes, tmp_path: Path) -> None:

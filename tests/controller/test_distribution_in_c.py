@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.controller.daqp_source import emit_daqp
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import (
-    Distributed,
     TensionDistribution,
     design_distribution,
 )
@@ -60,29 +59,19 @@ def draw_sample(distribution: TensionDistribution, rng: np.random.Generator) -> 
     return time, coordinate, wanted, low, high
 
 
-def find_active(distribution: TensionDistribution, sample: Sample, found: Distributed) -> Array:
-    """Return which bounds of rate, range and least tension a command lies on."""
-    time, coordinate, _, low, high = sample
-    cables = distribution.cables
-    length = np.asarray(distribution.model.compute("member_length", coordinate=coordinate))
-    rest = cables.rest_length(distribution.motion.at(time).input, found.command)
-    longest = cables.find_rest_length(length, distribution.least_tension)
-    return np.concatenate([found.command == low, found.command == high, np.abs(rest - longest) < 1e-15])
-
-
 def compare(distribution: TensionDistribution, in_c: DistributionInC, count: int, seed: int) -> set[str]:
     """Compare so many random samples; returns the statuses that occurred."""
-    rng, seen = np.random.default_rng(seed), set()
+    rng, seen, gaps = np.random.default_rng(seed), set(), []
     for _ in range(count):
         sample = draw_sample(distribution, rng)
         expected, found = distribution.distribute(*sample), in_c.distribute(*sample)
         assert (found.status, found.yielding.tolist()) == (expected.status, expected.yielding.tolist())
-        active = [find_active(distribution, sample, item).tolist() for item in (expected, found)]
-        # DAQP takes bounds as satisfied up to 1e-9 N, so that either may count one as active or not.
-        bound = 1e-12 if active[0] == active[1] else 1e-10
-        assert np.abs(found.command - expected.command).max() < bound
+        gaps.append(float(np.abs(found.command - expected.command).max()))
         assert ((found.command >= sample[3]) & (found.command <= sample[4])).all()
         seen.add(found.status)
+    # Active bounds that almost depend on each other amplify rounding, in both programs alike.
+    assert max(gaps) < 1e-10
+    assert np.mean(np.array(gaps) < 1e-12) > 0.98
     return seen
 
 

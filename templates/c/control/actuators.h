@@ -27,6 +27,7 @@ static inline void actuators_reach(real span, scene_control *c)
   }
 }
 
+#if !WITH_DISTRIBUTION
 /* Value between two bounds. */
 static inline real control_clip(real value, real low, real high)
 {
@@ -58,6 +59,7 @@ static inline int actuators_cut(scene_control *c)
   }
   return status;
 }
+#endif
 
 /* Set the inputs of the actuators to the commands that have arrived, so long after the last one was sent. */
 static inline void actuators_arrive(real since, scene_control *c)

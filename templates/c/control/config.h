@@ -17,7 +17,9 @@
 #endif
 #define WITH_DISTURBANCE WITH_ESTIMATOR /* the estimator has disturbance forces */
 #define WITH_SUMS WITH_GAINS            /* feedback of sums of errors */
-#define WITH_DISTRIBUTION 0             /* tensions are distributed by a quadratic program */
+#ifndef WITH_DISTRIBUTION
+#define WITH_DISTRIBUTION 0 /* tensions are distributed by a quadratic program */
+#endif
 
 /* Sizes that the header of a controller states. */
 enum {

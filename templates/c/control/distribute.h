@@ -1,6 +1,7 @@
 #ifndef DISTRIBUTE_H
 #define DISTRIBUTE_H
 #include "distribution_memory.h"
+#include "memory.h"
 #include "quadratic_program.h"
 
 /* Tensions that give the forces which feedback asks for, above the least ones and near preferred ones:
@@ -12,10 +13,10 @@
 
 #if WITH_FLOAT
 #define DISTRIBUTION_SAME (real)1e-6      /* [m] */
-#define DISTRIBUTION_TOLERANCE (real)1e-5 /* of the largest tension */
+#define DISTRIBUTION_TOLERANCE (real)1e-5 /* of bounds, over the largest tension */
 #else
-#define DISTRIBUTION_SAME 1e-9      /* [m] */
-#define DISTRIBUTION_TOLERANCE 1e-9 /* [N] */
+#define DISTRIBUTION_SAME (real)1e-9       /* [m] */
+#define DISTRIBUTION_TOLERANCE (real)1e-12 /* of bounds, over the largest tension */
 #endif
 #define DISTRIBUTION_FORCE (real)1e-3    /* part of the tensions, by which forces may differ from those asked for */
 #define DISTRIBUTION_SMALLEST (real)1e-9 /* part of eps, for inputs that change no tension */
@@ -153,8 +154,8 @@ static inline void distribution_build(scene_control_distribution *m)
       for (i = 0; i < N_Q; ++i) {
         program->matrix[i * N_U + k] += m->equilibrium[i * N_DRIVEN + e] * m->part[p] / m->mean_root;
       }
-      if (N_ROWS > N_Q) {
-        program->matrix[(N_Q + e) * N_U + k] += WEIGHT_ROOT * m->part[p];
+      if (IS_COUPLED) {
+        program->matrix[(N_Q + e) * N_U + k] += WEIGHT_ROOT[0] * m->part[p];
       }
     }
   }
@@ -175,16 +176,16 @@ static inline void distribution_aim(real bottom, scene_control_distribution *m)
   }
   for (k = 0; k < N_U; ++k) {
     real sum = (real)0.0;
-    if (N_ROWS == N_Q) {
+    if (!IS_COUPLED) {
       for (p = PULL_START[k]; p < PULL_START[k + 1]; ++p) {
         e = PULL_DRIVEN[p];
         sum += m->part[p] * (m->preferred[e] - m->tension[e]);
       }
     }
-    program->bottom_target[k] = sum * WEIGHT_ROOT * WEIGHT_ROOT / bottom;
+    program->target[N_ROWS + k] = sum * WEIGHT_ROOT[0] * WEIGHT_ROOT[0] / bottom;
   }
   for (i = N_Q; i < N_ROWS; ++i) {
-    program->target[i] = WEIGHT_ROOT * (m->preferred[i - N_Q] - m->tension[i - N_Q]);
+    program->target[i] = WEIGHT_ROOT[0] * (m->preferred[i - N_Q] - m->tension[i - N_Q]);
   }
 }
 
@@ -219,12 +220,12 @@ static inline void distribution_bound(const distribution_sample *s, const real *
 
 /* One Gauss-Newton step; returns whether it was found, and *moved, the largest change [m]. */
 static inline int distribution_step(
-    int pass, const distribution_sample *s, real *command, real *moved, program_solver *solver, scene_control_distribution *m)
+    int pass, const distribution_sample *s, real *command, real *moved, program_solver *solver,
+    scene_control_distribution *m)
 {
-  /* With one member for each actuator the matrix of the first step is that of all. */
-  const int is_first = pass == 0 || N_PULLS > N_U || N_SHARED > 0;
-  const real rest = DISTRIBUTION_SMALLEST + (N_ROWS > N_Q ? (real)0.0 : (real)1.0);
-  const real bottom = WEIGHT_ROOT * program_root(rest);
+  const int is_first = pass == 0 || !IS_FIXED;
+  const real rest = DISTRIBUTION_SMALLEST + (IS_COUPLED ? (real)0.0 : (real)1.0);
+  const real bottom = WEIGHT_ROOT[0] * program_root(rest);
   int k;
   distribution_tension(command, m->tension, m->slope, m);
   distribution_scale(m);
@@ -275,13 +276,16 @@ static inline int distribution_judge(const distribution_sample *s, const real *c
     is_rated |= !at_range && (command[k] <= s->low[k] + same || command[k] >= s->high[k] - same);
     is_ranged |= at_range;
   }
-  return is_rated ? SCENE_CONTROL_RATE_LIMITED : is_ranged ? SCENE_CONTROL_RANGE_LIMITED : SCENE_CONTROL_TENSION_LIMITED;
+  if (is_rated) {
+    return SCENE_CONTROL_RATE_LIMITED;
+  }
+  return is_ranged ? SCENE_CONTROL_RANGE_LIMITED : SCENE_CONTROL_TENSION_LIMITED;
 }
 
 /* The command of a sample, within low and high whatever happens, and its status. m->base and m->preferred are set. */
 static inline int distribution_find(const distribution_sample *s, real *command, scene_control_distribution *m)
 {
-  real moved = (real)0.0, largest = (real)0.0;
+  real moved = (real)0.0, largest = (real)1.0;
   program_solver solver;
   int e, k, pass, is_found = distribution_place(s, m);
   m->program.iterations = m->iterations = 0;
@@ -294,11 +298,7 @@ static inline int distribution_find(const distribution_sample *s, real *command,
     for (e = 0; e < N_DRIVEN; ++e) {
       largest = program_size(m->asked[e]) > largest ? program_size(m->asked[e]) : largest;
     }
-#if WITH_FLOAT
     m->program.tolerance = DISTRIBUTION_TOLERANCE * largest;
-#else
-    m->program.tolerance = DISTRIBUTION_TOLERANCE;
-#endif
   } else {
     for (e = 0; e < N_DRIVEN; ++e) {
       m->yields[e] = 0;

@@ -2,20 +2,12 @@
 #define DISTRIBUTION_MEMORY_H
 #include "distribution_config.h"
 
-/* Sizes of the quadratic program. */
-enum {
-  SCENE_CONTROL_N_BOUNDS = SCENE_CONTROL_N_ACTUATORS + SCENE_CONTROL_N_SHARED,
-  SCENE_CONTROL_N_SUMMED = SCENE_CONTROL_N_SHARED > 0 ? SCENE_CONTROL_N_SHARED : 1,
-  SCENE_CONTROL_N_SET = SCENE_CONTROL_N_ACTUATORS + 1,
-  SCENE_CONTROL_SIZE_TRIANGLE = SCENE_CONTROL_N_ACTUATORS * (SCENE_CONTROL_N_ACTUATORS + 1) / 2,
-  SCENE_CONTROL_SIZE_FACTOR = SCENE_CONTROL_SIZE_TRIANGLE + SCENE_CONTROL_N_SET
-};
-
-/* One quadratic program: least |A x - b|^2 within bounds. Set before it is solved: matrix, target, bottom_target, sum,
- * lower, upper, tolerance. Triangles are stored row by row. */
+/* One quadratic program: least |A x - b|^2 within bounds. A: rows of their own, and below them a multiple of the unit
+ * matrix. Set before it is solved: the first rows of the matrix, target, sum, lower, upper, tolerance. Triangles are
+ * stored row by row. */
 typedef struct {
-  real matrix[SCENE_CONTROL_N_ROWS * SCENE_CONTROL_N_ACTUATORS]; /* top of A, row by row; overwritten by its factors */
-  real target[SCENE_CONTROL_N_ROWS], bottom_target[SCENE_CONTROL_N_ACTUATORS]; /* b */
+  real matrix[SCENE_CONTROL_SIZE_MATRIX];      /* A, row by row; overwritten by its factors */
+  real target[SCENE_CONTROL_N_TARGETS];        /* b */
   real sum[SCENE_CONTROL_N_SUMMED * SCENE_CONTROL_N_ACTUATORS]; /* rows of norm 1, whose products with x have bounds */
   real lower[SCENE_CONTROL_N_BOUNDS], upper[SCENE_CONTROL_N_BOUNDS]; /* of x, then of the sums */
   real tolerance;                                                    /* of bounds */

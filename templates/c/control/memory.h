@@ -1,6 +1,9 @@
 #ifndef CONTROL_MEMORY_H
 #define CONTROL_MEMORY_H
 #include "config.h"
+#if WITH_DISTRIBUTION
+#include "distribution_memory.h"
+#endif
 
 /* What init and step return. From NON_FINITE_INPUT on the command is the last one. */
 enum {
@@ -34,6 +37,9 @@ typedef struct {
   real sent[SCENE_CONTROL_N_SENT * SCENE_CONTROL_N_ACTUATORS]; /* last commands, in a ring */
   int newest;                                   /* row of the last one */
   unsigned int ready;                           /* whether init was called */
+#if WITH_DISTRIBUTION
+  scene_control_distribution distribution; /* of the last step */
+#endif
   struct {
     real goal[SCENE_CONTROL_N_STATES];
     real low[SCENE_CONTROL_N_ACTUATORS], high[SCENE_CONTROL_N_ACTUATORS];

@@ -7,8 +7,6 @@
  * matrix. With A = Q R and y = R x DAQP finds the least |y - Q^T b|^2; A^T A, whose rounding errors are larger, is not
  * formed. Triangular matrices are stored row by row, from the diagonal on. */
 
-enum { N_BOUNDS = SCENE_CONTROL_N_BOUNDS, N_SUMMED = SCENE_CONTROL_N_SUMMED, N_SET = SCENE_CONTROL_N_SET };
-
 #if WITH_FLOAT
 static inline real program_root(real value) { return sqrtf(value); }
 static inline real program_size(real value) { return fabsf(value); }
@@ -27,39 +25,43 @@ typedef struct {
 /* First entry of a row of a triangle, less its column. */
 static inline int program_row(int i) { return i * N_U - i * (i + 1) / 2; }
 
-/* R and Q of the matrix on top of `bottom` > 0 times the unit matrix. Reflection k joins row k of the unit matrix with
- * the rows on top, whose entries in column k become zero. */
+/* R and Q of the matrix with `bottom` > 0 times the unit matrix below it. Reflection k makes column k zero below row k,
+ * where only the next N_ROWS rows have entries. The upper rows are the large ones, so that their rounding does not spoil
+ * the small ones. */
 static inline void program_factor(real bottom, scene_control_program *m)
 {
   real ahead[N_U];
   int i, j, k;
+  for (i = 0; i < N_U * N_U; ++i) {
+    m->matrix[N_ROWS * N_U + i] = i % (N_U + 1) == 0 ? bottom : (real)0.0;
+  }
   for (k = 0; k < N_U; ++k) {
-    real *v = m->reflection + k * N_ROWS, *own = m->root + program_row(k);
-    real norm = bottom * bottom, pivot;
+    real *pivot = m->matrix + k * N_U, *v = m->reflection + k * N_ROWS, *own = m->root + program_row(k);
+    real norm = pivot[k] * pivot[k], span;
     for (i = 0; i < N_ROWS; ++i) {
-      v[i] = m->matrix[i * N_U + k];
+      v[i] = pivot[(i + 1) * N_U + k];
       norm += v[i] * v[i];
     }
-    norm = program_root(norm);
-    pivot = bottom + norm;
-    m->strength[k] = pivot / norm;
+    norm = pivot[k] > (real)0.0 ? program_root(norm) : -program_root(norm);
+    span = pivot[k] + norm;
+    m->strength[k] = span / norm;
     own[k] = -norm;
     for (j = k + 1; j < N_U; ++j) {
-      ahead[j] = (real)0.0;
+      ahead[j] = pivot[j];
     }
     for (i = 0; i < N_ROWS; ++i) {
-      v[i] /= pivot;
+      v[i] /= span;
       for (j = k + 1; j < N_U; ++j) {
-        ahead[j] += v[i] * m->matrix[i * N_U + j];
+        ahead[j] += v[i] * pivot[(i + 1) * N_U + j];
       }
     }
     for (j = k + 1; j < N_U; ++j) {
       ahead[j] *= m->strength[k];
-      own[j] = -ahead[j];
+      own[j] = pivot[j] - ahead[j];
     }
     for (i = 0; i < N_ROWS; ++i) {
       for (j = k + 1; j < N_U; ++j) {
-        m->matrix[i * N_U + j] -= v[i] * ahead[j];
+        pivot[(i + 1) * N_U + j] -= v[i] * ahead[j];
       }
     }
   }
@@ -72,18 +74,18 @@ static inline void program_turn(scene_control_program *m)
   int i, k;
   for (k = 0; k < N_U; ++k) {
     const real *v = m->reflection + k * N_ROWS;
-    real even = m->bottom_target[k], odd = (real)0.0;
+    real *b = m->target + k, even = b[0], odd = (real)0.0;
     for (i = 0; i + 1 < N_ROWS; i += 2) {
-      even += v[i] * m->target[i];
-      odd += v[i + 1] * m->target[i + 1];
+      even += v[i] * b[i + 1];
+      odd += v[i + 1] * b[i + 2];
     }
     for (; i < N_ROWS; ++i) {
-      even += v[i] * m->target[i];
+      even += v[i] * b[i + 1];
     }
     even = m->strength[k] * (even + odd);
-    m->shift[k] = even - m->bottom_target[k];
+    m->shift[k] = even - b[0];
     for (i = 0; i < N_ROWS; ++i) {
-      m->target[i] -= v[i] * even;
+      b[i + 1] -= v[i] * even;
     }
   }
 }
@@ -108,18 +110,28 @@ static inline int program_is_within(real tolerance, const scene_control_program 
   return 1;
 }
 
-/* x without bounds: R x = -shift; returns whether it is within the bounds. */
-static inline int program_solve_freely(scene_control_program *m)
+/* x for y = move - shift: R x = y. */
+static inline void program_turn_back(scene_control_program *m)
 {
   int i, j;
   for (i = N_U - 1; i >= 0; --i) {
     const real *own = m->root + program_row(i);
-    real rest = -m->shift[i];
+    real rest = m->move[i] - m->shift[i];
     for (j = i + 1; j < N_U; ++j) {
       rest -= own[j] * m->x[j];
     }
     m->x[i] = rest / own[i];
   }
+}
+
+/* x without bounds; returns whether it is within them. */
+static inline int program_solve_freely(scene_control_program *m)
+{
+  int k;
+  for (k = 0; k < N_U; ++k) {
+    m->move[k] = (real)0.0;
+  }
+  program_turn_back(m);
   return program_is_within(m->tolerance, m);
 }
 
@@ -138,24 +150,29 @@ static inline real program_make_unit(real *row, int count)
   return norm;
 }
 
+/* Row of R^-1, from a triangle's row i on: row R = (0 .. 1 .. 0), entry by entry. */
+static inline void program_invert_row(int i, scene_control_program *m)
+{
+  real *row = m->inverse + program_row(i);
+  int j, k;
+  for (k = i; k < N_U; ++k) {
+    row[k] = (real)0.0;
+  }
+  for (k = i; k < N_U; ++k) {
+    const real *own = m->root + program_row(k);
+    row[k] = ((k == i ? (real)1.0 : (real)0.0) - row[k]) / own[k];
+    for (j = k + 1; j < N_U; ++j) {
+      row[j] += row[k] * own[j];
+    }
+  }
+}
+
 /* Rows of R^-1, and of the sums times R^-1, all of unit norm; scaling: 1 over their norms. */
 static inline void program_invert(scene_control_program *m)
 {
   int i, j, k;
-  for (i = N_U - 1; i >= 0; --i) {
-    const real *own = m->root + program_row(i);
-    real *row = m->inverse + program_row(i);
-    for (j = i; j < N_U; ++j) {
-      row[j] = (real)0.0;
-    }
-    row[i] = (real)1.0 / own[i];
-    for (k = i + 1; k < N_U; ++k) {
-      const real *other = m->inverse + program_row(k);
-      const real share = -own[k] * row[i];
-      for (j = k; j < N_U; ++j) {
-        row[j] += share * other[j];
-      }
-    }
+  for (i = 0; i < N_U; ++i) {
+    program_invert_row(i, m);
   }
   for (k = 0; k < N_SHARED; ++k) {
     real *row = m->turned_sum + k * N_U;
@@ -283,9 +300,9 @@ static inline int program_solve(int is_first, program_solver *solver, scene_cont
   if (!is_found) {
     return 0;
   }
-  ldp2qp_solution(&solver->work);
+  program_turn_back(m);
   daqp_refine_primal(&solver->work);
-  return program_is_within((real)100.0 * m->tolerance, m);
+  return program_is_within((real)1000.0 * m->tolerance, m);
 }
 
 #endif

@@ -5,6 +5,9 @@
 #include "gains.h"
 #include "memory.h"
 #include "motion.h"
+#if WITH_DISTRIBUTION
+#include "distribute_step.h"
+#endif
 
 enum { CONTROL_READY = 0x5ca1 }; /* mark of memory that init has filled */
 

@@ -17,6 +17,7 @@ from tensegrity_codegen.cli.build_options import (
     TargetOption,
     TuneForOption,
     TuneOption,
+    WheelOption,
 )
 from tensegrity_codegen.cli.options import (
     BatchWidthOption,
@@ -60,6 +61,7 @@ def build(
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
     target: TargetOption = None,
+    wheel: WheelOption = False,
     json: JsonOption = False,
 ) -> None:
     """Generate and compile the library of a scene.
@@ -74,6 +76,8 @@ def build(
             check_folder(out)
         _check_target(target, tune or tune_for is not None)
         structure, request = output.load(scene)
+        if wheel:
+            _check_wheel(target, structure.name, out)
         request = _narrow(request, quantity, precision, emitter, batch_width, flags)
         request = _add_interfaces(request, interface or ())
         tuned = None
@@ -86,8 +90,8 @@ def build(
             built = build_library(structure, request, compiler=compiler, target=target, measure=measure)
         folder = built.entry.folder
         if out is not None:
-            folder = built.export(out, overwrite=overwrite, inputs=[scene])
-        _tell(output, built, folder, tuned)
+            folder = built.export(out, overwrite=overwrite, inputs=[scene], wheel=wheel)
+        _tell(output, built, folder, tuned, wheel)
 
 
 def _check_target(target: str | None, tunes: bool) -> None:
@@ -101,6 +105,20 @@ def _check_target(target: str | None, tunes: bool) -> None:
             allowed="one of them",
             hint="build without --tune, or tune on that machine",
         )
+
+
+def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
+    """Refuse a Python package that has no place, or that cannot be."""
+    from tensegrity_codegen.wheels.wheel import check_wheel
+
+    if out is None:
+        raise InvalidValueError(
+            "there is no folder for the Python package",
+            where="--wheel",
+            allowed="--wheel with --out",
+            hint="add --out FOLDER",
+        )
+    check_wheel(find_target(target), scene, "--target")
 
 
 def _tune(
@@ -118,7 +136,7 @@ def _tune(
     return build_tuned(structure, request, compiler=compiler, flags=sets, tune_for=by, measure=measure)
 
 
-def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary | None) -> None:
+def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary | None, wheel: bool) -> None:
     """Say what a library holds and where it is."""
     from tensegrity_codegen.report.tables import (
         candidates_table,
@@ -126,19 +144,24 @@ def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary
         functions_table,
         left_out_table,
     )
+    from tensegrity_codegen.wheels.wheel import wheel_file_name
 
     data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
     if tuned is not None:
         tables.append(candidates_table(tuned.rows))
         rows = [vars(row) for row in tuned.rows]
         data["tuned"] = {"by": tuned.by, "from_cache": tuned.from_cache, "candidates": rows}
+    written = [data["library"]]
+    if wheel:
+        data["wheel"] = str(folder / wheel_file_name(built.manifest))
+        written.append(data["wheel"])
     how = "from the cache" if built.from_cache else f"built with {built.compiler}"
     output.result(
         data,
         *tables,
         f"emitter {built.manifest.emitter}: {built.why_emitter}",
         describe_parts(built.manifest),
-        f"{data['library']}\n{how}, {built.seconds:.2f} s",
+        "\n".join(written) + f"\n{how}, {built.seconds:.2f} s",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -132,7 +132,8 @@ def simulate_control(
     start = find_start(way, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
     senses = None if estimator is None else Filter(model, estimator, way, {})
-    loop = _Loop(model, way, Controller(way, gains, bounds, step, distribution), plant, bounds, senses, seed)
+    tensions = None if distribution is None else replace(distribution, bounds=bounds)
+    loop = _Loop(model, way, Controller(way, gains, bounds, step, tensions), plant, bounds, senses, seed)
     return loop.run(count)
 
 

@@ -30,6 +30,7 @@ WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium 
 FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
 SAME = 1e-9  # [m]
 SMALLEST = 1e-9  # part of the weight, for inputs that change no tension
+TOLERANCE = 1e-12  # of bounds, over the largest tension (1 N at least)
 PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
 
 
@@ -209,6 +210,7 @@ class _Program:
             np.vstack([np.eye(len(size)), rows]) / size,
             np.concatenate([low, np.full(len(top), -np.inf)]),
             np.concatenate([high, top - rows @ command]),
+            tolerance=TOLERANCE * max(1.0, float(np.abs(asked).max(initial=0.0))),
         )
         return None if found is None else found.x / size
 

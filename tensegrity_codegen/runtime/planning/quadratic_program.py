@@ -47,13 +47,13 @@ class _Scaled:
     lower: FloatArray
     upper: FloatArray
 
-    def is_satisfied(self, x: FloatArray) -> bool:
+    def is_satisfied(self, x: FloatArray, tolerance: float) -> bool:
         reached = self.rows @ x
-        return bool(np.all(reached >= self.lower - FEASIBLE) and np.all(reached <= self.upper + FEASIBLE))
+        return bool(np.all(reached >= self.lower - tolerance) and np.all(reached <= self.upper + tolerance))
 
-    def answer(self, x: FloatArray, multiplier: FloatArray) -> Solution | None:
+    def answer(self, x: FloatArray, multiplier: FloatArray, tolerance: float = FEASIBLE) -> Solution | None:
         """Return the minimiser x with the multipliers of scaled rows; None unless it is one."""
-        if not np.all(np.isfinite(x)) or not self.is_satisfied(x):
+        if not np.all(np.isfinite(x)) or not self.is_satisfied(x, tolerance):
             return None
         whole = np.zeros(len(self.kept))
         whole[self.kept] = multiplier / self.norm
@@ -94,12 +94,18 @@ def find_minimum(
     scaled = _scale(rows, lower, upper)
     if scaled is None:
         return None
-    x, is_found, multiplier = _solve(hessian, gradient, scaled.rows, scaled)
+    x, is_found, multiplier = _solve(hessian, gradient, scaled.rows, scaled, PRIMAL_TOLERANCE)
     return scaled.answer(x, multiplier) if is_found else None
 
 
 def find_nearest(
-    matrix: FloatArray, target: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray
+    matrix: FloatArray,
+    target: FloatArray,
+    rows: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    tolerance: float = PRIMAL_TOLERANCE,
 ) -> Solution | None:
     """Return the minimiser of |matrix x - target|^2 / 2 with lower <= rows x <= upper.
 
@@ -113,6 +119,8 @@ def find_nearest(
         Constraints.
     lower, upper : ndarray, shape (n_constraints,)
         Their bounds; equal ones are equations, infinite ones none.
+    tolerance : float
+        Violation of rows scaled to unit norm, up to which DAQP takes them as satisfied.
 
     Returns
     -------
@@ -136,12 +144,14 @@ def find_nearest(
     if not np.all(np.isfinite(r)) or not np.all(np.diag(r)):
         return None
     turned = solve_triangular(r, scaled.rows.T, trans="T").T
-    y, is_found, multiplier = _solve(np.eye(len(r)), -(q.T @ target), turned, scaled)
-    return scaled.answer(solve_triangular(r, y), multiplier) if is_found and np.isfinite(y).all() else None
+    y, is_found, multiplier = _solve(np.eye(len(r)), -(q.T @ target), turned, scaled, tolerance)
+    if not is_found or not np.isfinite(y).all():
+        return None
+    return scaled.answer(solve_triangular(r, y), multiplier, max(FEASIBLE, 1e3 * tolerance))
 
 
 def _solve(
-    hessian: FloatArray, gradient: FloatArray, rows: FloatArray, scaled: _Scaled
+    hessian: FloatArray, gradient: FloatArray, rows: FloatArray, scaled: _Scaled, tolerance: float
 ) -> tuple[FloatArray, bool, FloatArray]:
     """Return the answer of DAQP for the bounds of constraints, whether it is one, and the multipliers."""
     daqp = import_extra("daqp", CONTROL)
@@ -153,7 +163,7 @@ def _solve(
         np.minimum(scaled.upper, INFINITE),
         np.maximum(scaled.lower, -INFINITE),
         sense,
-        primal_tol=PRIMAL_TOLERANCE,
+        primal_tol=tolerance,
     )
     return np.array(x, dtype=float), flag >= 1, -np.array(info["lam"], dtype=float)
 
@@ -194,7 +204,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
             "dual_feasibility_tolerance": PRIMAL_TOLERANCE,
         },
     )
-    if found.status != 0 or found.x is None or not scaled.is_satisfied(found.x):
+    if found.status != 0 or found.x is None or not scaled.is_satisfied(found.x, FEASIBLE):
         return None
     own = np.zeros(len(scaled.rows))
     own[low] -= found.ineqlin.marginals[: int(low.sum())]
