@@ -171,6 +171,115 @@ PINNED_PRISM_API int pinned_prism_compute_acceleration(
     const double input[9],
     double acceleration[6]);
 
+/* Margins of cables that go slack, min(l_e - rho_e, l_e - rho_e + c_e l_e' / mu_e): each pulls while its margin is
+ * positive.
+ *
+ *   coordinate (6,) [m, rad]: Positions and angles of the bodies, body by body.
+ *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
+ *   returns cable_margin (9,) [m]
+ *   116 operations. Source: S&K 2.
+ */
+PINNED_PRISM_API int pinned_prism_compute_cable_margin(
+    const double coordinate[6],
+    const double input[9],
+    double cable_margin[9]);
+
+
+/* Where each argument begins among the numbers that can change with time. */
+enum {
+  PINNED_PRISM_PLACE_INPUT = 0
+};
+
+/* Kinds of events: a cable that goes slack or taut, two bars that touch or part, a condition of the caller. */
+enum {
+  PINNED_PRISM_EVENT_CABLE = 1,
+  PINNED_PRISM_EVENT_CONTACT = 2,
+  PINNED_PRISM_EVENT_CONDITION = 4
+};
+
+/* One event. which: the member, the pair of bars or 0; direction: 1 where the margin rises through zero (taut,
+ * apart, condition positive), -1 where it falls. */
+typedef struct {
+  double time;
+  int kind;
+  int which;
+  int direction;
+} pinned_prism_event;
+
+/* Arguments that change with time: polynomials of time, piece by piece. On piece k, from time[k] to time[k + 1],
+ * number place[j] is the sum over i of coefficient[(k * (degree + 1) + i) * n_values + j] * (t - time[k])^i. */
+typedef struct {
+  long long n_pieces;
+  int degree;
+  int n_values;              /* numbers that change; the others stay as they are given */
+  const int *place;          /* (n_values,): PINNED_PRISM_PLACE_... of an argument and the index of a number in it */
+  const double *time;        /* (n_pieces + 1,) [s], rising; a run lies within */
+  const double *coefficient; /* (n_pieces, degree + 1, n_values) */
+  const int *is_kink;        /* (n_pieces + 1,): whether a value or its slope jumps there; NULL: everywhere */
+} pinned_prism_profile;
+
+/* How a run with error control goes; all zero before its first call. */
+typedef struct {
+  long long n_accepted;    /* accepted steps */
+  long long n_rejected;    /* rejected steps */
+  long long n_evaluations; /* of the accelerations */
+  int watch; /* sum of the kinds of events at which steps end; 0: none */
+  int stop;  /* sum of the kinds that end the run, just after the event */
+  double (*condition)(double time, const double *coordinate, const double *velocity, void *data);
+  void *condition_data;
+  pinned_prism_event *event; /* (most_events,), NULL: not stored */
+  long long most_events;
+  long long n_events; /* number of events, also beyond most_events */
+  int is_stopped;     /* 1 where an event of `stop` has ended the last call */
+  const pinned_prism_profile *profile; /* arguments that change with time; steps end at its kinks; NULL: none */
+  int is_started; /* internal, from here on: kept between calls */
+  int may_grow;
+  int succession;
+  int crowd;
+  int n_stalled;
+  double mark;
+  double ahead;
+  double pace;
+  double leash;
+  double cut;
+  double remaining;
+  double loudness;
+  double last_event;
+} pinned_prism_run;
+
+/* Classical Runge-Kutta 4 with a fixed step, from step `first_step` on, and dense output by quintic Hermite
+ * interpolation between steps. Time after step k is time_start + k * step.
+ *
+ *   state (2 * 6,): coordinates, then velocities; advanced in place
+ *   input (9,) [m, N or N m]: Rest-length changes, forces and torques of the actuated inputs.
+ *   sample_time (n_samples,) [s]: ascending; sample_state (n_samples, 2 * 6) is filled for each
+ *     sample time in the span of these steps, starting at index *n_sampled, which is advanced
+ *   n_done: number of steps done by this call
+ *   work: memory of 258 doubles
+ * Stops with PINNED_PRISM_NON_FINITE_RESULT after the step before the first non-finite state.
+ *
+ * pinned_prism_integrate_rk4_run divides steps at the events of run->watch: up to the event, past it, and on to the end
+ * of the same step. Set `run` to zero before the first call, except for the event settings; with the same run, time,
+ * state and work the next call continues. time [s]: time of the state, within the step first_step; advanced in place.
+ * Where an event of run->stop ends a call, its step does not count as done: repeat the call with it.
+ *
+ * pinned_prism_integrate_rk4_run also divides steps at the kinks of run->profile.
+ */
+enum { PINNED_PRISM_RK4_WORK = 258 };
+PINNED_PRISM_API int pinned_prism_integrate_rk4(
+    double time_start, double step, long long first_step, long long n_steps,
+    double state[12],
+    const double input[9],
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    long long *n_done, double work[258]);
+PINNED_PRISM_API int pinned_prism_integrate_rk4_run(
+    double time_start, double step, long long first_step, long long n_steps,
+    double *time, double state[12],
+    const double input[9],
+    long long n_samples, const double *sample_time, double *sample_state, long long *n_sampled,
+    long long *n_done, pinned_prism_run *run, double work[258]);
+
+
 #ifdef __cplusplus
 }
 #endif

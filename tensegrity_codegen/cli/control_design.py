@@ -36,6 +36,7 @@ class ControlDesign:
     only_observable: bool
     least_tension: str | None
     arguments: Mapping[str, Any]
+    in_c: bool = False
 
     @property
     def lacks_sensors(self) -> bool:
@@ -77,7 +78,7 @@ class ControlDesign:
         from tensegrity_codegen.runtime.control.lqr import design_lqr
 
         try:
-            return design_lqr(
+            gains = design_lqr(
                 self.model, self.motion, tuning.Q, tuning.R, sample=self.sample,
                 integral_action=tuning.integral_action, arguments=self.arguments,
             )  # fmt: skip
@@ -85,3 +86,4 @@ class ControlDesign:
             if self.weights is not None and error.where in ("Q", "R"):
                 error.where = f"{self.weights}: {error.where}"
             raise
+        return gains.at_knots() if self.in_c else gains  # as a controller in C stores them

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust, StatedErrors
 
 __all__ = [
+    "BuildOption",
+    "BuiltPrecisionOption",
     "DisturbanceOption",
     "DrawsOption",
     "DurationOption",
@@ -149,6 +151,13 @@ DisturbanceOption = Annotated[
         "--disturbance",
         help="How fast the estimator lets disturbance forces change [N or N m in 1 s]; 0: none is estimated.",
     ),
+]
+BuildOption = Annotated[
+    Path | None,
+    typer.Option("--build", help="Write the controller in C into this folder, where feedback holds."),
+]
+BuiltPrecisionOption = Annotated[
+    str, typer.Option("--precision", help="Of the controller in C: double or single.")
 ]
 OnlyObservableOption = Annotated[
     bool,

@@ -85,6 +85,28 @@ def test_an_equilibrium_is_held_and_the_page_is_written(run: Run, folder: Path, 
     assert "n2=1@0.1+0.1" in page
 
 
+def test_the_controller_is_written_in_c_where_feedback_holds(run: Run, folder: Path, lift: Path) -> None:
+    words = ("control", lift, "--t-end", 1, "--draws", 1, "--json")
+    ended = run(*words, "--build", "ctl", "--precision", "single")
+    assert ended.code == 0, ended.err
+    made = ended.data["build"]
+    assert made["precision"] == "single"
+    assert set(made["files"]) <= {path.name for path in (folder / "ctl").iterdir()}
+    assert run(*words, "--build", "ctl").code == 0  # replaces its own files
+    (folder / "file").touch()
+    refused = run(*words, "--build", "file")
+    assert refused.code == 2
+    weak = ("--effort", 10, "--tolerance", 1e-3, "--response-time", 0.01, "--stiffness-error", 0)
+    change(lift, ("rate = 1.0", "rate = 1.0\ndelay = 0.35"))
+    ended = run(
+        "control", lift, "--t-end", 6, "--draws", 1, *weak, "--no-estimator", "--build", "no", "--json"
+    )
+    assert ended.code == 3
+    assert ended.data["build"] is None
+    assert "not written" in ended.data["warnings"][0]
+    assert not (folder / "no").exists()
+
+
 def test_without_sensors_the_true_state_is_fed_back(run: Run, lift: Path) -> None:
     change(lift, (SENSOR, ""))
     ended = run("control", lift, "--t-end", 1, "--draws", 1, "--json")
@@ -146,6 +168,8 @@ BAD: Sequence[tuple[list[str], str]] = [
     (["--plan", "lift.toml"], "that the verb plan wrote"),
     (["--to", "n2.z=-1.1", "--plan", "plan.npz"], "given twice"),
     (["--out", "c.txt"], "c.txt"),
+    (["--precision", "half"], "--precision"),
+    (["--build", "lift.toml"], "lift.toml"),
     (["--page", "c.pdf"], "c.pdf"),
 ]
 

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.build_controller import check_build, write_controller
 from tensegrity_codegen.cli.control_design import ControlDesign
 from tensegrity_codegen.cli.control_options import (
+    BuildOption,
+    BuiltPrecisionOption,
     DisturbanceOption,
     DrawsOption,
     DurationOption,
@@ -83,6 +86,8 @@ def control(
     last: LastOption = None,
     out: OutOption = None,
     page: PageOption = None,
+    build: BuildOption = None,
+    precision: BuiltPrecisionOption = "double",
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -91,13 +96,15 @@ def control(
 
     Plans the motion, puts it in time, designs a linear-quadratic regulator and, where the scene has sensors,
     an estimator; then simulates without feedback, with the true state and with the estimator. Exit code 3
-    where a loop with feedback is unstable or ends further from the motion than the open loop.
+    where a loop with feedback is unstable or ends further from the motion than the open loop. --build writes
+    the controller in C.
 
     Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
     """
     output = Output(json)
     with output.guard(scene):
         _check_files(scene, plan, weights, out, page, overwrite)
+        check_build(build, precision, scene, overwrite)
         read_least_tension(least_tension)
         subject, model, chosen = compile_control(output, scene, to, plan, actuate, compiler)
         arguments = read_inputs(input, subject, output)
@@ -107,7 +114,7 @@ def control(
         )
         design = ControlDesign(
             model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
-            disturbance, only_observable, least_tension, arguments,
+            disturbance, only_observable, least_tension, arguments, build is not None,
         )  # fmt: skip
         if design.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
@@ -121,7 +128,12 @@ def control(
             _write(study, out)
         if page is not None:
             _write_page(study, model, subject, page)
-        written = {"out": None if out is None else str(out), "page": None if page is None else str(page)}
+        written: dict[str, Any] = {"out": None if out is None else str(out)}
+        written["page"] = None if page is None else str(page)
+        written["build"] = write_controller(
+            output, study, model, build, scene=scene, precision=precision, compiler=compiler,
+            overwrite=overwrite,
+        )  # fmt: skip
         _report(output, subject, study, written)
         if not study.holds:
             raise typer.Exit(3)
@@ -177,6 +189,7 @@ def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping
         errors_table(study, name),
         actuators_table(study, name),
         *describe_facts(study),
+        *([] if more["build"] is None else [f"wrote a controller in C to {more['build']['folder']}"]),
         f"{study.status}: {study.message}",
     )
 
