@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +77,7 @@ def build_controller(
     rate: ArrayLike | None = None,
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
     qp_iterations: int = QP_ITERATIONS,
     daqp_sdist: str | Path | None = None,
     library: bool = True,
@@ -109,6 +111,8 @@ def build_controller(
         Time between two steps; by default that of the gains, 0.005 s without.
     rate, range, delay : float or array_like, optional [m/s, m, s]
         Limits of the actuators, by default those of the scene.
+    arguments : mapping, optional
+        Inputs of an equilibrium that was found with others than those of the scene; a motion has its own.
     qp_iterations : int
         Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
         the status ``"not_solved"``.
@@ -167,7 +171,7 @@ def build_controller(
     check_folder(out)
     described, request = find_described(scene, motion)
     check_independent(described)
-    way = find_motion(described, motion)
+    way = find_motion(described, motion, arguments)
     check_motion(described, way)
     check_parts(described.manifest, way, gains, estimator, distribution)
     _check_same_motion(distribution, way)

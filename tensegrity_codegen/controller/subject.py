@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.errors import InvalidValueError, LibraryError
@@ -14,6 +16,7 @@ from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
 
@@ -56,12 +59,27 @@ def find_described(
     return _Description(emit(structure, replace(alone, quantities=LEAST)).manifest, structure), alone
 
 
-def find_motion(model: Described, motion: Motion | Equilibrium) -> Motion:
-    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises."""
-    if isinstance(motion, Motion):
+def find_motion(
+    model: Described, motion: Motion | Equilibrium, arguments: Mapping[str, Any] | None = None
+) -> Motion:
+    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises.
+
+    arguments: inputs of an equilibrium; InvalidValueError for other parameters, which are constants in C, and
+    for those of a motion, which has its own inputs.
+    """
+    given = merge_inputs(model.manifest, arguments)
+    if isinstance(motion, Motion) and not given:
         return motion
+    if isinstance(motion, Motion) or set(given) - {INPUT}:
+        raise InvalidValueError(
+            "these arguments have no place in a controller",
+            where="arguments",
+            given=", ".join(arguments or {}),
+            allowed="inputs of an equilibrium" if isinstance(motion, Equilibrium) else "none with a Motion",
+            hint="state loads and stiffnesses in the scene",
+        )
     if not isinstance(motion, Equilibrium) or not isinstance(model, CompiledModel):
         raise InvalidValueError(
             "not a motion", where="motion", given=type(motion).__name__, allowed="a Motion or an Equilibrium"
         )
-    return build_rest(model, motion)
+    return build_rest(model, motion, arguments=given)
