@@ -25,6 +25,7 @@ __all__ = [
     "EffortOption",
     "EstimatorOption",
     "GustOption",
+    "InCOption",
     "IntegralOption",
     "LastOption",
     "LeastTensionOption",
@@ -158,6 +159,10 @@ BuildOption = Annotated[
 ]
 BuiltPrecisionOption = Annotated[
     str, typer.Option("--precision", help="Of the controller in C: double or single.")
+]
+InCOption = Annotated[
+    bool,
+    typer.Option("--in-c", help="Simulate in C, many draws at once, with the gains that --build stores."),
 ]
 OnlyObservableOption = Annotated[
     bool,

@@ -92,7 +92,7 @@ def test_the_controller_is_written_in_c_where_feedback_holds(run: Run, folder: P
     made = ended.data["build"]
     assert made["precision"] == "single"
     assert set(made["files"]) <= {path.name for path in (folder / "ctl").iterdir()}
-    assert run(*words, "--build", "ctl").code == 0  # replaces its own files
+    assert run(*words, "--build", "ctl", "--in-c").code == 0  # replaces its own files
     (folder / "file").touch()
     refused = run(*words, "--build", "file")
     assert refused.code == 2

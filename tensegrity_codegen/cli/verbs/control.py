@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +20,7 @@ from tensegrity_codegen.cli.control_options import (
     EffortOption,
     EstimatorOption,
     GustOption,
+    InCOption,
     IntegralOption,
     LastOption,
     LeastTensionOption,
@@ -83,6 +85,7 @@ def control(
     draws: DrawsOption = 5,
     seed: SeedOption = 0,
     t_end: TEndOption = None,
+    in_c: InCOption = False,
     last: LastOption = None,
     out: OutOption = None,
     page: PageOption = None,
@@ -114,7 +117,8 @@ def control(
         )
         design = ControlDesign(
             model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
-            disturbance, only_observable, least_tension, arguments, build is not None,
+            disturbance, only_observable, least_tension, arguments,
+            in_c or build is not None,
         )  # fmt: skip
         if design.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
@@ -122,7 +126,7 @@ def control(
         with output.progress("simulating") as progress:
             study = _study(
                 model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
-                arguments=arguments, progress=progress, **parts,
+                arguments=arguments, progress=progress, batch=_find_batch(in_c, compiler), **parts,
             )  # fmt: skip
         if out is not None:
             _write(study, out)
@@ -149,6 +153,15 @@ def _check_files(
             check_output(file, inputs=inputs, overwrite=overwrite)
     if page is not None:
         require_plot()
+
+
+def _find_batch(in_c: bool, compiler: str | None) -> Any:
+    """Return what simulates many draws at once, None where Python simulates one after the other."""
+    if not in_c:
+        return None
+    from tensegrity_codegen.controller.simulate_batch import simulate_control_batch
+
+    return partial(simulate_control_batch, compiler=compiler)
 
 
 def _study(model: CompiledModel, motion: Any, **options: Any) -> ControlStudy:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +48,9 @@ LONGER = 3.0  # simulated time over that of the motion
 SENSORS = "sensors"
 WINDOW = 6.0  # simulated time over that at whose end errors are compared
 MOST_DRAWS = 10_000
+CHUNK = 32  # draws that are simulated at once
+
+Batch = Callable[..., Sequence[ControlRun]]
 
 
 def study_control(
@@ -65,6 +68,7 @@ def study_control(
     draws: int = 5,
     seed: int = 0,
     arguments: Mapping[str, Any] | None = None,
+    batch: Batch | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ControlStudy:
     """Simulate a motion under disturbances: without feedback, with the true state, with an estimator.
@@ -98,6 +102,9 @@ def study_control(
         Of the draws.
     arguments : mapping, optional
         Inputs and run-time parameters where they differ from the scene, known to the controller.
+    batch : callable, optional
+        `simulate_control_batch`: simulates many draws at once, in C; loops with a distribution are simulated
+        in Python.
     progress : callable, optional
         Called with the fraction done.
 
@@ -145,7 +152,7 @@ def study_control(
     if window > end:
         raise InvalidValueError("out of range", where="last", given=last, allowed=f"at most {end:g} s")
     senses = _find_estimator(model, way, estimator, gains.sample, arguments)
-    work = _Work(model, way, gains, senses, distribution, chosen, stated, given, end, window, seed)
+    work = _Work(model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch)
     return work.study(draws, progress)
 
 
@@ -164,24 +171,29 @@ class _Work:
     t_end: float
     last: float
     seed: int
+    batch: Batch | None
 
     def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
         """Simulate all draws; of the worst one the runs are kept."""
         names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
-        worst, kept, drawn = -np.inf, {}, []
-        for draw in range(draws):
-            now = draw_errors(self.model, self.stated, self.tuning.scales, self.seed, draw)
+        worst, kept, number = -np.inf, {}, 0
+        scales = self.tuning.scales
+        drawn = [draw_errors(self.model, self.stated, scales, self.seed, k) for k in range(draws)]
+        size = 1 if self.batch is None else CHUNK
+        for first in range(0, draws, size):
+            some = range(first, min(first + size, draws))
             runs = {}
             for k, name in enumerate(names):
-                runs[name] = self.run(name, now, draw)
-                rows[name].append(measure_run(self.model, runs[name], self.motion, self.last))
+                runs[name] = self.run(name, [drawn[draw] for draw in some], first)
+                rows[name] += [measure_run(self.model, run, self.motion, self.last) for run in runs[name]]
                 if progress is not None:
-                    progress((draw + (k + 1) / len(names)) / draws)
-            drawn.append(now)
-            size = _rank(rows[names[-1]][-1])
-            if size > worst:
-                worst, kept, number = size, runs, draw
+                    progress((first + len(some) * (k + 1) / len(names)) / draws)
+            for draw in some:
+                rank = _rank(rows[names[-1]][draw])
+                if rank > worst:
+                    worst, number = rank, draw
+                    kept = {name: runs[name][draw - first] for name in names}
         loops = {name: LoopResult.collect(name, rows[name], kept[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
         return ControlStudy(
@@ -202,22 +214,29 @@ class _Work:
             seed=self.seed,
         )
 
-    def run(self, name: str, drawn: DrawnErrors, draw: int) -> ControlRun:
-        """Simulate one loop of a draw."""
+    def run(self, name: str, drawn: Sequence[DrawnErrors], first: int) -> Sequence[ControlRun]:
+        """Simulate one loop for some draws, the first of this number."""
         is_open = name == OPEN
-        return simulate_control(
-            self.model,
-            self.motion,
-            None if is_open else self.gains,
-            estimator=self.estimator if name == LOOPS[2] else None,
-            distribution=None if is_open else self.distribution,
-            t_end=self.t_end,
-            sample=self.gains.sample,
-            coordinate_error=drawn.coordinate,
-            arguments={**self.given, **drawn.arguments},
-            gust=drawn.gusts or None,
-            seed=int(np.random.SeedSequence([self.seed, draw]).generate_state(1)[0]),
-        )
+        gains = None if is_open else self.gains
+        spread = None if is_open else self.distribution
+        parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample}
+        parts["estimator"] = self.estimator if name == LOOPS[2] else None
+        states = [self._describe(item, first + k) for k, item in enumerate(drawn)]
+        if self.batch is not None and spread is None:
+            return self.batch(self.model, self.motion, gains, draws=states, **parts)
+        return [
+            simulate_control(self.model, self.motion, gains, distribution=spread, **parts, **state)
+            for state in states
+        ]
+
+    def _describe(self, drawn: DrawnErrors, draw: int) -> dict[str, Any]:
+        """Return a draw as arguments of `simulate_control`."""
+        return {
+            "coordinate_error": drawn.coordinate,
+            "arguments": {**self.given, **drawn.arguments},
+            "gust": drawn.gusts or None,
+            "seed": int(np.random.SeedSequence([self.seed, draw]).generate_state(1)[0]),
+        }
 
 
 def _find_estimator(

@@ -57,6 +57,22 @@ def test_the_worst_draw_is_kept_and_can_be_repeated(
     np.testing.assert_array_equal(run.coordinate, study.loops["open"].run.coordinate)
 
 
+def test_loops_in_c_give_the_same_study(model: CompiledModel, motion: Motion) -> None:
+    from tensegrity_codegen import simulate_control_batch
+
+    gains = study_control(model, motion, draws=1, t_end=0.1, estimator=None).gains.at_knots(25)
+    options: dict[str, Any] = {"gains": gains, "errors": ERRORS, "draws": 3, "t_end": 0.8, "estimator": None}
+    one, many = (
+        study_control(model, motion, batch=batch, **options) for batch in (None, simulate_control_batch)
+    )
+    assert one.worst_draw == many.worst_draw
+    for name in one.loops:
+        np.testing.assert_allclose(
+            many.loops[name].end_error, one.loops[name].end_error, rtol=1e-5, atol=1e-9
+        )
+        np.testing.assert_allclose(many.loops[name].run.command, one.loops[name].run.command, atol=1e-8)
+
+
 def test_measures_are_those_of_the_run(study: ControlStudy, model: CompiledModel, motion: Motion) -> None:
     loop = study.loops["open"]
     row, run = loop.measures[study.worst_draw], loop.run
