@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from tensegrity_codegen.errors import check_choice
 
 __all__ = [
+    "SHARED",
     "TARGETS",
     "WASM_STACK",
     "Target",

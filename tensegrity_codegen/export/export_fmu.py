@@ -11,7 +11,7 @@ from typing import Any
 from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
-from tensegrity_codegen.export.fmu.archive import compile_unit, write_archive
+from tensegrity_codegen.export.fmu.archive import check_targets, compile_unit, write_archive
 from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit
 from tensegrity_codegen.export.fmu.layout import POSITION, Layout
 from tensegrity_codegen.export.fmu.method import settle_method
@@ -44,6 +44,7 @@ def export_fmu(
     t_end: float = 1.0,
     rtol: float = 1e-6,
     sources_only: bool = False,
+    targets: Iterable[str] = (),
     compiler: str | None = None,
     overwrite: bool = False,
 ) -> Exported:
@@ -70,6 +71,9 @@ def export_fmu(
         Relative tolerance of the default experiment.
     sources_only : bool
         Whether to leave out the binary for this machine, which needs a C compiler.
+    targets : iterable of str
+        Machines that binaries are compiled for, by zig, instead of this one: ``"x86_64-linux"``,
+        ``"aarch64-linux"``, ``"x86_64-windows"``, ``"x86_64-macos"``, ``"aarch64-macos"``.
     compiler : str, optional
         ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
     overwrite : bool
@@ -104,6 +108,7 @@ def export_fmu(
     source = ExportSource(path, *load_scene(path))
     options: dict[str, Any] = {"fmi": fmi, "kind": kind, "method": method, "t_end": t_end, "rtol": rtol}
     options |= {"outputs": tuple(outputs), "sources_only": sources_only, "compiler": compiler}
+    options["targets"] = tuple(targets)
     return write_export("fmu", source, Path(out), overwrite=overwrite, **options)
 
 
@@ -118,10 +123,12 @@ def _write(
     t_end: float = 1.0,
     rtol: float = 1e-6,
     sources_only: bool = False,
+    targets: Sequence[str] = (),
     compiler: str | None = None,
 ) -> Exported:
     """Write the unit of a scene to `path`; see export_fmu."""
     _check_options(fmi, kind, t_end, rtol)
+    machines = check_targets(targets)
     structure, request = source.structure, _narrow(source)
     chosen = _choose_outputs(structure, request, source.request.quantities, outputs)
     integrator = settle_method(
@@ -146,7 +153,9 @@ def _write(
     if fmi == "3.0":
         files["sources/buildDescription.xml"] = describe_build(unit)
     if not sources_only:
-        files |= compile_unit(unit.name, sources, fmi, compiler=compiler, flags=request.flags)
+        files |= compile_unit(
+            unit.name, sources, fmi, compiler=compiler, flags=request.flags, targets=machines
+        )
     write_archive(path, files)
     facts = {
         "fmi": fmi,
@@ -263,6 +272,6 @@ EXPORTER = Exporter(
     "functional mock-up unit (FMI 2.0 or 3.0), with C sources",
     (".fmu",),
     _write,
-    ("fmi", "kind", "outputs", "method", "t_end", "rtol", "sources_only", "compiler"),
+    ("fmi", "kind", "outputs", "method", "t_end", "rtol", "sources_only", "targets", "compiler"),
     order=10,
 )

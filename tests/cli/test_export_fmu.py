@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tensegrity_codegen.cli.scene_files import list_examples
 from tests.cli.conftest import Run
 from tests.export.scenes import LOOSE
 
@@ -67,6 +68,21 @@ def test_outputs_are_chosen_by_name(run: Run, two_nodes: Path) -> None:
     )
 
 
+@pytest.mark.thorough
+def test_a_large_structure_has_no_derivatives_and_the_result_says_so(run: Run, folder: Path) -> None:
+    text = list_examples()["tower"].replace("stages = 3", "stages = 24").replace("emitter", "# emitter")
+    (folder / "high.toml").write_text(text, encoding="utf-8")
+    ended = run("export", "fmu", "high.toml", "-o", "a.fmu", "--sources-only", "--method", "rk54", "--json")
+    assert ended.code == 0, ended.err
+    assert ended.data["has_derivatives"] is False
+    assert "directional derivatives" in ended.data["notes"][0]
+    with zipfile.ZipFile(folder / "a.fmu") as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    interface = root.find("CoSimulation")
+    assert interface is not None
+    assert interface.get("providesDirectionalDerivative") == "false"
+
+
 @pytest.mark.parametrize(
     ("words", "where", "text"),
     [
@@ -80,6 +96,8 @@ def test_outputs_are_chosen_by_name(run: Run, two_nodes: Path) -> None:
         (("--output", "tangent_stiffness"), "--output", "member_tension"),
         (("--output", "tension"), "quantities", "member_tension"),
         (("--compiler", "no-such-compiler"), "", "no-such-compiler"),
+        (("--target", "toaster"), "--target", "aarch64-linux"),
+        (("--target", "wasm32"), "--target", "x86_64-windows"),
         (("-o", "a.zip"), "a.zip", ".fmu"),
     ],
 )

@@ -19,6 +19,7 @@ from tensegrity_codegen.pipeline import compile_scene
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tests.cases import thorough
 from tests.export.importer import Unit2
 from tests.export.scenes import write_loose
 
@@ -323,7 +324,7 @@ def test_a_step_that_cannot_be_taken_says_how_far_it_came(make: Make) -> None:
     assert "t = " in unit.messages[-1][1]
 
 
-@pytest.mark.parametrize("fmi", ["2.0", "3.0"])
+@pytest.mark.parametrize("fmi", ["3.0", *thorough("2.0")])
 def test_the_sources_compile_without_a_warning(fmi: str, scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "unit.fmu"
     export_fmu(scene, out, fmi=fmi, sources_only=True)

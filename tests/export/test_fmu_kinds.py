@@ -86,7 +86,8 @@ def test_the_motion_is_that_of_simulate(name: str, tmp_path: Path) -> None:
     unit.free()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.thorough
+@pytest.mark.parametrize("name", SCENES)
 def test_derivatives_are_those_of_differences(name: str, tmp_path: Path) -> None:
     _, unit = make_unit(SCENES[name](), tmp_path, sources_only=False)
     unknowns = [key for key in unit.reference if key.startswith(("der(", "member_", "node_position."))]
@@ -111,6 +112,7 @@ def test_derivatives_are_those_of_differences(name: str, tmp_path: Path) -> None
     unit.free()
 
 
+@pytest.mark.thorough
 def test_radau_integrates_a_unit_with_stiff_bars(tmp_path: Path) -> None:
     document = tomllib.loads(LOOSE)
     document["classes"]["bar"]["spring_constant"] = 2e8

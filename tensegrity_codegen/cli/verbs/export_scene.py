@@ -40,6 +40,13 @@ ToleranceOption = Annotated[
 SourcesOption = Annotated[
     bool, typer.Option("--sources-only", help="fmu: no binary for this machine, which needs a C compiler.")
 ]
+TargetsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--target",
+        help="fmu: machine that a binary is compiled for, by zig, instead of this one; repeat for several.",
+    ),
+]
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="File to write.", show_default=False)]
 
 
@@ -67,6 +74,7 @@ def export_scene(
     t_end: EndOption = None,
     rtol: ToleranceOption = None,
     sources_only: SourcesOption = False,
+    targets: TargetsOption = None,
     compiler: CompilerOption = None,
     overwrite: ReplaceFileOption = False,
     json: JsonOption = False,
@@ -76,8 +84,15 @@ def export_scene(
     Example: tensegrity-codegen export fmu prism.toml --out prism.fmu
     """
     # Options of single formats: None where they are not given.
-    options: dict[str, Any] = {"fmi": fmi, "kind": kind, "outputs": outputs, "method": method, "t_end": t_end}
-    options |= {"rtol": rtol, "sources_only": sources_only or None, "compiler": compiler}
+    options: dict[str, Any] = {
+        "fmi": fmi,
+        "kind": kind,
+        "outputs": outputs or None,
+        "method": method,
+        "t_end": t_end,
+    }
+    options |= {"rtol": rtol, "sources_only": sources_only or None, "targets": targets or None}
+    options["compiler"] = compiler
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export

@@ -19,6 +19,7 @@ from tensegrity_codegen.manifest import STATUS, FunctionSpec
 __all__ = ["Experiment", "UnitSources", "write_unit_sources"]
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
+MOST_AHEAD, MOST_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states
 WATCHED = {"cable": "CABLE", "switch": "SWITCH"}
 
 
@@ -118,6 +119,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
             "margin_blocks": sum(item.is_margin for item in layout.blocks),
             "margins": len(margins),
             "calculated": layout.n_values,
+            "ahead": max(1, min(MOST_AHEAD, MOST_NUMBERS_AHEAD // (2 * layout.n_coordinates))),
         },
         "status_texts": [item.replace("_", " ") for item in STATUS],
         "member_names": _strings(manifest.member_name),
