@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
@@ -17,7 +16,7 @@ from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
 from tensegrity_codegen.controller.description import ControllerDescription
 from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.controller.loaded import LoadedController, load_controller
-from tensegrity_codegen.controller.parts import ControllerParts, check_start
+from tensegrity_codegen.controller.parts import ControllerParts, check_same_motion, check_start
 from tensegrity_codegen.controller.subject import find_described, find_motion
 from tensegrity_codegen.controller.write import ControllerFiles, write_files
 from tensegrity_codegen.errors import InvalidValueError
@@ -174,7 +173,7 @@ def build_controller(
     way = find_motion(described, motion, arguments)
     check_motion(described, way)
     check_parts(described.manifest, way, gains, estimator, distribution)
-    _check_same_motion(distribution, way)
+    check_same_motion(distribution, way)
     chosen = described.manifest.name if name is None else name
     check_scene_name(chosen, "name")
     assert described.structure is not None  # find_described refuses models without
@@ -203,22 +202,6 @@ def build_controller(
     taken = [*inputs, *([Path(scene)] if isinstance(scene, str | Path) else [])]
     folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)
-
-
-def _check_same_motion(distribution: TensionDistribution | None, motion: Motion) -> None:
-    """Raise InvalidValueError for a distribution that prefers the tensions of another motion."""
-    if distribution is None:
-        return
-    other = distribution.motion
-    names = ("time", "input", "member_tension")
-    if not all(np.array_equal(getattr(other, name), getattr(motion, name)) for name in names):
-        raise InvalidValueError(
-            "designed for another motion",
-            where="distribution",
-            given=f"a motion of {other.duration:g} s with {len(other.time)} knots",
-            allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
-            hint="design_distribution(model, motion, ...) with this motion",
-        )
 
 
 def _check_iterations(given: int) -> int:

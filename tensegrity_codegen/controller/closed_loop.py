@@ -75,12 +75,7 @@ class CompiledLoop:
         self._spec = find_integrator(model.manifest, CONTROL_METHOD)
         watch = choose_watch(self._spec, model.manifest, None).bits if self._spec.events else 0
         source = write_closed_loop(parts, files, model.manifest, watch)
-        artifact = compile_library(
-            source.sources,
-            name="closed_loop",
-            compiler=find_compiler(compiler),
-            flags=find_flags("reference"),
-        )
+        artifact = _compile(tuple(sorted(source.sources.items())), compiler)
         self._ffi = cffi.FFI()
         self._ffi.cdef(source.declarations)
         self._source = source
@@ -118,7 +113,16 @@ class CompiledLoop:
             known=None if self.parts.estimator is None else known,
             statuses=[words[k] for k in found["status"][:done].tolist()],
             word=word,
+            yielding=self._read_yielding(found, done),
         )
+
+    def _read_yielding(self, found: dict[str, NDArray[Any]], done: int) -> NDArray[np.bool_] | None:
+        """Return the members whose least tension yields, (n_samples, n_members)."""
+        if self.parts.distribution is None:
+            return None
+        yielding = np.zeros((done, len(self.model.manifest.member_name)), dtype=bool)
+        yielding[:, self.parts.distribution.cables.driven] = found["yields"][:done] != 0
+        return yielding
 
     def _bind(self, source: LoopSource) -> Any:
         """Return the functions of the plant as C pointers."""
@@ -129,11 +133,11 @@ class CompiledLoop:
             setattr(functions, field, ffi.cast(ffi.typeof(getattr(functions, field)), address))
         return functions
 
-    def _prepare(self, draw: LoopDraw, count: int) -> tuple[dict[str, Any], list[Any], Any]:
+    def _prepare(self, draw: LoopDraw, count: int) -> tuple[dict[str, NDArray[Any]], list[Any], Any]:
         """Return the arrays that are filled, what must stay alive, and the struct of a draw."""
         manifest, ffi = self.model.manifest, self._ffi
         n, m = len(manifest.coordinate_name), len(self.parts.bounds.names)
-        found = {
+        found: dict[str, NDArray[Any]] = {
             "state": np.zeros((count + 1, 2 * n)),
             "tension": np.zeros((count + 1, len(manifest.member_name))),
             "command": np.zeros((count, m)),
@@ -142,6 +146,8 @@ class CompiledLoop:
             "disturbance": np.zeros((count, n)),
             "status": np.zeros(count, dtype=np.intc),
         }
+        if self.parts.distribution is not None:
+            found["yields"] = np.zeros((count, len(self.parts.distribution.cables.driven)), dtype=np.intc)
         time, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(item.shape)) for item in manifest.functions), default=1)
         memory = {
@@ -155,7 +161,7 @@ class CompiledLoop:
         loop = ffi.new("closed_loop *")
         kept: list[Any] = [memory]
         for name, array in {**found, **memory}.items():
-            kind = "int[]" if name == "status" else "double[]"
+            kind = "int[]" if array.dtype == np.intc else "double[]"
             setattr(loop, name, ffi.from_buffer(kind, array))
         for name in self._source.arguments:
             array = _read_argument(self.model, draw, name)

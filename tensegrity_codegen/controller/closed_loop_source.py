@@ -82,7 +82,11 @@ def write_closed_loop(
         "NAME": parts.name.upper(),
         "real": "double",
         "suffix": "",
-        "settings": {"WITH_ESTIMATOR": parts.estimator is not None, "WITH_LOADS": NODE_LOAD in sizes},
+        "settings": {
+            "WITH_ESTIMATOR": parts.estimator is not None,
+            "WITH_DISTRIBUTION": parts.distribution is not None,
+            "WITH_LOADS": NODE_LOAD in sizes,
+        },
         "functions": [_write_field(plant.declarations, *item) for item in symbols.items()],
         "arguments": tuple(sizes),
     }

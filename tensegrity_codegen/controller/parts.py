@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.control.tension_distribution import TensionDistr
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import Sensor
 
-__all__ = ["ControllerParts", "check_start", "find_quantities"]
+__all__ = ["ControllerParts", "check_same_motion", "check_start", "find_quantities"]
 
 FloatArray = NDArray[np.float64]
 
@@ -124,3 +124,19 @@ def check_start(parts: ControllerParts) -> None:
         allowed=f"{rest.min() + bounds.least[k]:.6g} to {rest.max() + bounds.most[k]:.6g} m",
         hint="a larger range, or another motion",
     )
+
+
+def check_same_motion(distribution: TensionDistribution | None, motion: Motion) -> None:
+    """Raise InvalidValueError for a distribution that prefers the tensions of another motion."""
+    if distribution is None:
+        return
+    other = distribution.motion
+    names = ("time", "input", "member_tension")
+    if not all(np.array_equal(getattr(other, name), getattr(motion, name)) for name in names):
+        raise InvalidValueError(
+            "designed for another motion",
+            where="distribution",
+            given=f"a motion of {other.duration:g} s with {len(other.time)} knots",
+            allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
+            hint="design_distribution(model, motion, ...) with this motion",
+        )

@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.controller.closed_loop import CompiledLoop, LoopDraw
-from tensegrity_codegen.controller.parts import ControllerParts, check_start
+from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
+from tensegrity_codegen.controller.parts import ControllerParts, check_same_motion, check_start
 from tensegrity_codegen.controller.subject import find_described
 from tensegrity_codegen.controller.write import write_files
 from tensegrity_codegen.errors import InvalidValueError, check_choice
@@ -26,6 +28,7 @@ from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, bind
 from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -44,6 +47,7 @@ def simulate_control_batch(
     *,
     draws: Sequence[Mapping[str, Any]],
     estimator: Estimator | None = None,
+    distribution: TensionDistribution | None = None,
     knots: int | None = MOST_KNOTS,
     t_end: float | None = None,
     sample: float | None = None,
@@ -51,6 +55,7 @@ def simulate_control_batch(
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
     threads: int | None = None,
+    daqp_sdist: str | Path | None = None,
     compiler: str | None = None,
 ) -> tuple[ControlRun, ...]:
     """Simulate a motion with sampled feedback many times, controller and model in one loop in C.
@@ -68,6 +73,8 @@ def simulate_control_batch(
         ``gust`` and ``seed`` as `simulate_control` takes them; those that are missing have its defaults.
     estimator : Estimator, optional
         Estimates the state from noisy measurements; without it feedback acts on the true state.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones.
     knots : int or None
         Largest number of stored gains of feedback, as of `build_controller`; None: all samples.
     t_end : float, optional [s]
@@ -78,6 +85,8 @@ def simulate_control_batch(
         Limits of the actuators, by default those of the scene.
     threads : int, optional
         Number of runs at the same time; by default the number of processors.
+    daqp_sdist : str or Path, optional
+        Source package of DAQP for a distribution, as of `build_controller`.
     compiler : str, optional
         As of `build_controller`.
 
@@ -92,6 +101,8 @@ def simulate_control_batch(
         As `simulate_control`; an unknown key of a draw.
     LibraryError
         The model was loaded without its structure.
+    MissingSourceError
+        The C text of DAQP is not to be found, for a distribution.
     CompilerMissingError, CompileError
         No C compiler was found, or it failed.
 
@@ -123,7 +134,8 @@ def simulate_control_batch(
     check_independent(model)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0)
     check_motion(model, way)
-    check_parts(model.manifest, way, gains, estimator, None)
+    check_parts(model.manifest, way, gains, estimator, distribution)
+    check_same_motion(distribution, way)
     assert described.structure is not None  # find_described refuses models without
     parts = ControllerParts(
         name=NAME,
@@ -132,9 +144,10 @@ def simulate_control_batch(
         motion=way,
         gains=gains if gains is None or knots is None else gains.at_knots(knots),
         estimator=estimator,
-        distribution=None,
+        distribution=distribution,
         bounds=find_bounds(model, way, rate=rate, range=range, delay=delay),
         sample=find_sample(gains, estimator, sample),
+        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
     )
     check_start(parts)
     count = count_samples(way.duration if t_end is None else t_end, parts.sample)

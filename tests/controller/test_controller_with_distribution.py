@@ -10,6 +10,7 @@ import pytest
 
 from tensegrity_codegen.analyses import want_analyses
 from tensegrity_codegen.controller.build_controller import ControllerBundle, build_controller
+from tensegrity_codegen.controller.simulate_batch import simulate_control_batch
 from tensegrity_codegen.errors import InvalidValueError, MissingSourceError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.runtime.control.closed_loop import simulate_control
@@ -74,6 +75,25 @@ def test_a_noisy_loop_is_that_of_python(
     check_same(replay(controller, loop, motion, estimator, SEED), loop, motion)
     assert {"ok", "rate_limited", "least_tension"} <= set(loop.step_status)
     assert 1 <= int(controller.read("distribution.iterations")) <= 100
+
+
+def test_a_simulated_loop_in_c_is_that_of_python(
+    model: CompiledModel,
+    motion: Motion,
+    gains: Gains,
+    estimator: Estimator,
+    distribution: TensionDistribution,
+    loop: ControlRun,
+) -> None:
+    draw = {**draw_errors(model, SEED), "seed": SEED}
+    (found,) = simulate_control_batch(
+        model, motion, gains, draws=[draw], estimator=estimator, distribution=distribution, t_end=1.0
+    )
+    assert found.step_status == loop.step_status
+    np.testing.assert_allclose(found.coordinate, loop.coordinate, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.command, loop.command, rtol=0, atol=1e-9)
+    assert found.yielding is not None
+    np.testing.assert_array_equal(found.yielding, loop.yielding)
 
 
 def test_yielding_members_are_those_of_python(

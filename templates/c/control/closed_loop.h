@@ -95,6 +95,9 @@ static inline int closed_loop_store(const plant_functions *f, long long k, close
   memcpy(d->estimate + k * N_X, c->estimate, N_X * sizeof(real));
   memcpy(d->disturbance + k * N_Q, c->disturbance, N_Q * sizeof(real));
 #endif
+#if WITH_DISTRIBUTION
+  memcpy(d->yields + k * N_DRIVEN, c->distribution.yields, N_DRIVEN * sizeof(int));
+#endif
   d->plant_status = plant_tension(f, d->state + (k + 1) * N_X, &d->with, d->tension + (k + 1) * N_TENSIONS);
   return d->plant_status == PLANT_OK;
 }

@@ -21,6 +21,9 @@ typedef struct {
   real *estimate;           /* (count, N_X) */
   real *disturbance;        /* (count, N_Q) */
   int *status;              /* (count,) of each step of the controller */
+#if WITH_DISTRIBUTION
+  int *yields;              /* (count, N_DRIVEN) whether a least tension yields */
+#endif
   long long n_done;         /* samples that are complete */
   int plant_status;         /* of the last call of the plant */
   int is_lost;              /* whether the estimate was not finite */
