@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE
+from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, read_contents
 from tensegrity_codegen.codegen.compilation.compile import compile_library, object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_package,
@@ -118,9 +118,8 @@ class BuiltLibrary:
         `inputs` are never replaced. wheel: whether to add a Python package of the library, which needs NumPy
         alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
         """
-        own = {"entry.json", "compile.log"}
-        files = sorted(path for path in self.entry.folder.iterdir() if path.name not in own)
-        contents = {path.name: path.read_bytes() for path in files}
+        contents = dict(sorted(read_contents(self.entry).items()))
+        contents.pop("compile.log", None)
         sources = [name for name in contents if name.endswith(".c") and name != "example.c"]
         bundle = emit_bundle(self.manifest, sources, self.path.name)
         contents |= {name: text.encode("utf-8") for name, text in bundle.items()}

@@ -11,6 +11,7 @@ from tensegrity_codegen.errors import DuplicateNameError, InvalidNameError
 
 __all__ = [
     "FILE_NAMES",
+    "FILE_NAME_PROBLEM",
     "FILE_NAME_RULE",
     "KEYWORDS",
     "NAME_PATTERN",
@@ -43,8 +44,15 @@ xor xor_eq
 """
 KEYWORDS = frozenset(_KEYWORDS.split())
 # Stems of files beside the generated NAME.c, and files that `make` would make of NAME.c.
-FILE_NAMES = ("example", "makefile", "gnumakefile")
-FILE_NAME_RULE = f"{NAME_RULE}; not {', '.join(FILE_NAMES)}, which are files beside the generated code"
+BESIDE = ("example", "makefile", "gnumakefile")
+# Names that Windows reserves for devices, whatever their ending.
+DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10)))
+FILE_NAMES = (*BESIDE, *DEVICES)
+FILE_NAME_PROBLEM = "the name is taken by a file that is written beside the generated code, or by Windows"
+FILE_NAME_RULE = (
+    f"{NAME_RULE}; not {', '.join(BESIDE)}, which are files beside the generated code; "
+    "not con, prn, aux, nul, com1 to com9, lpt1 to lpt9, which Windows reserves for devices"
+)
 
 
 def is_name(text: str) -> bool:
@@ -75,7 +83,7 @@ def check_scene_name(text: str, where: str = "") -> None:
     check_name(text, where)
     if not is_scene_name(text):
         raise InvalidNameError(
-            "the name is taken by a file that is written beside the generated code",
+            FILE_NAME_PROBLEM,
             where=where,
             given=text,
             allowed=FILE_NAME_RULE,

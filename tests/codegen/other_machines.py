@@ -22,7 +22,7 @@ from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.targets import TARGETS
 from tests.codegen.build_c import run
 
-__all__ = ["Numbers", "compare", "format_calls", "in_c", "in_qemu", "in_wasm", "in_wine", "split"]
+__all__ = ["Numbers", "compare", "format_calls", "in_c", "in_qemu", "in_wasm", "in_wine", "require", "split"]
 
 Numbers = Mapping[str, NDArray[np.float64]]
 CASES = 3

@@ -7,20 +7,24 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensegrity_codegen.binaries import describe_binary
+from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.errors import LibraryError
-from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.pipeline import build_library, load_scene
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.targets import TARGETS, find_host, library_file_name
+from tensegrity_codegen.targets import TARGETS, WASM_STACK, find_host, library_file_name
+from tests.codegen.build_c import run
 from tests.codegen.compilers import require_compiler
-from tests.codegen.other_machines import Numbers, compare, in_c, in_qemu, in_wasm, in_wine
+from tests.codegen.other_machines import Numbers, compare, in_c, in_qemu, in_wasm, in_wine, require
 from tests.codegen.subjects import everything
 
 pytestmark = [pytest.mark.thorough, pytest.mark.optimised]
 
+ROOT = Path(__file__).resolve().parent.parent.parent
 Run = Callable[..., Numbers]
 RUNS: dict[str, Run] = {"aarch64-linux": in_qemu, "thumbv7em": in_qemu, "wasm32": in_wasm}
 # Rounding differs where a C library computes a power or a sine of its own; sums amplify it.
@@ -99,3 +103,20 @@ def test_each_target_has_a_library_of_its_own_in_the_cache(subject: tuple[Struct
     assert again.from_cache
     assert again.entry.key == first.entry.key != here.entry.key
     assert here.manifest.target == ""
+
+
+def test_the_page_calls_the_module_from_javascript(tmp_path: Path) -> None:
+    require_compiler("zig")
+    node = require("node", "nodejs")
+    (tmp_path / "prism.toml").write_text(list_examples()["prism"], encoding="utf-8")
+    structure, request = load_scene(tmp_path / "prism.toml")
+    folder = build_library(structure, request, target="wasm32").export(tmp_path / "library")
+    (script,) = re.findall(r"```js\n(.*?)```", (ROOT / "docs/machines.md").read_text(encoding="utf-8"), re.S)
+    (folder / "page.mjs").write_text(script, encoding="utf-8")
+    printed = [float(word) for word in run([node, "page.mjs"], folder).stdout.split()]
+    expected = build_library(structure, request).load().compute("member_tension")
+    np.testing.assert_allclose(printed, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_the_page_states_the_memory_of_the_module() -> None:
+    assert f"0 to {WASM_STACK:,}" in (ROOT / "docs/machines.md").read_text(encoding="utf-8")

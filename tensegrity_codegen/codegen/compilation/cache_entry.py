@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.codegen.compilation.private_files import write_private
+from tensegrity_codegen.errors import LibraryError
 from tensegrity_codegen.targets import library_suffixes
 
 __all__ = [
     "ENTRY_FILE",
     "MANIFEST_FILE",
     "CacheEntry",
+    "read_contents",
     "read_entry",
     "read_request",
     "write_entry",
@@ -90,6 +92,29 @@ def read_entry(folder: Path, key: str) -> CacheEntry | None:
         return entry if whole and entry.library is not None and entry.manifest is not None else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def read_contents(entry: CacheEntry) -> dict[str, bytes]:
+    """Return the files of an entry, each compared with its sha256.
+
+    Raises LibraryError where one is absent or not what it was when it was written.
+    """
+    contents = {}
+    try:
+        expected = json.loads((entry.folder / ENTRY_FILE).read_bytes())["files"]
+        for name in entry.files:
+            contents[name] = (entry.folder / name).read_bytes()
+            if _sha256(contents[name]) != expected[name]["sha256"]:
+                raise ValueError(name)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise LibraryError(
+            "a file in the cache of compiled libraries is not what was written there",
+            where=str(entry.folder),
+            given=str(error),
+            allowed=f"files with the sha256 in {ENTRY_FILE}",
+            hint="remove the cache with `tensegrity-codegen cache --clear`, and build again",
+        ) from error
+    return contents
 
 
 def write_request(path: Path, library_key: str, note: Mapping[str, Any]) -> None:

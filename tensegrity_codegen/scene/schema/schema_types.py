@@ -17,7 +17,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from tensegrity_codegen.scene.names import FILE_NAMES, KEYWORDS, NAME_PATTERN, NAME_RULE
+from tensegrity_codegen.scene.names import FILE_NAME_PROBLEM, FILE_NAMES, KEYWORDS, NAME_PATTERN, NAME_RULE
 
 __all__ = [
     "Anchored",
@@ -46,9 +46,7 @@ def _refuse_keyword(name: str) -> str:
 
 def _refuse_file_name(name: str) -> str:
     if name.lower() in FILE_NAMES:
-        raise PydanticCustomError(
-            "name_of_file", "the name is taken by a file that is written beside the generated code"
-        )
+        raise PydanticCustomError("name_of_file", FILE_NAME_PROBLEM)
     return name
 
 
