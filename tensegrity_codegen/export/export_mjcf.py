@@ -1,0 +1,121 @@
+"""Export to MJCF, the models of MuJoCo: bodies for nodes and rigid bars, spatial tendons for members."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Comment, Element
+
+import numpy as np
+
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.export.elements import add, number, numbers, write_elements
+from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
+from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_parts
+from tensegrity_codegen.marks import MARK
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["EXPORTER", "build_mjcf"]
+
+STEP = 1e-4  # s, a step of MuJoCo for stiff bars; its own default is 2e-3
+INTEGRATORS = ("RK4", "implicitfast", "implicit", "Euler")
+
+
+def build_mjcf(
+    structure: Structure, step: float = STEP, integrator: str = "RK4"
+) -> tuple[Element, list[str]]:
+    """Return the model of a structure as the element `mujoco`, and what it cannot express.
+
+    step [s], integrator: of MuJoCo. Raises FormulationError for structures that MuJoCo cannot express,
+    InvalidValueError and UnknownNameError for other steps and integrators.
+    """
+    check_choice(integrator, INTEGRATORS, "integrator", "integrator")
+    if not 0 < step < np.inf:
+        raise InvalidValueError("the step is out of range", where="step", given=step, allowed="above 0 s")
+    parts = build_parts(structure)
+    root = Element("mujoco", model=structure.name)
+    root.append(Comment(f" {MARK}; SI units "))
+    gravity = numbers(structure.gravity)
+    option = add(root, "option", timestep=number(step), integrator=integrator, gravity=gravity)
+    add(option, "flag", contact="disable")
+    classes = add(root, "default")
+    for kind in ("bar", "cable"):
+        add(classes, "default", **{"class": kind})
+    root.append(parts.world)
+    if len(parts.tendon):
+        root.append(parts.tendon)
+    actuator = _build_actuators(parts)
+    if len(actuator):
+        root.append(actuator)
+    if parts.qpos:
+        frame = add(root, "keyframe")
+        state = {"qpos": " ".join(map(number, parts.qpos)), "qvel": " ".join(map(number, parts.qvel))}
+        add(frame, "key", name="start", **state)
+    return root, [*parts.notes, *_list_losses(structure)]
+
+
+def _build_actuators(parts: ModelParts) -> Element:
+    """Return the constant forces on nodes, then the inputs of the scene."""
+    structure, actuator = parts.structure, Element("actuator")
+    for node in np.flatnonzero(parts.force.any(axis=1) & ~(parts.tree.fixed.all(axis=1) & ~parts.carried)):
+        name = structure.node_name[node]
+        constant = {"gainprm": "0", "biastype": "affine", "biasprm": "1"}
+        pull = {"site": name, "refsite": WORLD_SITE, "gear": f"{numbers(parts.force[node])} 0 0 0"}
+        add(actuator, "general", name=f"load.{name}", **pull, **constant)
+    for item in structure.inputs:
+        for target in item.targets:
+            if item.kind == "force":
+                site = structure.node_name[target]
+                gear = f"{numbers(np.array(item.direction))} 0 0 0"
+                pull = {"site": site, "refsite": WORLD_SITE, "gear": gear, "gainprm": "1"}
+                add(actuator, "general", name=f"{item.name}.{site}", **pull)
+            elif not structure.is_rigid[target]:
+                member = structure.member_name[target]
+                gain = {"tendon": member, "gainprm": number(structure.mu[target])}
+                add(actuator, "general", name=f"{item.name}.{member}", **gain)
+    return actuator
+
+
+def _list_losses(structure: Structure) -> list[str]:
+    """Return what of the structure the model does not have, or has otherwise, a sentence each."""
+    loose = structure.tension_only & ~structure.is_rigid
+    facts = [
+        ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),
+        (not structure.is_linear.all(), "bilinear members have the slope before their switch only"),
+        (
+            any(item.kind == "rest_length" for item in structure.inputs),
+            "inputs of rest lengths are forces mu u on tendons, which is exact while the cable is taut",
+        ),
+        (
+            bool(structure.inputs),
+            "an input is a control of each of its nodes or members, named input.target",
+        ),
+        (bool(structure.actuators), "rates, ranges and delays of actuators are not in the file"),
+        (bool(structure.sensors), "sensors are not in the file"),
+        (structure.limits.is_stated, "limits are not in the file"),
+        ((structure.radius > 0).any(), "radii of members and contacts of bars are not in the file"),
+        (bool(structure.groups), "groups and classes are not in the file"),
+    ]
+    return [text for is_lost, text in facts if is_lost]
+
+
+def write_mjcf(source: ExportSource, path: Path, *, step: float = STEP, integrator: str = "RK4") -> Exported:
+    """Write a scene of nodes and members as MJCF; raises what build_mjcf raises."""
+    structure = source.structure
+    if not isinstance(structure, Structure):
+        raise FormulationError(
+            "scenes of bodies are not exported to MJCF",
+            where=str(source.path),
+            allowed="scenes with the sections nodes and members, or a shape",
+        )
+    root, notes = build_mjcf(structure, step, integrator)
+    write_elements(root, path)
+    return Exported({"n_nodes": structure.n_nodes, "n_members": structure.n_members}, tuple(notes))
+
+
+EXPORTER = Exporter(
+    name="mjcf",
+    title="model of MuJoCo (MJCF)",
+    endings=(".xml",),
+    write=write_mjcf,
+    order=20,
+)
