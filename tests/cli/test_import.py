@@ -205,7 +205,7 @@ def test_a_gravity_that_is_none_is_refused(gravity: str, run: Run, folder: Path)
     assert not Path("tripod.toml").exists()
 
 
-@pytest.mark.parametrize("sources", [["nodes.csv"], ["a.xml"], ["nodes.csv", "members.csv", "more.csv"]])
+@pytest.mark.parametrize("sources", [["nodes.csv"], ["a.step"], ["nodes.csv", "members.csv", "more.csv"]])
 def test_sources_that_are_none_are_refused(sources: list[str], run: Run, folder: Path) -> None:
     write_tables(folder, NODES, MEMBERS)
     ended = run("import", *sources, "-o", "tripod.toml", "--json")

@@ -192,21 +192,21 @@ def run_mujoco(structure: Structure, step: float, count: int, spacing: float) ->
 
 @pytest.mark.peers
 @pytest.mark.parametrize(
-    ("name", "least", "bound"), [("prism", 8, 1e-6), ("icosahedron", 8, 1e-8), ("tower", 3, 1e-7)]
+    ("name", "step", "bound"), [("prism", 1e-4, 1e-6), ("icosahedron", 5e-5, 1e-8), ("tower", 2.5e-5, 1e-8)]
 )
 def test_the_motions_of_the_examples_converge_to_ours(
-    name: str, least: float, bound: float, tmp_path: Path
+    name: str, step: float, bound: float, tmp_path: Path
 ) -> None:
-    """One second in MuJoCo's RK4; the tower's order is lower: events between its steps."""
+    """One second in MuJoCo's RK4, in steps that resolve the vibration of the bars: order 4."""
     path = write_example(tmp_path, name)
     model = compile_scene(path, for_="simulate", method="rk853")
     own = simulate(model, t_end=1.0, samples=11, method="rk853", rtol=1e-10)
     assert isinstance(model.structure, Structure)
     errors = [
-        float(np.abs(run_mujoco(model.structure, step, 11, 0.1) - own.node_position).max())
-        for step in (2e-4, 1e-4)
+        float(np.abs(run_mujoco(model.structure, each, 11, 0.1) - own.node_position).max())
+        for each in (2 * step, step)
     ]
-    assert errors[0] / errors[1] > least, errors
+    assert errors[0] / errors[1] > 7, errors
     assert errors[1] < bound, errors
 
 

@@ -70,10 +70,10 @@ def import_foreign(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.scene.assemble.assemble import assemble
-        from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
+        from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
         from tensegrity_codegen.scene.formats.format import read_files
         from tensegrity_codegen.scene.read import parse_scene
+        from tensegrity_codegen.scene.subject import assemble_scene
         from tensegrity_codegen.scene.write import write_scene
 
         check_ending(out, ".toml")
@@ -87,10 +87,10 @@ def import_foreign(
             rigid=rigid or None,
             pretension_scale=pretension_scale,
         )
-        structure, _ = assemble(parse_scene(imported.document, str(sources[0])), str(sources[0]))
+        structure, _ = assemble_scene(parse_scene(imported.document, str(sources[0])), str(sources[0]))
         check_target(out, inputs=sources)
         write_scene(imported.document, out, overwrite=overwrite)
-        notes = (*imported.notes, *find_warnings(structure))
+        notes = (*imported.notes, *find_scene_warnings(structure))
         for note in notes:
             output.warn(note)
         data = {"n_nodes": structure.n_nodes, "n_members": structure.n_members, "notes": notes}

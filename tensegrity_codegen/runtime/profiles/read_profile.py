@@ -8,7 +8,7 @@ from typing import Any
 
 from tensegrity_codegen.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.scene.formats.csv_table import Row, read_table
+from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 
 __all__ = ["read_profile"]
 

@@ -40,6 +40,8 @@ class Format:
         Place in lists of formats.
     instead : Mapping
         For options of other formats: what this one has in their place.
+    recognises : Callable or None
+        Whether the content of a file with a fitting ending is of this format; None: it is.
     """
 
     title: str
@@ -49,6 +51,7 @@ class Format:
     options: tuple[str, ...] = ()
     order: int = 0
     instead: Mapping[str, str] = field(default_factory=dict)
+    recognises: Callable[[Path], bool] | None = None
 
     @property
     def example(self) -> str:
@@ -70,10 +73,14 @@ def find_formats() -> list[Format]:
 
 
 def find_format(paths: Sequence[Path]) -> Format:
-    """Return the format of some files; raises InvalidValueError where they have none."""
+    """Return the format of some files: by their names, and by the content where names do not tell.
+
+    Raises InvalidValueError where they have none, SceneError where the content cannot be read.
+    """
     formats = find_formats()
-    for item in formats:
-        if item.fits(paths):
+    fitting = [item for item in formats if item.fits(paths)]
+    for item in fitting:
+        if item.recognises is None or item.recognises(paths[0]):
             return item
     raise InvalidValueError(
         "these files have no known format",

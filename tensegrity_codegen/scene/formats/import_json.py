@@ -19,7 +19,6 @@ from tensegrity_codegen.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
-    SceneSyntaxError,
     StructureError,
     UnknownKeyError,
     UnknownNameError,
@@ -27,15 +26,14 @@ from tensegrity_codegen.errors import (
 )
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.control_sections import CONTROL_SECTIONS, rename_control
+from tensegrity_codegen.scene.formats.files.json_file import read_json
 from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, read_text, scene_name
+from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
 from tensegrity_codegen.scene.names import check_scene_name, key_path
 
 __all__ = ["FORMAT", "import_json"]
 
-LARGEST_JSON = 32 * 2**20  # bytes
-MOST_VALUES = 4_000_000  # of one file
 SECTIONS = ("name", "gravity", "nodes", "members", "anchors", "loads", *CONTROL_SECTIONS)
 NODE_KEYS = ("name", "position", "velocity", "mass", "anchored")
 NUMBERS = (*POSITIVE, "damping", "prestress")
@@ -60,7 +58,7 @@ def import_json(
         Or a subclass of it that names the file and the key.
     """
     path = Path(path)
-    content = _Place(_read(path), str(path), ()).table(SECTIONS)
+    content = _Place(read_json(path, "a JSON file of nodes and members"), str(path), ()).table(SECTIONS)
     if name is None and "name" in content:
         name = content["name"].text()
         check_scene_name(name, content["name"].where)
@@ -150,39 +148,6 @@ class _Place:
         if isinstance(self.value, dict | list):
             return f"{'an object' if isinstance(self.value, dict) else 'a list'} of {len(self.value)} entries"
         return json.dumps(self.value if not isinstance(self.value, str) else self.value[:80])
-
-
-def _read(path: Path) -> Any:
-    """Return the content of a JSON file; each key once, no NaN, of limited size."""
-    text = read_text(path, LARGEST_JSON, "a JSON file of nodes and members")
-    count = sum(text.count(sign) for sign in ",[{")
-    if count > MOST_VALUES:
-        raise SceneSyntaxError(
-            "the file has too many values", where=str(path), given=count, allowed=f"up to {MOST_VALUES}"
-        )
-
-    def refuse(word: str) -> Any:
-        raise NonFiniteError("not a finite number", where=str(path), given=word, allowed="finite numbers")
-
-    def read_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        table: dict[str, Any] = {}
-        for key, value in pairs:
-            if key in table:
-                raise DuplicateNameError(
-                    "a key is given twice in one object", where=str(path), given=key, allowed="each key once"
-                )
-            table[key] = value
-        return table
-
-    try:
-        return json.loads(text, object_pairs_hook=read_object, parse_constant=refuse)
-    except json.JSONDecodeError as error:
-        place = f"{path}: line {error.lineno}, column {error.colno}"
-        raise SceneSyntaxError(f"not valid JSON: {error.msg}", where=place, allowed="JSON") from None
-    except RecursionError:
-        raise SceneSyntaxError("the file is nested too deeply", where=str(path)) from None
-    except ValueError:  # an integer of thousands of digits
-        raise SceneSyntaxError("a number has too many digits", where=str(path)) from None
 
 
 def _list_entries(
@@ -322,5 +287,5 @@ FORMAT = Format(
     sources=("structure.json",),
     endings=(".json",),
     read=import_json,
-    order=3,
+    order=9,
 )

@@ -19,7 +19,7 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.scene.formats.csv_table import Row, read_table
+from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults

@@ -85,10 +85,11 @@ def name_all(foreign: Iterable[str], prefix: str, what: str) -> tuple[dict[str, 
     return {name: kept.get(name) or book.add(name) for name in foreign}, book.notes(what)
 
 
-def read_text(path: Path, largest: int, what: str) -> str:
+def read_text(path: Path, largest: int, what: str, fallback: str = "") -> str:
     """Return the text of a foreign file, without byte-order mark and with plain newlines.
 
-    Raises SceneError where it cannot be read, SceneSyntaxError where it is empty, too large or not UTF-8.
+    fallback: the encoding of files that are not UTF-8; without it they are refused. Raises SceneError where
+    it cannot be read, SceneSyntaxError where it is empty, too large or not UTF-8.
     """
     where = str(path)
     check_regular(path, where)
@@ -108,6 +109,8 @@ def read_text(path: Path, largest: int, what: str) -> str:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError:
+        if fallback:
+            return data.decode(fallback).replace("\r\n", "\n").replace("\r", "\n")
         raise SceneSyntaxError(
             "the file is not UTF-8 text", where=where, allowed=what, hint="save it as UTF-8"
         ) from None

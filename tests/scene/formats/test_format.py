@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError, SceneError
 from tensegrity_codegen.scene.formats.format import find_format, find_formats, read_files
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -17,14 +17,36 @@ def test_every_format_has_a_place_of_its_own_and_a_section_in_the_documentation(
     assert [item.title for item in formats if f"import {item.example} " not in page] == []
 
 
-def test_every_format_finds_its_own_files() -> None:
+SAMPLES = {
+    "scene.json": '{"format": "tensegrity_codegen scene 1"}',
+    "network.json": '{"dtype": "compas.datastructures/Network", "data": {}}',
+    "structure.json": '{"nodes": {}}',
+    "structure.tdf.xml": "<tdf/>",
+    "model.xml": "<mujoco/>",
+}
+
+
+def test_every_format_finds_its_own_files(tmp_path: Path) -> None:
     for item in find_formats():
-        assert find_format([Path(name) for name in item.sources]) is item
+        paths = [tmp_path / name for name in item.sources]
+        for path in paths:
+            path.write_text(SAMPLES.get(path.name, ""), encoding="utf-8")
+        assert find_format(paths) is item
+
+
+def test_files_that_several_formats_could_have_are_distinguished_by_their_content(tmp_path: Path) -> None:
+    for text in ("<html/>", "no xml", "<a"):
+        path = tmp_path / "other.xml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InvalidValueError, match="no known format"):
+            find_format([path])
+    with pytest.raises(SceneError, match="cannot be read"):
+        find_format([tmp_path / "missing.xml"])
 
 
 def test_files_of_no_format_are_refused_with_the_formats() -> None:
     with pytest.raises(InvalidValueError) as caught:
-        find_format([Path("a.xml")])
+        find_format([Path("a.step")])
     assert all(item.example in caught.value.allowed for item in find_formats())
 
 

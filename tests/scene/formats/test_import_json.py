@@ -23,9 +23,9 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
 )
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats import import_json as module
+from tensegrity_codegen.scene.formats.files import json_file
 from tensegrity_codegen.scene.formats.format import read_files
-from tensegrity_codegen.scene.formats.import_json import import_json
+from tensegrity_codegen.scene.formats.import_json import MEMBER_KEYS, NODE_KEYS, SECTIONS, import_json
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.read import parse_scene
 
@@ -146,7 +146,7 @@ def test_the_example_of_the_documentation(load: Load) -> None:
 def test_the_documentation_names_every_key() -> None:
     page = (ROOT / "docs" / "import.md").read_text(encoding="utf-8")
     section = page.partition("(JSON)\n")[2].partition("\n## ")[0]
-    keys = {*module.SECTIONS, *module.NODE_KEYS, *module.MEMBER_KEYS}
+    keys = {*SECTIONS, *NODE_KEYS, *MEMBER_KEYS}
     assert [key for key in sorted(keys) if f"`{key}`" not in section] == []
 
 
@@ -234,7 +234,7 @@ def test_files_that_are_no_structure_are_refused(
 
 
 def test_a_file_that_is_too_large_is_refused(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LARGEST_JSON", 100)
+    monkeypatch.setattr(json_file, "LARGEST_JSON", 100)
     with pytest.raises(SceneSyntaxError, match="too large"):
         load(BY_NAME)
 

@@ -1,0 +1,214 @@
+"""Import of a network of COMPAS (JSON): nodes and edges with the attributes of its form-finding packages.
+
+    {"dtype": "compas.datastructures/Network",
+     "data": {"node": {"0": {"x": 0, "y": 0, "z": 0, "is_anchor": true}, "1": {"x": 1, "y": 0, "z": 0}},
+              "edge": {"0": {"1": {"q": -2.0, "E": 2.1e11, "A": 1e-4}}}}}
+
+Of version 1 (class Network, keys as Python literals) and 2 (class Graph). docs/import.md has every attribute.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_json
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
+from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.scene.names import key_path
+
+__all__ = ["FORMAT", "import_compas"]
+
+WHAT = "a network of COMPAS"
+CLASSES = ("Network", "Graph", "CableNetwork", "FormDiagram", "TopologyDiagram", "FofinNetwork", "Structure")
+_CLASS_KEY = re.compile(r'"d(?:ata)?type"\s*:\s*"compas')
+ANCHORS = ("is_anchor", "is_anchored", "is_fixed", "is_support", "anchored")
+LOADS = ("px", "py", "pz")
+REACTIONS = ("rx", "ry", "rz")  # results of an analysis, which are not read
+BARS, CABLES = ("bar", "strut", "compression"), ("cable", "tie", "tension", "string")
+KINDS = ("kind", "type", "is_strut", "is_bar")
+# Attributes of edges by the keys of a scene.
+NUMBERS = {
+    "l0": "rest_length",
+    "linit": "rest_length",
+    "rest_length": "rest_length",
+    "k": "spring_constant",
+    "spring_constant": "spring_constant",
+    "EA": "axial_stiffness",
+    "axial_stiffness": "axial_stiffness",
+    "mass": "mass",
+    "density": "density",
+    "radius": "radius",
+    "damping": "damping",
+    "f": "prestress",
+    "force": "prestress",
+    "prestress": "prestress",
+}
+OTHERS = ("q", "E", "A")
+
+
+def import_compas(
+    path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
+) -> ImportResult:
+    """Return the scene document of a COMPAS network, and notes on attributes that are not read.
+
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]. Raises SceneError or a
+    subclass of it that names the file and the key.
+    """
+    path = Path(path)
+    content = _table(read_json(path, WHAT), str(path))
+    where = str(path)
+    data = content
+    if "data" in content:
+        kind = str(content.get("dtype", content.get("datatype", "")))
+        if kind and kind.rpartition("/")[2] not in CLASSES:
+            raise InvalidValueError(
+                "not a network", where=key_path(where, "dtype"), given=kind[:80], allowed=", ".join(CLASSES)
+            )
+        where = key_path(where, "data")
+        data = _table(content["data"], where)
+    network, ignored = Network(), dict[str, int]()
+    defaults = [
+        _table(data.get(short, data.get(long)) or {}, f"{where}.{long}")
+        for short, long in (("dna", "default_node_attributes"), ("dea", "default_edge_attributes"))
+    ]
+    nodes = _table(data.get("node", {}), f"{where}.node")
+    for key, values in nodes.items():
+        place = f"{where}.node.{key[:80]}"
+        _read_node(network, _name(key), {**defaults[0], **_table(values or {}, place)}, place, ignored)
+    for first, row in _table(data.get("edge", {}), f"{where}.edge").items():
+        for second, values in _table(row or {}, f"{where}.edge.{first[:80]}").items():
+            place = f"{where}.edge.{first[:80]}.{second[:80]}"
+            found = {**defaults[1], **_table(values or {}, place)}
+            _read_edge(network, (_name(first), _name(second)), found, place, ignored)
+    if ignored:
+        listed = ", ".join(f"{key[:40]} ({count})" for key, count in list(ignored.items())[:10])
+        network.notes.append(f"attributes that are not read, with the number of nodes and edges: {listed}")
+    return build_result(network, path, name, gravity)
+
+
+def is_compas(path: Path) -> bool:
+    """Return whether a JSON file names a class of COMPAS, or has the sections of such a network."""
+    text = read_text(path, LARGEST_JSON, WHAT)
+    return _CLASS_KEY.search(text) is not None or ('"node"' in text and '"edge"' in text)
+
+
+def _name(key: str) -> str:
+    """Return the name that a key stands for: version 1 writes keys as Python literals."""
+    try:
+        value = ast.literal_eval(key) if len(key) < 200 else key
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return key
+    return str(value) if isinstance(value, str | int | tuple) else key
+
+
+def _table(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InvalidValueError(
+            "not a table", where=where, given=type(value).__name__, allowed="an object, { ... }"
+        )
+    return value
+
+
+def _number(values: Mapping[str, Any], key: str, where: str) -> float | None:
+    """Return a number, None where it is missing or null."""
+    value = values.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InvalidValueError(
+            "not a number", where=f"{where}.{key}", given=str(value)[:80], allowed="a number, such as 0.25"
+        )
+    if abs(value) >= 1e300 or not math.isfinite(value):
+        raise NonFiniteError("the number is too large", where=f"{where}.{key}", allowed="up to 1e300")
+    return float(value)
+
+
+def _count(ignored: dict[str, int], values: Mapping[str, Any], known: Sequence[str]) -> None:
+    for key, value in values.items():
+        if key not in known and value is not None:
+            ignored[key] = ignored.get(key, 0) + 1
+
+
+def _read_node(
+    network: Network, name: str, values: Mapping[str, Any], where: str, ignored: dict[str, int]
+) -> None:
+    node: dict[str, Any] = {"position": [_number(values, axis, where) or 0.0 for axis in "xyz"]}
+    if any(values.get(key) is True for key in ANCHORS):
+        node["anchored"] = True
+    mass = _number(values, "mass", where)
+    if mass:
+        node["mass"] = mass
+    force = [_number(values, key, where) or 0.0 for key in LOADS]
+    if any(force):
+        network.loads.append((name, force))
+    network.nodes[name] = node
+    _count(ignored, values, ("x", "y", "z", "mass", *ANCHORS, *LOADS, *REACTIONS))
+
+
+def _read_edge(
+    network: Network,
+    ends: tuple[str, str],
+    values: Mapping[str, Any],
+    where: str,
+    ignored: dict[str, int],
+) -> None:
+    member: dict[str, Any] = {"kind": ""}
+    for key, target in NUMBERS.items():
+        value = _number(values, key, where)
+        if value is not None and not (key == "f" and value == 0 and "q" in values):
+            member[target] = value
+    density = _number(values, "q", where)
+    if density is not None and "prestress" not in member and "rest_length" not in member:
+        member["prestress"] = density * _length(network, ends)
+    modulus, area = _number(values, "E", where), _number(values, "A", where)
+    if modulus is not None and area is not None and "axial_stiffness" not in member:
+        member["axial_stiffness"] = modulus * area
+    member["kind"] = _find_kind(values, member, where)
+    if member["kind"] == "cable" and member.get("prestress", 0.0) < 0:
+        member["tension_only"] = False
+    name = str(values.get("name") or f"{ends[0]}_{ends[1]}")
+    network.members.append(NetworkMember(name, ends, member, where))
+    _count(ignored, values, ("name", *KINDS, *NUMBERS, *OTHERS))
+
+
+def _length(network: Network, ends: tuple[str, str]) -> float:
+    """Return the distance of two nodes, 0 where one is missing (which is an error later)."""
+    places = [network.nodes[end]["position"] for end in ends if end in network.nodes]
+    return math.dist(*places) if len(places) == 2 else 0.0
+
+
+def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str) -> str:
+    """Return bar or cable: by an attribute, else by the sign of force or force density."""
+    for key in ("is_strut", "is_bar"):
+        if isinstance(values.get(key), bool):
+            return "bar" if values[key] else "cable"
+    for key in ("kind", "type"):
+        word = values.get(key)
+        if isinstance(word, str) and word.lower() in (*BARS, *CABLES):
+            return "bar" if word.lower() in BARS else "cable"
+    force = member.get("prestress") or _number(values, "q", where)
+    if force:
+        return "bar" if force < 0 else "cable"
+    raise InvalidValueError(
+        "neither a bar nor a cable",
+        where=where,
+        given=", ".join(sorted(values))[:80] or "no attributes",
+        allowed=f'an attribute "kind" ({", ".join((*BARS, *CABLES))}), "is_strut", "q" or "f"',
+    )
+
+
+FORMAT = Format(
+    title="networks of COMPAS (JSON)",
+    sources=("network.json",),
+    endings=(".json",),
+    read=import_compas,
+    order=4,
+    recognises=is_compas,
+)

@@ -1,0 +1,129 @@
+"""Import of the tensegrity document format (TDF, XML): rods and cables of classes between positioned nodes.
+
+<tdf><rod_class id="r" stiffness="100" rest_length="0.5"/> <cable_class id="c" .../>
+  <composition><rod class="r" node1="1" node2="2"/> <cable class="c" node1="2" node2="3"/></composition>
+  <initial_positions><node id="1" xyz="0 0 0"/> ...</initial_positions></tdf>
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.scene.formats.files.xml_file import (
+    find_root,
+    read_attribute,
+    read_number,
+    read_numbers,
+    read_xml,
+)
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+
+__all__ = ["FORMAT", "import_tdf"]
+
+WHAT = "a tensegrity document (TDF)"
+KINDS = {"rod": "bar", "cable": "cable"}
+
+
+def import_tdf(
+    path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
+) -> ImportResult:
+    """Return the scene document of a TDF file, and notes.
+
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2]. Raises SceneError or a
+    subclass of it that names the file and the element.
+    """
+    path = Path(path)
+    root, where = read_xml(path, WHAT), str(path)
+    if root.tag != "tdf":
+        raise InvalidValueError(
+            "not a tensegrity document", where=where, given=root.tag[:80], allowed="<tdf>"
+        )
+    for element in root.iter():
+        if element.tag.startswith("{"):
+            raise InvalidValueError(
+                "macros are not expanded",
+                where=where,
+                given=element.tag[:80],
+                allowed="elements of TDF",
+                hint="expand the file with the program xacro first",
+            )
+    network = Network()
+    classes = {kind: _read_classes(root, kind, where) for kind in KINDS}
+    for number, element in enumerate(root.iterfind("initial_positions/node")):
+        place = f"{where}: initial_positions.node[{number}]"
+        key = read_attribute(element, "id", place)
+        if key in network.nodes:
+            raise DuplicateNameError("two nodes with one id", where=place, given=key[:80])
+        xyz = read_attribute(element, "xyz", place)
+        network.nodes[key] = {"position": read_numbers(xyz, f"{place}.xyz", (3,))}
+    _read_members(network, root, classes, where)
+    network.notes.append(
+        "the file has no masses: the scene serves statics, motions need masses of nodes or bars"
+    )
+    return build_result(network, path, name, gravity)
+
+
+def _read_classes(root: Element, kind: str, file: str) -> dict[str, dict[str, float]]:
+    """Return stiffness and rest length by class."""
+    found: dict[str, dict[str, float]] = {}
+    for number, element in enumerate(root.iterfind(f"{kind}_class")):
+        place = f"{file}: {kind}_class[{number}]"
+        key = read_attribute(element, "id", place)
+        if key in found:
+            raise DuplicateNameError("two classes with one id", where=place, given=key[:80])
+        found[key] = {
+            target: read_number(read_attribute(element, source, place), f"{place}.{source}")
+            for source, target in (("stiffness", "spring_constant"), ("rest_length", "rest_length"))
+        }
+    return found
+
+
+def _read_members(
+    network: Network, root: Element, classes: Mapping[str, Mapping[str, Any]], file: str
+) -> None:
+    """Add rods and cables; one that is given again with the same class counts once."""
+    seen: dict[tuple[str, frozenset[str]], str | None] = {}
+    repeated = 0
+    for number, element in enumerate(root.iterfind("composition/*")):
+        place = f"{file}: composition[{number}]"
+        if element.tag not in KINDS:
+            raise InvalidValueError(
+                "neither a rod nor a cable", where=place, given=element.tag[:80], allowed="rod, cable"
+            )
+        first, second = (read_attribute(element, key, place) for key in ("node1", "node2"))
+        own = element.get("class")
+        pair = (element.tag, frozenset((first, second)))
+        if pair in seen and seen[pair] == own:
+            repeated += 1
+            continue
+        seen[pair] = own
+        if own is not None and own not in classes[element.tag]:
+            raise UnknownNameError(
+                "unknown class",
+                where=f"{place}.class",
+                given=own[:80],
+                allowed=f"a {element.tag}_class of the file",
+                hint=suggest(own[:80], classes[element.tag]),
+            )
+        values = {} if own is None else classes[element.tag][own]
+        member = {"kind": KINDS[element.tag], **values}
+        name = f"{element.tag}_{first}_{second}"
+        network.members.append(NetworkMember(name, (first, second), member, place))
+    if repeated:
+        network.notes.append(f"{repeated} rods and cables are given again, and count once")
+
+
+FORMAT = Format(
+    title="tensegrity documents (TDF, XML)",
+    sources=("structure.tdf.xml",),
+    endings=(".xml", ".tdf"),
+    read=import_tdf,
+    order=6,
+    recognises=lambda path: find_root(path) == "tdf",
+)

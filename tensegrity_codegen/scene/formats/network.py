@@ -1,0 +1,113 @@
+"""What importers of nodes and members have in common: names, references, rules of members."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.errors import DuplicateNameError, StructureError, UnknownNameError, suggest
+from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
+from tensegrity_codegen.scene.formats.member_rules import check_ends, check_member, note_defaults
+
+__all__ = ["Network", "NetworkMember", "build_result"]
+
+
+@dataclass(frozen=True)
+class NetworkMember:
+    """One member: its name in the file, its two nodes, its values by the keys of a scene, its place."""
+
+    name: str
+    ends: tuple[str, str]
+    values: Mapping[str, Any]
+    where: str
+
+
+@dataclass
+class Network:
+    """Nodes and members under their names in a file.
+
+    nodes: values by the keys of a scene; loads: forces [N] by node; inputs: as in a scene; extra: further
+    sections of the document, whose names are names of a scene already.
+    """
+
+    nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    members: list[NetworkMember] = field(default_factory=list)
+    loads: list[tuple[str, Sequence[float]]] = field(default_factory=list)
+    gravity: Sequence[float] | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def build_result(
+    network: Network, path: Path, name: str | None, gravity: Sequence[float] | None
+) -> ImportResult:
+    """Return the scene document of a network, and notes.
+
+    name, gravity: given by the caller, in place of the file's. Raises StructureError, DuplicateNameError,
+    UnknownNameError or InvalidValueError that names the place in the file.
+    """
+    title, notes = scene_name(name, path, "scene_")
+    for section, found in (("nodes", network.nodes), ("members", network.members)):
+        if not found:
+            raise StructureError(f"the file has no {section}", where=str(path), allowed="one at least")
+    node_names, node_notes = name_all(network.nodes, "n", "nodes were")
+    _check_names(network.members)
+    member_names, member_notes = name_all([item.name for item in network.members], "m", "members were")
+    document: dict[str, Any] = {"name": title}
+    chosen = network.gravity if gravity is None else gravity
+    if chosen is not None:
+        document["gravity"] = [float(value) for value in chosen]
+    document["nodes"] = {node_names[key]: dict(values) for key, values in network.nodes.items()}
+    document["members"] = _build_members(network.members, member_names, node_names)
+    loads = [
+        {"node": node_names[node], "force": [float(value) for value in force]}
+        for node, force in network.loads
+    ]
+    document |= {"loads": loads} if loads else {}
+    defaults = note_defaults(document["members"].values())
+    return ImportResult(document, (*notes, *node_notes, *member_notes, *network.notes, *defaults))
+
+
+def _check_names(members: Sequence[NetworkMember]) -> None:
+    seen: dict[str, str] = {}
+    for item in members:
+        if item.name in seen:
+            raise DuplicateNameError(
+                "two members with one name",
+                where=item.where,
+                given=item.name[:80],
+                allowed=f"each name once ({seen[item.name]} has it too)",
+            )
+        seen[item.name] = item.where
+
+
+def _build_members(
+    members: Sequence[NetworkMember], names: Mapping[str, str], nodes: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    built: dict[str, dict[str, Any]] = {}
+    seen: dict[frozenset[str], str] = {}
+    for item in members:
+        for end in item.ends:
+            if end not in nodes:
+                raise UnknownNameError(
+                    "unknown node",
+                    where=item.where,
+                    given=end[:80],
+                    allowed="a node of the file",
+                    hint=suggest(end[:80], nodes),
+                )
+        check_ends(*item.ends, item.ends[1], item.where)
+        pair = frozenset(item.ends)
+        if pair in seen:
+            raise DuplicateNameError(
+                "two members join the same nodes",
+                where=item.where,
+                given=" and ".join(item.ends),
+                allowed=f"one member for each pair ({seen[pair]} joins them too)",
+            )
+        seen[pair] = item.where
+        member = {"kind": item.values["kind"], "nodes": [nodes[end] for end in item.ends], **item.values}
+        check_member(member, lambda key, place=item.where: f"{place}: {key}")  # type: ignore[misc]
+        built[names[item.name]] = member
+    return built

@@ -1,0 +1,113 @@
+"""Networks of COMPAS, of both versions, and wrong ones named by their place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tensegrity_codegen.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    NonFiniteError,
+    SceneError,
+    StructureError,
+    UnknownNameError,
+)
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.read import parse_scene
+
+NODES: dict[str, Any] = {
+    "0": {"x": 0, "y": 0, "z": 0, "is_anchor": True, "rx": 3.0},
+    "1": {"x": 2.0, "y": 0, "z": 0, "px": 1.0, "pz": -2.0, "mass": 0.4},
+    "2": {"x": 1.0, "y": 1.0, "z": None, "is_fixed": True, "colour": "red"},
+}
+EDGES: dict[str, Any] = {
+    "0": {"1": {"q": -2.0, "EA": 1e6, "radius": 0.01, "density": 2000}},
+    "1": {"2": {"q": 3.0, "E": 2e11, "A": 1e-6}},
+    "2": {"0": {"kind": "tie", "l0": 1.2, "k": 500.0, "name": "stay"}},
+}
+
+
+def load(tmp_path: Path, content: Any, **options: Any) -> ImportResult:
+    path = tmp_path / "network.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return read_files([path], **options)
+
+
+def whole(**data: Any) -> dict[str, Any]:
+    content = {"node": NODES, "edge": EDGES, "max_node": 2, **data}
+    return {"dtype": "compas.datastructures/Network", "data": content}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        whole(),
+        {"dtype": "compas.datastructures/Graph", "data": {"node": NODES, "edge": EDGES}, "name": "g"},
+        {"datatype": "compas_fofin.datastructures/CableNetwork", "data": {"node": NODES, "edge": EDGES}},
+        {"node": NODES, "edge": EDGES, "dna": {"x": 0.0}, "dea": {"q": None}},
+    ],
+)
+def test_nodes_and_edges_become_a_scene(content: Any, tmp_path: Path) -> None:
+    result = load(tmp_path, content, gravity=[0, 0, -9.81])
+    structure, _ = assemble(parse_scene(result.document))
+    assert structure.node_name == ("n0", "n1", "n2")
+    assert structure.member_name == ("m0_1", "m1_2", "stay")
+    assert structure.is_bar.tolist() == [True, False, False]
+    assert structure.static_tension()[:2].tolist() == pytest.approx([-4.0, 3 * 2**0.5])
+    assert structure.axial_stiffness.tolist() == pytest.approx([1e6, 2e5, 0])
+    assert (structure.rest_length[2], structure.spring_constant[2]) == (1.2, 500.0)
+    assert structure.node_anchored.all(axis=1).tolist() == [True, False, True]
+    assert structure.node_load[1].tolist() == [1.0, 0.0, -2.0]
+    assert structure.node_mass[1] == 0.4
+    assert any("colour (1)" in note for note in result.notes)
+
+
+def test_keys_of_version_1_are_python_literals(tmp_path: Path) -> None:
+    nodes = {"'a b'": {"x": 0, "y": 0, "z": 0}, "(1, 2)": {"x": 1, "y": 0, "z": 0}}
+    edges = {"'a b'": {"(1, 2)": {"f": 2.0, "k": 10.0}}}
+    document = load(tmp_path, whole(node=nodes, edge=edges)).document
+    assert list(document["nodes"]) == ["a_b", "n1_2"]
+
+
+def test_defaults_of_nodes_and_edges_are_read(tmp_path: Path) -> None:
+    nodes = {"0": {"x": 0}, "1": {"x": 1}}
+    content = whole(
+        node=nodes,
+        edge={"0": {"1": {}}},
+        default_node_attributes={"y": 0.5, "z": 0.25},
+        default_edge_attributes={"q": 1.0, "EA": 50.0},
+    )
+    document = load(tmp_path, content).document
+    assert document["nodes"]["n1"]["position"] == [1.0, 0.5, 0.25]
+    assert document["members"]["m0_1"]["axial_stiffness"] == 50.0
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "where"),
+    [
+        (whole(edge={"0": {"7": {"q": 1, "EA": 1}}}), UnknownNameError, "data.edge.0.7"),
+        (whole(edge={"0": {"1": {"EA": 1}}}), InvalidValueError, "data.edge.0.1"),
+        (whole(edge={"0": {"1": {"q": 1}}}), InvalidValueError, "data.edge.0.1: spring_constant"),
+        (whole(edge={"0": {"1": {"q": "1"}}}), InvalidValueError, "data.edge.0.1.q"),
+        (whole(edge={"0": {"0": {"q": 1, "EA": 1}}}), StructureError, "data.edge.0.0"),
+        (whole(edge={**EDGES, "1": {"0": {"q": 1, "EA": 1}}}), DuplicateNameError, "data.edge.1.0"),
+        (whole(edge={}), StructureError, "network.json"),
+        (whole(node={"0": {"x": 1e305}}), NonFiniteError, "data.node.0.x"),
+        (whole(node=[1]), InvalidValueError, "data.node"),
+        (whole(node={"0": 3}), InvalidValueError, "data.node.0"),
+        ({"dtype": "compas.datastructures/Mesh", "data": {}}, InvalidValueError, "dtype"),
+        ({"dtype": "compas.datastructures/Network", "data": 3}, InvalidValueError, "data"),
+    ],
+)
+def test_wrong_networks_are_refused_by_their_place(
+    content: Any, error: type[SceneError], where: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error) as caught:
+        load(tmp_path, content)
+    assert where in caught.value.where
