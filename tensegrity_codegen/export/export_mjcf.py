@@ -78,7 +78,13 @@ def _build_actuators(parts: ModelParts) -> Element:
 def _list_losses(structure: Structure) -> list[str]:
     """Return what of the structure the model does not have, or has otherwise, a sentence each."""
     loose = structure.tension_only & ~structure.is_rigid
+    fixed = structure.node_anchored.all(axis=1)
     facts = [
+        (
+            structure.node_mass[fixed].any() or structure.node_load[fixed].any(),
+            "masses and loads of anchored nodes are not in the file",
+        ),
+        (len(structure.axes) < 3, "axes that are not modelled are held, as those of anchored nodes"),
         ((loose & (structure.damping > 0)).any(), "cables keep their damping while slack"),
         (not structure.is_linear.all(), "bilinear members have the slope before their switch only"),
         (

@@ -189,7 +189,7 @@ def _add_rigid_bar(parts: ModelParts, member: int) -> None:
         parts.qvel += [*((1 - fraction) * speeds[0] + fraction * speeds[1]).tolist(), *local.tolist()]
     elif not held.all():
         add(body, "joint", name=f"{structure.member_name[member]}.joint", type="ball")
-        parts.qpos += quaternion.tolist()
+        parts.qpos += [1.0, 0.0, 0.0, 0.0]  # the rotation from the body's own orientation
         parts.qvel += local.tolist()
     if not held.all():
         inertia = numbers(np.array([across, across, THIN * across]))

@@ -250,6 +250,6 @@ def test_rigid_bars_move_as_ours() -> None:
     assert isinstance(model.structure, Structure)
     errors = [
         float(np.abs(run_mujoco(model.structure, step, 6, 0.1) - own.node_position).max())
-        for step in (1e-3, 5e-4)
+        for step in (5e-4, 1e-4)
     ]
-    assert errors[1] < 1e-6, errors
+    assert errors[1] < min(errors[0] / 3, 5e-7), errors  # cables go slack, which costs order

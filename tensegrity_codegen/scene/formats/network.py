@@ -28,13 +28,14 @@ class NetworkMember:
 class Network:
     """Nodes and members under their names in a file.
 
-    nodes: values by the keys of a scene; loads: forces [N] by node; inputs: as in a scene; extra: further
-    sections of the document, whose names are names of a scene already.
+    nodes: values by the keys of a scene; loads: forces [N] by node; inputs: as in a scene, with names of the
+    file.
     """
 
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     members: list[NetworkMember] = field(default_factory=list)
     loads: list[tuple[str, Sequence[float]]] = field(default_factory=list)
+    inputs: list[dict[str, Any]] = field(default_factory=list)
     gravity: Sequence[float] | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -65,8 +66,21 @@ def build_result(
         for node, force in network.loads
     ]
     document |= {"loads": loads} if loads else {}
+    input_names, input_notes = name_all([str(item["name"]) for item in network.inputs], "u", "inputs were")
+    inputs = [_rename(item, input_names, node_names, member_names) for item in network.inputs]
+    document |= {"inputs": inputs} if inputs else {}
+    notes += [*node_notes, *member_notes, *input_notes]
     defaults = note_defaults(document["members"].values())
-    return ImportResult(document, (*notes, *node_notes, *member_notes, *network.notes, *defaults))
+    return ImportResult(document, (*notes, *network.notes, *defaults))
+
+
+def _rename(
+    item: Mapping[str, Any], inputs: Mapping[str, str], nodes: Mapping[str, str], members: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return an input with names of the scene."""
+    tables = {"nodes": nodes, "members": members}
+    renamed = {key: [tables[key][word] for word in item[key]] for key in tables if key in item}
+    return {**item, **renamed, "name": inputs[str(item["name"])]}
 
 
 def _check_names(members: Sequence[NetworkMember]) -> None:

@@ -1,0 +1,217 @@
+"""Import of models of MuJoCo (MJCF): nodes and rigid bars of bodies, members of spatial tendons.
+
+A body with slide joints along the axes of the world is a node; a free body (or one on a ball joint at the
+world) with two sites that tendons use is a rigid bar with masses at its ends; sites of the world are
+anchored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.scene.formats.files.xml_file import find_root, read_numbers, read_xml
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.formats.mjcf.actuators import read_actuators
+from tensegrity_codegen.scene.formats.mjcf.defaults import read_defaults
+from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
+from tensegrity_codegen.scene.formats.mjcf.tendons import read_coupled_masses, read_tendons
+from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+
+__all__ = ["FORMAT", "import_mjcf"]
+
+WHAT = "a model of MuJoCo (MJCF)"
+GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
+NEAR = 1e-9  # of lengths, and of masses
+
+
+def import_mjcf(
+    path: str | Path, *, name: str | None = None, gravity: Sequence[float] | None = None
+) -> ImportResult:
+    """Return the scene document of a model of MuJoCo, and notes on what is not read.
+
+    name: the scene's name, else the stem of the file's name; gravity (3,) [m/s2], in place of the file's.
+    Raises SceneError or a subclass of it that names the file and the element.
+    """
+    path = Path(path)
+    root, file = read_xml(path, WHAT), str(path)
+    if root.tag != "mujoco":
+        raise InvalidValueError("not a model of MuJoCo", where=file, given=root.tag[:80], allowed="<mujoco>")
+    defaults = read_defaults(root, file)
+    options = [item.get("gravity") for item in root.iterfind("option") if item.get("gravity")]
+    down = read_numbers((options or [GRAVITY])[-1] or GRAVITY, f"{file}: option.gravity", (3,))
+    network = Network(gravity=down if any(down) else None)
+    links = read_links(root, defaults, _read_speeds(root, network, file), file)
+    sites = {site: link for link in links for site in link.sites}
+    members = read_tendons(root, defaults, {site: link.sites[site] for site, link in sites.items()}, file)
+    used = list(dict.fromkeys(end for item in members for end in item.ends))
+    for end in used:
+        if end not in sites:
+            raise UnknownNameError(
+                "unknown site", where=file, given=end[:80], allowed="a site", hint=suggest(end[:80], sites)
+            )
+    bars = [bar for link in links if (bar := _add_link(network, link, set(used), file)) is not None]
+    network.members = [*bars, *members]
+    _couple(network, read_coupled_masses(root, file), down)
+    read_actuators(root, network, {item.name: item.values for item in members}, file)
+    damped = [item for item in members if "damping" in item.values and "tension_only" not in item.values]
+    if any(item.values["kind"] == "cable" for item in damped):
+        network.notes.append("in MuJoCo tendons keep their damping while slack, cables do not")
+    _note_left(root, network)
+    return build_result(network, path, name, gravity)
+
+
+def _read_speeds(root: Element, network: Network, file: str) -> list[float] | None:
+    """Return the speeds of the keyframe `start`, or else of the first one."""
+    frames = list(root.iterfind("keyframe/key"))
+    chosen = next((item for item in frames if item.get("name") == "start"), frames[0] if frames else None)
+    if chosen is None or chosen.get("qvel") is None:
+        return None
+    network.notes.append(
+        f"velocities are those of the keyframe {chosen.get('name', '0')!r}, positions those of the model"
+    )
+    return read_numbers(chosen.get("qvel", ""), f"{file}: keyframe.key.qvel")
+
+
+def _add_link(network: Network, link: Link, used: set[str], file: str) -> NetworkMember | None:
+    """Add the nodes of a link; return the rigid bar that it is, None of others."""
+    chosen = [site for site in link.sites if site in used]
+    where = f"{file}: body {link.name}"
+    if link.kind == "static":
+        for site in chosen:
+            network.nodes[site] = {"position": link.sites[site].tolist(), "anchored": True}
+        return None
+    if not chosen:
+        if link.mass > 0:
+            network.notes.append(f"the body {link.name} is left out: no tendon acts on it")
+        return None
+    if link.kind == "sliding":
+        _add_point(network, link, chosen, where)
+        return None
+    if len(chosen) == 1 and link.kind == "free":
+        centre = np.linalg.norm(link.sites[chosen[0]] - link.centre)
+        if centre > NEAR * (1 + float(np.linalg.norm(link.centre))):
+            _refuse_sites(chosen, where, "one site away from the centre of mass")
+        link.free[:] = True
+        link.speed = link.speed + np.cross(link.spin, link.sites[chosen[0]] - link.position)
+        _add_point(network, link, chosen, where)
+        return None
+    if link.kind == "ball" and len(chosen) == 1:
+        chosen = [f"{link.name}_pivot", *chosen]
+        link.sites[chosen[0]] = link.position
+    if len(chosen) != 2:
+        _refuse_sites(chosen, where, f"{len(chosen)} sites that tendons use")
+    return _add_bar(network, link, chosen, where)
+
+
+def _refuse_sites(chosen: Sequence[str], where: str, given: str) -> None:
+    raise InvalidValueError(
+        "a turning body that is no rod is not read",
+        where=where,
+        given=given,
+        allowed="two sites that tendons use, or one at the centre of mass",
+        hint="write the structure as a scene of bodies",
+    )
+
+
+def _add_point(network: Network, link: Link, chosen: Sequence[str], where: str) -> None:
+    if len(chosen) > 1:
+        raise InvalidValueError(
+            "a sliding body with several sites that tendons use is not read",
+            where=where,
+            given=", ".join(chosen)[:80],
+            allowed="one site for each such body",
+        )
+    node: dict[str, Any] = {"position": link.sites[chosen[0]].tolist()}
+    if link.mass > 0:
+        node["mass"] = link.mass
+    held = "".join(letter for letter, free in zip("xyz", link.free, strict=True) if not free)
+    node |= {"anchored": held} if held else {}
+    node |= {"velocity": link.speed.tolist()} if link.speed.any() else {}
+    network.nodes[chosen[0]] = node
+
+
+def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) -> NetworkMember:
+    """Add the two ends of a rod with the masses that give its mass, centre and inertia; return the bar."""
+    tips = np.array([link.sites[site] for site in chosen])
+    length = float(np.linalg.norm(tips[1] - tips[0]))
+    if not length or not link.mass > 0:
+        raise InvalidValueError(
+            "the rod has no length or no mass", where=where, allowed="two sites apart, and a mass"
+        )
+    own, ends = link.mass, np.zeros(2)
+    if link.across is None:
+        network.notes.append(f"the mass of {link.name} is spread evenly between {chosen[0]} and {chosen[1]}")
+    else:
+        s = float((link.centre - tips[0]) @ (tips[1] - tips[0])) / length
+        own = 6 * (link.mass * s * (length - s) - link.across) / length**2
+        ends[1] = (link.mass * s - own * length / 2) / length
+        ends[0] = link.mass - own - ends[1]
+        if min(own, *ends) < -NEAR * link.mass:
+            network.notes.append(
+                f"the inertia of {link.name} is not that of a rod: its mass is spread evenly"
+            )
+            own, ends = link.mass, np.zeros(2)
+    for site, place, mass in zip(chosen, tips, ends, strict=True):
+        node: dict[str, Any] = {"position": place.tolist()}
+        node |= {"mass": float(mass)} if mass > NEAR * link.mass else {}
+        speed = link.speed + np.cross(link.spin, place - link.position)
+        pivot = link.kind == "ball" and np.linalg.norm(place - link.position) <= NEAR * length
+        node |= {"anchored": True} if pivot else {}
+        node |= {"velocity": speed.tolist()} if speed.any() and not pivot else {}
+        network.nodes[site] = node
+    if link.kind == "ball" and not any(network.nodes[site].get("anchored") for site in chosen):
+        raise InvalidValueError("no site of the rod is at its ball joint", where=where)
+    values: dict[str, Any] = {"kind": "bar"}
+    values |= {"mass": float(own)} if own > NEAR * link.mass else {}
+    name = link.name.removesuffix(".body")
+    return NetworkMember(name, (chosen[0], chosen[1]), values, where)
+
+
+def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]) -> None:
+    """Give bars the own masses that fixed tendons couple, and take their shares off nodes and forces."""
+    for position, item in enumerate(network.members):
+        mass = masses.pop(item.name, 0.0)
+        if not mass:
+            continue
+        values = {**item.values, "mass": mass, "kind": "bar"}
+        values.pop("tension_only", None)
+        network.members[position] = NetworkMember(item.name, item.ends, values, item.where)
+        for end in item.ends:
+            node = network.nodes[end]
+            if node.get("anchored") is True:
+                continue
+            left = node.get("mass", 0.0) - mass / 6
+            if "mass" in node:
+                node["mass"] = left
+                if left <= NEAR * mass:
+                    del node["mass"]
+            if any(gravity):
+                network.loads.append((end, [-mass / 3 * value for value in gravity]))
+    if masses:
+        network.notes.append(f"fixed tendons that are not read: {', '.join(list(masses)[:5])}")
+
+
+def _note_left(root: Element, network: Network) -> None:
+    parts = ("equality", "contact", "sensor", "deformable", "asset", "custom")
+    found = [part for part in parts if any(True for section in root.iterfind(part) for _ in section)]
+    if found:
+        network.notes.append(f"sections that are not read: {', '.join(found)}")
+    if next(root.iter("geom"), None) is not None:
+        network.notes.append("geoms are read for their masses only: there are no contacts")
+
+
+FORMAT = Format(
+    title="models of MuJoCo (MJCF, XML)",
+    sources=("model.xml",),
+    endings=(".xml", ".mjcf"),
+    read=import_mjcf,
+    order=7,
+    recognises=lambda path: find_root(path) == "mujoco",
+)

@@ -1,0 +1,3 @@
+"""Reading models of MuJoCo (MJCF)."""
+
+__all__: list[str] = []

@@ -1,0 +1,256 @@
+"""Models of MuJoCo: those of the exporter come back, others are read or refused by the element's name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tensegrity_codegen import compile_scene, load_scene, simulate
+from tensegrity_codegen.cli.scene_files import read_example
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, SceneError, UnknownNameError
+from tensegrity_codegen.export.exporter import ExportSource, write_export
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.structure.structure import Structure
+from tests.export.test_export_mjcf import build_scene
+
+TEXT = """<mujoco model="two rods">
+  <compiler angle="degree"/>
+  <option timestep="1e-3" gravity="0 0 -5"/>
+  <default>
+    <site size="0.01"/>
+    <default class="rope"><tendon stiffness="300" damping="0.5"/></default>
+    <default class="rod"><geom type="capsule" size="0.02" density="700"/></default>
+  </default>
+  <worldbody>
+    <site name="hook" pos="0 0 2"/>
+    <body name="rod1" pos="0 0 1" euler="0 90 0" childclass="rod">
+      <freejoint/>
+      <geom name="g1" fromto="0 0 -0.5 0 0 0.5" mass="0.6"/>
+      <site name="a" pos="0 0 -0.5"/><site name="b" pos="0 0 0.5"/><site name="mark" pos="0 0 0"/>
+    </body>
+    <body name="rod2" pos="0.1 0.5 0.2" axisangle="0 1 0 90">
+      <joint type="free"/>
+      <inertial pos="0 0 0" mass="0.9" diaginertia="0.075 0.075 1e-6"/>
+      <site name="c" pos="0 0 -0.5"/><site name="d" pos="0 0 0.5"/>
+    </body>
+    <body name="bob" pos="0.3 -0.4 0.6">
+      <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 -1"/>
+      <inertial pos="0 0 0" mass="0.2" diaginertia="1 1 1"/>
+      <body name="tip" pos="0 0 0.1"><site name="e"/></body>
+    </body>
+    <body name="pivot" pos="-1 0 0" zaxis="1 0 0">
+      <joint type="ball"/>
+      <inertial pos="0 0 0.4" mass="0.6" diaginertia="0.032 0.032 1e-6"/>
+      <site name="foot"/><site name="head" pos="0 0 0.8"/>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="t1" class="rope" springlength="0 0.9"><site site="hook"/><site site="a"/></spatial>
+    <spatial name="t2" class="rope" springlength="0 0.9"><site site="hook"/><site site="b"/></spatial>
+    <spatial name="t3" class="rope" springlength="0 0.7"><site site="a"/><site site="c"/></spatial>
+    <spatial name="t4" class="rope" springlength="0 0.7"><site site="b"/><site site="d"/></spatial>
+    <spatial name="t5" stiffness="50" springlength="0 0.4"><site site="c"/><site site="e"/></spatial>
+    <spatial name="t6" stiffness="40"><site site="e"/><site site="head"/></spatial>
+    <spatial name="t7" stiffness="30" springlength="0.5"><site site="foot"/><site site="c"/></spatial>
+  </tendon>
+  <actuator>
+    <general name="weight" site="e" refsite="hook" gear="0 0 -1 0 0 0" gainprm="0" biastype="affine"
+             biasprm="2"/>
+    <motor name="push" site="e" refsite="hook" gear="1 0 0 0 0 0"/>
+    <general name="winch" tendon="t5" gainprm="50"/>
+    <position name="servo" tendon="t6" kp="10"/>
+  </actuator>
+  <keyframe><key name="start" qvel="0.1 0 0 0 0.2 0.3  0 0 0 0 0 0  0.5 0.25  0 0.1 0"/></keyframe>
+</mujoco>
+"""
+
+
+def load(tmp_path: Path, text: str | bytes, **options: Any) -> Any:
+    path = tmp_path / "model.xml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    return read_files([path], **options)
+
+
+def build(document: dict[str, Any]) -> Structure:
+    return assemble(parse_scene(document))[0]
+
+
+def by_name(structure: Structure, field: str, names: tuple[str, ...]) -> Any:
+    """Return the rows of an array in the order of `names` of nodes or members."""
+    own = structure.node_name if field.startswith("node") else structure.member_name
+    return getattr(structure, field)[[own.index(name) for name in names]]
+
+
+@pytest.mark.parametrize("source", ["prism", "icosahedron", "tower", "planar", "ring"])
+def test_exported_scenes_come_back(source: str, tmp_path: Path) -> None:
+    scene = tmp_path / "scene.toml"
+    from tensegrity_codegen import read_scene
+
+    text = read_scene(build_scene()).to_toml() if source == "ring" else read_example(source)
+    scene.write_text(text, encoding="utf-8")
+    old, request = load_scene(scene)
+    assert isinstance(old, Structure)
+    write_export("mjcf", ExportSource(scene, old, request), tmp_path / "model.xml")
+    new = build(read_files([tmp_path / "model.xml"]).document)
+    moving = ~old.node_anchored.all(axis=1)
+    for field in ("node_position", "node_velocity", "node_mass", "node_load"):
+        rows = by_name(new, field, old.node_name)
+        np.testing.assert_allclose(rows[moving], getattr(old, field)[moving], rtol=1e-12, atol=1e-12)
+    for field in ("is_bar", "tension_only"):
+        np.testing.assert_array_equal(by_name(new, field, old.member_name), getattr(old, field))
+    for field in ("mu", "rest_length", "damping", "member_mass"):
+        np.testing.assert_allclose(by_name(new, field, old.member_name), getattr(old, field), rtol=1e-12)
+    assert new.gravity.tolist() == old.gravity.tolist()
+    assert sorted(item.name for item in new.inputs) == sorted(item.name for item in old.inputs)
+
+
+def test_rods_points_and_tendons_become_a_scene(tmp_path: Path) -> None:
+    result = load(tmp_path, TEXT)
+    new = build(result.document)
+    names = ("hook", "a", "b", "c", "d", "e", "foot", "head")
+    np.testing.assert_allclose(
+        by_name(new, "node_position", names),
+        [
+            *([0, 0, 2], [-0.5, 0, 1], [0.5, 0, 1], [-0.4, 0.5, 0.2], [0.6, 0.5, 0.2]),
+            *([0.3, -0.4, 0.7], [-1, 0, 0], [-0.2, 0, 0]),
+        ],
+        atol=1e-12,
+    )
+    assert new.gravity.tolist() == [0, 0, -5]
+    bars = ("rod1", "rod2", "pivot")
+    assert by_name(new, "is_rigid", bars).all()
+    np.testing.assert_allclose(by_name(new, "member_mass", bars), [0.6, 0.9, 0.6])
+    assert by_name(new, "mu", ("t1", "t5", "t6")).tolist() == [300, 50, 40]
+    assert by_name(new, "damping", ("t1", "t5")).tolist() == [0.5, 0]
+    np.testing.assert_allclose(
+        by_name(new, "rest_length", ("t1", "t6", "t7")), [0.9, np.hypot(np.hypot(0.5, 0.4), 0.7), 0.5]
+    )
+    assert by_name(new, "tension_only", ("t1", "t6", "t7")).tolist() == [True, False, False]
+    held = by_name(new, "node_anchored", ("hook", "e", "foot", "a"))
+    assert held.tolist() == [[True] * 3, [False, True, False], [True] * 3, [False] * 3]
+    np.testing.assert_allclose(by_name(new, "node_velocity", ("e", "head"))[0], [0.5, 0, -0.25])
+    assert by_name(new, "node_mass", ("e",)).tolist() == [0.2]
+    assert by_name(new, "node_load", ("e",)).tolist() == [[0, 0, -2]]
+    assert [(item.name, item.kind) for item in new.inputs] == [("push", "force"), ("winch", "rest_length")]
+    assert any("keep their damping while slack" in note for note in result.notes)
+    assert any("servo" in note for note in result.notes)
+    assert any("spread evenly" in note for note in result.notes)
+    assert read_files([tmp_path / "model.xml"], gravity=[0, 0, -1]).document["gravity"] == [0, 0, -1]
+
+
+def test_a_rod_with_masses_at_its_ends_has_its_inertia(tmp_path: Path) -> None:
+    own, ends, length = 0.5, np.array([0.1, 0.3]), 1.0
+    total = own + ends.sum()
+    centre = (own * length / 2 + ends[1] * length) / total
+    across = (
+        own * length**2 / 12 + own * (0.5 - centre) ** 2 + ends[0] * centre**2 + ends[1] * (1 - centre) ** 2
+    )
+    inertial = f'pos="0 0 {centre - 0.5}" mass="{total}" diaginertia="{across} 1e-7 {across}"'
+    text = TEXT.replace('pos="0 0 0" mass="0.9" diaginertia="0.075 0.075 1e-6"', inertial)
+    new = build(load(tmp_path, text).document)
+    np.testing.assert_allclose(by_name(new, "node_mass", ("c", "d")), ends, rtol=1e-9)
+    np.testing.assert_allclose(by_name(new, "member_mass", ("rod2",)), own, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "words"),
+    [
+        ('<site site="a"/></spatial>', '<site site="zz"/></spatial>', UnknownNameError, "unknown site"),
+        ('<site site="a"/></spatial>', '<geom geom="g1"/></spatial>', InvalidValueError, "no straight line"),
+        (
+            '<site site="a"/></spatial>',
+            '<site site="a"/><site site="b"/></spatial>',
+            InvalidValueError,
+            "no straight",
+        ),
+        ('class="rope" springlength="0 0.9"', 'class="wire" springlength="0 0.9"', UnknownNameError, "class"),
+        ('springlength="0 0.4"', 'springlength="0.2 0.4"', InvalidValueError, "dead band"),
+        ('springlength="0 0.4"', 'springlength="0 x"', InvalidValueError, "not numbers"),
+        ('name="t5" stiffness="50"', 'name="t5"', InvalidValueError, "without stiffness"),
+        ('name="t2"', 'name="t1"', DuplicateNameError, "one name"),
+        ("<freejoint/>", '<joint type="hinge"/>', InvalidValueError, "joints are not read"),
+        ('axis="1 0 0"', 'axis="1 1 0"', InvalidValueError, "axis of the world"),
+        ('axis="1 0 0"', 'axis="0 0 1"', InvalidValueError, "axis of the world"),
+        ('<site name="mark" pos="0 0 0"/>', '<site name="e2" pos="0 0 0"/>', None, ""),
+        (
+            '<site site="c"/><site site="e"/>',
+            '<site site="mark"/><site site="e"/>',
+            InvalidValueError,
+            "no rod",
+        ),
+        ('<site name="foot"/>', '<site name="foot" pos="0 0 0.1"/>', InvalidValueError, "ball joint"),
+        ('<site name="foot"/>', '<include file="other.xml"/>', InvalidValueError, "<include>"),
+        ('type="capsule" size="0.02" density="700"', 'type="mesh"', None, ""),
+        ('mass="0.9"', 'mass="nan"', SceneError, "not finite"),
+        ('euler="0 90 0"', 'euler="0 90"', InvalidValueError, "not numbers"),
+        ('angle="degree"', 'eulerseq="xqz"', InvalidValueError, "sequence"),
+        ('gravity="0 0 -5"', 'gravity="0 0"', InvalidValueError, "not numbers"),
+        ("<mujoco ", "<!DOCTYPE a><mujoco ", SceneError, "document types"),
+    ],
+)
+def test_what_is_not_read_is_refused_by_its_element(
+    old: str, new: str, error: type[SceneError] | None, words: str, tmp_path: Path
+) -> None:
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    if error is None:
+        load(tmp_path, text)
+        return
+    with pytest.raises(error, match=words) as caught:
+        load(tmp_path, text)
+    assert "model.xml" in caught.value.where
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=30))
+def test_hostile_names_become_names_of_a_scene(tmp_path: Path, word: str) -> None:
+    from xml.sax.saxutils import quoteattr
+
+    quoted = quoteattr(word + "~")
+    text = TEXT.replace('"hook"', quoted).replace('name="t1"', f"name={quoted}").replace('"push"', quoted)
+    scene = parse_scene(load(tmp_path, text).document)
+    assert len(scene.nodes) == 8
+    assert len(scene.members) == 10
+    assert len(scene.inputs) == 2
+
+
+@pytest.mark.peers
+def test_the_imported_model_moves_as_in_mujoco(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco", reason="needs the package mujoco")
+    inertial = '<inertial pos="0 0 0" mass="0.6" diaginertia="0.05 0.05 1e-6"/>'
+    changes = {
+        '<general name="winch" tendon="t5" gainprm="50"/>': "",
+        '<position name="servo" tendon="t6" kp="10"/>': "",
+        'damping="0.5"': "",  # which slack tendons keep in MuJoCo
+        'mass="0.6"/>\n      <site name="a"': 'mass="0"/>\n      <site name="a"',
+        '<geom name="g1"': f'{inertial}<geom name="g1"',
+        "<option ": '<option integrator="RK4" ',
+        "<worldbody>": '<option><flag contact="disable"/></option><worldbody>',
+    }
+    text = TEXT
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    result = load(tmp_path, text)
+    document = {**result.document, "model": {"formulation": "rigid_bar"}}
+    model = compile_scene(document, for_="simulate", method="rk853")
+    own = simulate(model, t_end=0.3, samples=4, method="rk853", rtol=1e-9)
+    other = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(other)
+    errors = []
+    for step in (1e-4, 5e-5):
+        other.opt.timestep = step
+        mujoco.mj_resetDataKeyframe(other, data, 0)
+        data.qpos[:] = other.qpos0
+        mujoco.mj_step(other, data, nstep=round(0.3 / step))
+        mujoco.mj_kinematics(other, data)
+        ids = [mujoco.mj_name2id(other, mujoco.mjtObj.mjOBJ_SITE, name) for name in own.node_name]
+        errors.append(float(np.abs(data.site_xpos[ids] - own.node_position[-1]).max()))
+    assert max(errors) < 5e-6, errors
