@@ -191,6 +191,7 @@ def run_mujoco(structure: Structure, step: float, count: int, spacing: float) ->
 
 
 @pytest.mark.peers
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("name", "step", "bound"), [("prism", 1e-4, 1e-6), ("icosahedron", 5e-5, 1e-8), ("tower", 2.5e-5, 1e-8)]
 )

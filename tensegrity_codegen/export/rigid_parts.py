@@ -1,0 +1,227 @@
+"""What of a structure is rigid, as parts with poses, masses and joints: rigid bars, bodies, point masses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
+from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["WORLD", "RigidPart", "find_parts"]
+
+FloatArray = NDArray[np.float64]
+
+WORLD = "world"
+SMALL = 1e-6  # inertia of thin bars about themselves over that across; of points over their mass [m2]
+
+
+@dataclass(frozen=True)
+class RigidPart:
+    """One rigid part.
+
+    Attributes
+    ----------
+    name : str
+        Name of the body or bar, with an ending where it is that of a point mass.
+    joint : str
+        ``"floating"`` (free) or ``"ball"`` (turns about its origin).
+    parent : str
+        Part that carries it; WORLD for none.
+    origin : ndarray, shape (3,) [m]
+        Origin of its frame in the world.
+    rotation : ndarray, shape (3, 3)
+        Axes of its frame; that of a bar has z along the bar.
+    mass : float [kg]
+        Mass.
+    centre : ndarray, shape (3,) [m]
+        Centre of mass in its frame.
+    inertia : ndarray, shape (3, 3) [kg m2]
+        About the centre, in its frame.
+    points : dict of str to ndarray, shape (3,) [m]
+        Nodes in its frame.
+    bar : tuple of float
+        Of a bar: from where to where on its z axis, and its radius [m]; empty for others.
+    """
+
+    name: str
+    joint: str
+    parent: str
+    origin: FloatArray
+    rotation: FloatArray
+    mass: float
+    centre: FloatArray
+    inertia: FloatArray
+    points: dict[str, FloatArray] = field(default_factory=dict)
+    bar: tuple[float, ...] = ()
+
+
+def find_parts(subject: Structure | BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
+    """Return the rigid parts, parents first, and the anchored nodes with their positions (3,) [m].
+
+    Raises FormulationError for a structure that is not made of rigid parts on a tree: elastic bars, rigid
+    bars that share a node, ends that are anchored on some axes.
+    """
+    if isinstance(subject, BodySystem):
+        return _find_bodies(subject)
+    structure = subject
+    _check(structure)
+    ends = structure.connectivity[structure.is_rigid]
+    parts = [_build_rod(structure, int(member)) for member in np.flatnonzero(structure.is_rigid)]
+    carried = set(ends.ravel().tolist())
+    held: NDArray[np.bool_] = np.asarray(structure.node_anchored.all(axis=1))
+    fixed: dict[str, FloatArray] = {}
+    for node, name in enumerate(structure.node_name):
+        place, mass = structure.node_position[node], float(structure.node_mass[node])
+        if held[node]:
+            fixed[name] = place
+        elif node not in carried:
+            parts.append(_build_point(name, place, mass))
+    return [part for part in parts if part.joint], fixed
+
+
+def _build_point(name: str, place: FloatArray, mass: float) -> RigidPart:
+    """Return a point mass as a free part with an inertia that is next to none."""
+    unit = SMALL * mass * np.eye(3)
+    points = {name: np.zeros(3)}
+    return RigidPart(f"{name}.body", "floating", WORLD, place, np.eye(3), mass, np.zeros(3), unit, points)
+
+
+def _check(structure: Structure) -> None:
+    elastic = structure.is_bar & ~structure.is_rigid
+    if elastic.any():
+        names = [structure.member_name[member] for member in np.flatnonzero(elastic)]
+        raise FormulationError(
+            "bars with stiffness change their length, which links of constant shape cannot",
+            where=structure.name,
+            given=", ".join(names[:5]),
+            allowed="rigid bars: bars without spring_constant and axial_stiffness",
+            hint="remove the stiffness of the bars, or export to MJCF",
+        )
+    ends = structure.connectivity[structure.is_rigid]
+    nodes, counts = np.unique(ends, return_counts=True)
+    shared = [structure.node_name[node] for node in nodes[counts > 1]]
+    if shared:
+        raise FormulationError(
+            "rigid bars that share a node form loops, or joints that no tree of links has",
+            where=structure.name,
+            given=", ".join(shared[:5]),
+            allowed="rigid bars that tendons alone connect",
+        )
+    partly = structure.node_anchored.any(axis=1) & ~structure.node_anchored.all(axis=1)
+    if partly.any() or len(structure.axes) < 3:
+        names = [structure.node_name[node] for node in np.flatnonzero(partly)]
+        raise FormulationError(
+            "nodes that are held on some axes have no joint of this kind",
+            where=structure.name,
+            given=", ".join(names[:5]) or "a planar scene",
+            allowed="nodes that are free, or anchored on all axes",
+        )
+
+
+def _build_rod(structure: Structure, member: int) -> RigidPart:
+    """Return a rigid bar with the masses of its ends; without a joint where both are anchored."""
+    ends = structure.connectivity[member]
+    tips, held = structure.node_position[ends], structure.node_anchored[ends].all(axis=1)
+    own, point = float(structure.member_mass[member]), structure.node_mass[ends]
+    mass = own + float(point.sum())
+    length = float(np.linalg.norm(tips[1] - tips[0]))
+    direction = (tips[1] - tips[0]) / length
+    middle = tips.mean(axis=0)
+    origin = tips[int(held.argmax())] if held.any() else middle
+    along = (tips - origin) @ direction
+    centre = (own * along.mean() + point @ along) / mass if mass > 0 else float(along.mean())
+    across = own * length**2 / 12 + own * (along.mean() - centre) ** 2 + point @ (along - centre) ** 2
+    names = [structure.node_name[node] for node in ends]
+    return RigidPart(
+        name=structure.member_name[member],
+        joint="" if held.all() else "ball" if held.any() else "floating",
+        parent=WORLD,
+        origin=origin,
+        rotation=_frame_along(direction),
+        mass=mass,
+        centre=np.array([0.0, 0.0, centre]),
+        inertia=np.diag([across, across, SMALL * across]),
+        points={
+            name: np.array([0.0, 0.0, place])
+            for name, place, is_held in zip(names, along, held, strict=True)
+            if not is_held
+        },
+        bar=(float(along.min()), float(along.max()), float(structure.radius[member])),
+    )
+
+
+def _frame_along(direction: FloatArray) -> FloatArray:
+    """Return a rotation (3, 3) whose third column is the direction: about y, then about z."""
+    pitch = np.arctan2(np.hypot(direction[0], direction[1]), direction[2])
+    yaw = np.arctan2(direction[1], direction[0])
+    (c, s), (cy, sy) = (np.cos(pitch), np.sin(pitch)), (np.cos(yaw), np.sin(yaw))
+    frame: FloatArray = np.array([[cy * c, -sy, cy * s], [sy * c, cy, sy * s], [-s, 0.0, c]])
+    return frame
+
+
+def _find_bodies(system: BodySystem) -> tuple[list[RigidPart], dict[str, FloatArray]]:
+    position = compute_node_position(system)
+    parts: dict[int, RigidPart] = {}
+    fixed: dict[str, FloatArray] = {}
+    for number, body in enumerate(system.bodies):
+        nodes = np.flatnonzero(system.node_body == number)
+        if isinstance(body, Bar):
+            parts[number] = _build_held_bar(system, body, nodes, position)
+        elif isinstance(body, RigidBody):
+            first = system.coordinate_start[number]
+            angles = system.coordinate[first : first + 3]
+            rotation = np.array(euler_rotation(*angles.tolist()), dtype=float)
+            points = {system.node_name[node]: system.node_local[node].copy() for node in nodes}
+            centre = system.coordinate[first + 3 : first + 6]
+            inertia = np.array(body.inertia)
+            parts[number] = RigidPart(
+                body.name, "floating", WORLD, centre, rotation, body.mass, np.zeros(3), inertia, points
+            )
+        else:
+            fixed |= {system.node_name[node]: position[node] for node in nodes}
+    return _sort_parents(list(parts.values())), fixed
+
+
+def _build_held_bar(
+    system: BodySystem, body: Bar, nodes: NDArray[np.int64], position: FloatArray
+) -> RigidPart:
+    tips = position[nodes]
+    direction = (tips[1] - tips[0]) / np.linalg.norm(tips[1] - tips[0])
+    origin, parent = tips.mean(axis=0), WORLD
+    if body.held:
+        origin = position[body.anchor]
+        carrier = system.bodies[int(system.node_body[body.anchor])]
+        parent = carrier.name if isinstance(carrier, Bar | RigidBody) else WORLD
+    along = (tips - origin) @ direction
+    return RigidPart(
+        name=body.name,
+        joint="ball" if body.held else "floating",
+        parent=parent,
+        origin=origin,
+        rotation=_frame_along(direction),
+        mass=body.mass,
+        centre=np.array([0.0, 0.0, float(along.mean())]),
+        inertia=np.diag([body.inertia, body.inertia, SMALL * body.inertia]),
+        points={
+            system.node_name[node]: np.array([0.0, 0.0, place])
+            for node, place in zip(nodes, along, strict=True)
+        },
+        bar=(float(along.min()), float(along.max()), body.radius),
+    )
+
+
+def _sort_parents(parts: list[RigidPart]) -> list[RigidPart]:
+    """Return the parts, each after the one that carries it."""
+    done: list[RigidPart] = []
+    known = {WORLD}
+    while parts:
+        ready = [part for part in parts if part.parent in known]
+        done += ready
+        known |= {part.name for part in ready}
+        parts = [part for part in parts if part not in ready]
+    return done
