@@ -15,6 +15,7 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution, design_distribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Sensor
 from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
@@ -38,6 +40,7 @@ MOST = {"pinned_prism": 10.0, "svd_tower": 60.0}  # asked for [us]
 
 DRIVER = Path(__file__).resolve().parent / "harness" / "control_step.c"
 ROUNDS = 5
+KINDS = ("true state", "measurements", "measurements and tensions")
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Case:
     motion: Motion
     gains: Gains
     estimator: Estimator
+    distribution: TensionDistribution
     t_end: float
     errors: dict[str, object]
 
@@ -69,10 +73,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|")
     asked = []
     for case in (make_prism(), make_tower()):
-        for with_estimator in (False, True):
-            found = time_steps(case, steps, with_estimator=with_estimator)
-            title = f"{case.model.manifest.name}, {'measurements' if with_estimator else 'true state'}"
-            parts = ("motion", "gains", "predict", "correct")
+        for kind in KINDS:
+            found = time_steps(case, steps, kind)
+            title = f"{case.model.manifest.name}, {kind}"
+            parts = ("motion", "gains", "predict", "correct", "distribute")
             shown = ", ".join(f"{part} {1e6 * found[part]:.2f}" for part in parts if part in found)
             median, aside = 1e6 * found["median"], 1e6 * found["part99"]
             print(
@@ -80,7 +84,7 @@ def main() -> None:
                 f"| {1e6 * found['most']:.1f} | {shown} | {found['memory']:.0f} |"
             )
             most = MOST[case.model.manifest.name]
-            if with_estimator:
+            if kind != "true state":
                 asked.append((title, median < most and aside < 2 * median and found["failed"] == 0))
     print()
     for title, holds in asked:
@@ -92,7 +96,8 @@ def make_prism() -> Case:
     model = build_prism("control")
     motion = move_prism(model)
     estimator = design_kalman(model, motion, sample=0.005)
-    return Case(model, motion, design_gains(model, motion), estimator, 3.0, draw_errors(model, 1))
+    tensions = design_distribution(model, motion, least_tension=10.0)
+    return Case(model, motion, design_gains(model, motion), estimator, tensions, 3.0, draw_errors(model, 1))
 
 
 def make_tower() -> Case:
@@ -104,39 +109,39 @@ def make_tower() -> Case:
     gains = design_lqr(model, motion, weight, np.full(18, 1e6), sample=0.01, integral_action=names)
     sensors = [Sensor("member_length", tuple(range(18)), 1e-4)]
     estimator = design_kalman(model, motion, sensors, sample=0.01)
-    return Case(model, motion, gains, estimator, 12.0, draw_tower_errors(model, 1))
+    tensions = design_distribution(model, motion, least_tension=1.0)
+    return Case(model, motion, gains, estimator, tensions, 12.0, draw_tower_errors(model, 1))
 
 
-def time_steps(case: Case, steps: int, *, with_estimator: bool) -> dict[str, float]:
+def time_steps(case: Case, steps: int, kind: str) -> dict[str, float]:
     """Return the times [s] of the steps of a controller and of its parts by name."""
-    estimator = case.estimator if with_estimator else None
+    estimator = None if kind == "true state" else case.estimator
+    distribution = case.distribution if kind == KINDS[2] else None
     run = simulate_control(
         case.model,
         case.motion,
         case.gains.at_knots(),
         estimator=estimator,
+        distribution=distribution,
         t_end=case.t_end,
         seed=1,
         **case.errors,
     )
     rows = np.hstack([run.coordinate, run.velocity])[:-1]
-    if with_estimator:
+    if estimator is not None:
         n, sensing = run.coordinate.shape[1], case.estimator.sensing
         noise = np.random.default_rng(1)
         given = [sensing.measure({"coordinate": row[:n], "velocity": row[n:], "input": u})
                  for row, u in zip(rows, run.input, strict=True)]  # fmt: skip
         rows = np.array(given) + sensing.noise * noise.normal(size=(len(given), len(sensing.noise)))
     with tempfile.TemporaryDirectory() as folder:
-        return drive(case, estimator, rows, steps, Path(folder))
+        return drive(case, {"estimator": estimator, "distribution": distribution}, rows, steps, Path(folder))
 
 
-def drive(
-    case: Case, estimator: Estimator | None, rows: np.ndarray, steps: int, folder: Path
-) -> dict[str, float]:
+def drive(case: Case, parts: dict[str, Any], rows: np.ndarray, steps: int, folder: Path) -> dict[str, float]:
     """Build a controller and a program around it, run it, and return what it prints in its best round."""
-    bundle = build_controller(
-        case.model, case.motion, case.gains, estimator=estimator, out=folder / "ctl", library=False
-    )
+    bundle = build_controller(case.model, case.motion, case.gains, **parts, out=folder / "ctl", library=False)
+    has_estimator = parts["estimator"] is not None
     name = f"{bundle.description.name}_control"
     rows.astype(np.float64).tofile(folder / "rows")
     models = sorted(file for file in bundle.files if file.endswith("_model.c"))
@@ -145,10 +150,11 @@ def drive(
         "SOURCE": f'"{name}.c"',
         "MEMORY": name,
         "INIT": f"{name}_init",
-        "STEP": f"{name}_step" if estimator is not None else f"{name}_step_state",
+        "STEP": f"{name}_step" if has_estimator else f"{name}_step_state",
         "WIDTH": rows.shape[1],
         "WITH_GAINS": 1,
-        "WITH_FILTER": int(estimator is not None),
+        "WITH_FILTER": int(has_estimator),
+        "WITH_TENSIONS": int(parts["distribution"] is not None),
     }
     defined = [f"-D{key}={value}" for key, value in settings.items()]
     subprocess.run([*command, "-I.", *defined, "-lm"], cwd=folder / "ctl", check=True)

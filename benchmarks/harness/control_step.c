@@ -1,6 +1,6 @@
 /* Times the steps of a controller in C, and its parts; the source of the controller is included, for its parts are
  * static. SOURCE: that file; CONTROL(x): name of the public x; STEP: its step; SAMPLE [s]; WIDTH: numbers that a step
- * takes; WITH_GAINS, WITH_FILTER: what it has. Arguments: steps, rows of the file, the file of rows. */
+ * takes; WITH_GAINS, WITH_FILTER, WITH_TENSIONS: what it has. Arguments: steps, rows of the file, the file of rows. */
 #define _POSIX_C_SOURCE 200809L
 #include SOURCE
 #include <stdio.h>
@@ -42,6 +42,7 @@ static double time_clock(session *s)
 static void time_steps(MEMORY *c, session *s, double empty)
 {
   long k, status[16] = {0};
+  int most = 0;
   double rest_length[N_U];
   for (k = 0; k < s->steps; ++k) {
     const long row = k % s->rows;
@@ -54,11 +55,17 @@ static void time_steps(MEMORY *c, session *s, double empty)
     found = STEP(c, (double)row * CONTROL_SAMPLE, s->given + row * WIDTH, rest_length);
     s->taken[k] = now() - from - empty;
     ++status[found];
+#if WITH_TENSIONS
+    if (c->distribution.iterations > most) {
+      most = c->distribution.iterations;
+    }
+#endif
   }
   qsort(s->taken, (size_t)s->steps, sizeof(double), compare);
   printf("median %.9g\n", s->taken[s->steps / 2]);
   printf("part99 %.9g\n", s->taken[(long)(0.99 * (double)s->steps)]);
   printf("most %.9g\n", s->taken[s->steps - 1]);
+  printf("iterations %d\n", most);
   printf("failed %ld\n", s->steps - status[0] - status[1] - status[2] - status[3] - status[4]);
 }
 
@@ -84,6 +91,19 @@ static double time_parts(MEMORY *c, const session *s)
 #if WITH_FILTER
   PART("predict", (INIT(c, NULL), sink += filter_predict(CONTROL_SAMPLE, c)));
   PART("correct", (INIT(c, NULL), sink += filter_correct(0.3, s->given, c)));
+#endif
+#if WITH_TENSIONS
+  {
+    int k;
+    INIT(c, NULL);
+    motion_state(0.3, c->estimate);
+    motion_input(0.3, input);
+    for (k = 0; k < N_U; ++k) {
+      c->wanted[k] = input[ACTUATOR_PLACE[k]] + (k % 2 == 0 ? 1e-3 : -1e-3);
+    }
+    actuators_reach(CONTROL_SAMPLE, c);
+    PART("distribute", (sink += control_distribute(0.3, c)));
+  }
 #endif
   PART("init", (INIT(c, NULL), sink += c->command[0]));
   return sink;

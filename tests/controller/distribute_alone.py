@@ -40,7 +40,7 @@ int run(const real *coordinate, const real *wanted, const real *low, const real 
         const real *least, const real *most, const real *base, const real *preferred,
         real *command, int *yields, int *iterations)
 {
-  scene_control_distribution memory;
+  static scene_control_distribution memory; /* a sample begins with the constraints of the last one */
   distribution_sample s;
   int status;
   s.coordinate = coordinate;
@@ -49,7 +49,6 @@ int run(const real *coordinate, const real *wanted, const real *low, const real 
   s.high = high;
   s.least = least;
   s.most = most;
-  memset(&memory, 0x55, sizeof memory); /* nothing has to be cleared */
   memcpy(memory.base, base, sizeof memory.base);
   memcpy(memory.preferred, preferred, sizeof memory.preferred);
   status = distribution_find(&s, command, &memory);

@@ -138,7 +138,7 @@ def test_a_program_that_is_cut_short_gives_a_status_and_a_safe_command(
             assert in_c.iterations > 2
             assert found.command.tolist() == np.clip(sample[2], sample[3], sample[4]).tolist()
         else:
-            assert found.command.tolist() == whole.command.tolist()
+            assert np.abs(found.command - whole.command).max() < 1e-10
     assert 10 < cut < 100
 
 

@@ -20,6 +20,7 @@ typedef struct {
   real shift[SCENE_CONTROL_N_ACTUATORS], move[SCENE_CONTROL_N_ACTUATORS];
   real multiplier[SCENE_CONTROL_N_SET], stationary[SCENE_CONTROL_N_SET], spare[2 * SCENE_CONTROL_N_SET];
   real factor[SCENE_CONTROL_SIZE_FACTOR], diagonal[SCENE_CONTROL_N_SET];
+  /* State of each constraint, of which the next sample begins with the active ones; active constraints. */
   int sense[SCENE_CONTROL_N_BOUNDS], set[SCENE_CONTROL_N_SET];
   int is_inverted, iterations;
 } scene_control_program;

@@ -35,33 +35,38 @@ static inline void program_factor(real bottom, scene_control_program *m)
   for (i = 0; i < N_U * N_U; ++i) {
     m->matrix[N_ROWS * N_U + i] = i % (N_U + 1) == 0 ? bottom : (real)0.0;
   }
+  /* Columns before k are of no use any more; loops of one length are faster. */
   for (k = 0; k < N_U; ++k) {
     real *pivot = m->matrix + k * N_U, *v = m->reflection + k * N_ROWS, *own = m->root + program_row(k);
-    real norm = pivot[k] * pivot[k], span;
+    real norm = pivot[k] * pivot[k], inverse;
     for (i = 0; i < N_ROWS; ++i) {
       v[i] = pivot[(i + 1) * N_U + k];
       norm += v[i] * v[i];
     }
     norm = pivot[k] > (real)0.0 ? program_root(norm) : -program_root(norm);
-    span = pivot[k] + norm;
-    m->strength[k] = span / norm;
-    own[k] = -norm;
-    for (j = k + 1; j < N_U; ++j) {
+    inverse = (real)1.0 / (pivot[k] + norm);
+    m->strength[k] = (pivot[k] + norm) / norm;
+    for (j = 0; j < N_U; ++j) {
       ahead[j] = pivot[j];
     }
     for (i = 0; i < N_ROWS; ++i) {
-      v[i] /= span;
-      for (j = k + 1; j < N_U; ++j) {
-        ahead[j] += v[i] * pivot[(i + 1) * N_U + j];
+      const real *row = pivot + (i + 1) * N_U, part = v[i] * inverse;
+      v[i] = part;
+      for (j = 0; j < N_U; ++j) {
+        ahead[j] += part * row[j];
       }
     }
-    for (j = k + 1; j < N_U; ++j) {
+    for (j = 0; j < N_U; ++j) {
       ahead[j] *= m->strength[k];
+    }
+    for (j = k; j < N_U; ++j) {
       own[j] = pivot[j] - ahead[j];
     }
     for (i = 0; i < N_ROWS; ++i) {
-      for (j = k + 1; j < N_U; ++j) {
-        pivot[(i + 1) * N_U + j] -= v[i] * ahead[j];
+      real *row = pivot + (i + 1) * N_U;
+      const real part = v[i];
+      for (j = 0; j < N_U; ++j) {
+        row[j] -= part * ahead[j];
       }
     }
   }
@@ -116,11 +121,15 @@ static inline void program_turn_back(scene_control_program *m)
   int i, j;
   for (i = N_U - 1; i >= 0; --i) {
     const real *own = m->root + program_row(i);
-    real rest = m->move[i] - m->shift[i];
-    for (j = i + 1; j < N_U; ++j) {
-      rest -= own[j] * m->x[j];
+    real even = m->move[i] - m->shift[i], odd = (real)0.0;
+    for (j = i + 1; j + 1 < N_U; j += 2) {
+      even -= own[j] * m->x[j];
+      odd += own[j + 1] * m->x[j + 1];
     }
-    m->x[i] = rest / own[i];
+    for (; j < N_U; ++j) {
+      even -= own[j] * m->x[j];
+    }
+    m->x[i] = (even - odd) / own[i];
   }
 }
 
@@ -150,19 +159,26 @@ static inline real program_make_unit(real *row, int count)
   return norm;
 }
 
-/* Row of R^-1, from a triangle's row i on: row R = (0 .. 1 .. 0), entry by entry. */
-static inline void program_invert_row(int i, scene_control_program *m)
+/* Rows of R^-1, entry by entry from row R = (0 .. 1 .. 0); the memory of the matrix is free for sums. */
+static inline void program_invert_rows(scene_control_program *m)
 {
-  real *row = m->inverse + program_row(i);
-  int j, k;
-  for (k = i; k < N_U; ++k) {
-    row[k] = (real)0.0;
+  real own[N_U];
+  int i, j, k;
+  for (i = 0; i < N_U * N_U; ++i) {
+    m->matrix[i] = (real)0.0;
   }
-  for (k = i; k < N_U; ++k) {
-    const real *own = m->root + program_row(k);
-    row[k] = ((k == i ? (real)1.0 : (real)0.0) - row[k]) / own[k];
-    for (j = k + 1; j < N_U; ++j) {
-      row[j] += row[k] * own[j];
+  for (k = 0; k < N_U; ++k) {
+    const real *from = m->root + program_row(k), pivot = (real)1.0 / from[k];
+    for (j = 0; j < N_U; ++j) {
+      own[j] = j < k ? (real)0.0 : from[j];
+    }
+    for (i = 0; i <= k; ++i) {
+      real *sum = m->matrix + i * N_U;
+      const real entry = ((i == k ? (real)1.0 : (real)0.0) - sum[k]) * pivot;
+      m->inverse[program_row(i) + k] = entry;
+      for (j = 0; j < N_U; ++j) {
+        sum[j] += entry * own[j];
+      }
     }
   }
 }
@@ -171,9 +187,7 @@ static inline void program_invert_row(int i, scene_control_program *m)
 static inline void program_invert(scene_control_program *m)
 {
   int i, j, k;
-  for (i = 0; i < N_U; ++i) {
-    program_invert_row(i, m);
-  }
+  program_invert_rows(m);
   for (k = 0; k < N_SHARED; ++k) {
     real *row = m->turned_sum + k * N_U;
     for (j = 0; j < N_U; ++j) {
@@ -214,7 +228,7 @@ static inline DAQPSettings program_settings(real tolerance)
   return s;
 }
 
-/* Binds DAQP to the memory, without active constraints but those whose bounds are equal. */
+/* Binds DAQP to the memory. Active at first are the constraints of the program before, and those of equal bounds. */
 static inline void program_bind(program_solver *solver, scene_control_program *m)
 {
   DAQPWorkspace work;
@@ -253,7 +267,10 @@ static inline void program_bind(program_solver *solver, scene_control_program *m
   solver->work = work;
   reset_daqp_workspace(&solver->work);
   for (k = 0; k < N_BOUNDS; ++k) {
-    m->sense[k] = m->upper[k] - m->lower[k] < solver->settings.zero_tol ? DAQP_ACTIVE + DAQP_IMMUTABLE : 0;
+    m->sense[k] &= DAQP_ACTIVE + DAQP_LOWER;
+    if (m->upper[k] - m->lower[k] < solver->settings.zero_tol) {
+      m->sense[k] = DAQP_ACTIVE + DAQP_IMMUTABLE;
+    }
   }
 }
 
@@ -273,13 +290,25 @@ static inline void program_shift_bounds(scene_control_program *m)
   }
 }
 
+/* Forgets which constraints were active. */
+static inline void program_forget(scene_control_program *m)
+{
+  int k;
+  for (k = 0; k < N_BOUNDS; ++k) {
+    m->sense[k] = 0;
+  }
+}
+
 /* x within its bounds for the factors of program_factor; returns whether it was found. `is_first`: nothing was solved
  * with these factors before, else the active constraints are those of the last time. */
 static inline int program_solve(int is_first, program_solver *solver, scene_control_program *m)
 {
-  int is_found;
+  int is_found, k, n_active = 0;
   program_turn(m);
-  if (program_solve_freely(m)) {
+  for (k = 0; k < N_BOUNDS; ++k) {
+    n_active += m->sense[k] & DAQP_ACTIVE;
+  }
+  if (n_active == 0 && program_solve_freely(m)) {
     m->iterations = m->iterations > 1 ? m->iterations : 1;
     return 1;
   }
@@ -292,17 +321,20 @@ static inline int program_solve(int is_first, program_solver *solver, scene_cont
   }
   program_shift_bounds(m);
   solver->work.reuse_ind = 0;
-  if (is_first && daqp_activate_constraints(&solver->work) < 0) {
-    return 0;
+  is_found = !is_first || daqp_activate_constraints(&solver->work) >= 0;
+  if (is_found) {
+    is_found = daqp_ldp(&solver->work) > 0;
+    m->iterations = m->iterations > solver->work.iterations ? m->iterations : solver->work.iterations;
   }
-  is_found = daqp_ldp(&solver->work) > 0;
-  m->iterations = m->iterations > solver->work.iterations ? m->iterations : solver->work.iterations;
+  if (is_found) {
+    program_turn_back(m);
+    daqp_refine_primal(&solver->work);
+    is_found = program_is_within((real)1000.0 * m->tolerance, m);
+  }
   if (!is_found) {
-    return 0;
+    program_forget(m);
   }
-  program_turn_back(m);
-  daqp_refine_primal(&solver->work);
-  return program_is_within((real)1000.0 * m->tolerance, m);
+  return is_found;
 }
 
 #endif
