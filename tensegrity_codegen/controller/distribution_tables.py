@@ -99,9 +99,9 @@ def build_distribution_tables(
     constants = {
         "N_PREFERRED": len(table),
         "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
-        "IS_FIXED": int((pulls.sum(axis=0) == 1).all() and (pulls.sum(axis=1) == 1).all()),
+        "IS_FIXED": int(cables.is_one_to_one),
         "QP_ITERATIONS": iterations,
-        "QP_PASSES": PASSES,
+        "QP_PASSES": 1 if cables.is_one_to_one else PASSES,
     }
     sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
     return DistributionTables(sizes, constants, tables, bool(others.any()))

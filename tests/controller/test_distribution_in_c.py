@@ -135,7 +135,6 @@ def test_a_program_that_is_cut_short_gives_a_status_and_a_safe_command(
         assert short.iterations <= 3
         if found.status == "not_solved":
             cut += 1
-            assert in_c.iterations > 2
             assert found.command.tolist() == np.clip(sample[2], sample[3], sample[4]).tolist()
         else:
             assert np.abs(found.command - whole.command).max() < 1e-10

@@ -9,7 +9,8 @@
  *     least |A (T - asked)|^2 + eps |T - preferred|^2     over the inputs of the actuators
  *     T = (k + EA / rho) (l - rho)                        of the driven members, also below zero
  *
- * by Gauss-Newton steps. Bounds are exact in the inputs. Driven members are those that actuators pull. */
+ * by Gauss-Newton steps, or in one step where each actuator pulls one member. Bounds are exact in the inputs. Driven
+ * members are those that actuators pull. */
 
 #if WITH_FLOAT
 #define DISTRIBUTION_SAME (real)1e-6      /* [m] */
@@ -18,6 +19,7 @@
 #define DISTRIBUTION_SAME (real)1e-9       /* [m] */
 #define DISTRIBUTION_TOLERANCE (real)1e-12 /* of bounds, over the largest tension */
 #endif
+#define DISTRIBUTION_LONGEST (real)100.0 /* rest length over length, up to which tensions are counted with */
 #define DISTRIBUTION_FORCE (real)1e-3    /* part of the tensions, by which forces may differ from those asked for */
 #define DISTRIBUTION_SMALLEST (real)1e-9 /* part of eps, for inputs that change no tension */
 
@@ -189,14 +191,44 @@ static inline void distribution_aim(real bottom, scene_control_distribution *m)
   }
 }
 
+/* Change at which the line that stands for a tension about a command has the tension of an input. Where each actuator
+ * pulls one member, changes stand for tensions, so that lines and bounds are exact. */
+static inline real distribution_to_change(int k, real input, const real *command, const scene_control_distribution *m)
+{
+  const int e = PULL_DRIVEN[PULL_START[k]];
+  const real length = m->length[DRIVEN_MEMBER[e]];
+  real rest = m->base[e] + input, tension;
+  if (!IS_FIXED || !(m->slope[e] < (real)0.0)) {
+    return input - command[k];
+  }
+  if (!(rest > (real)0.0)) {
+    return -DAQP_INF;
+  }
+  rest = rest < DISTRIBUTION_LONGEST * length ? rest : DISTRIBUTION_LONGEST * length;
+  tension = (SPRING_CONSTANT[e] + AXIAL_STIFFNESS[e] / rest) * (length - rest);
+  return (tension - m->tension[e]) / m->slope[e];
+}
+
+/* Input that has the tension of a change. */
+static inline real distribution_to_input(int k, real change, real command, const scene_control_distribution *m)
+{
+  const int e = PULL_DRIVEN[PULL_START[k]];
+  const real length = m->length[DRIVEN_MEMBER[e]], axial = AXIAL_STIFFNESS[e];
+  const real tension = m->tension[e] + m->slope[e] * change;
+  if (!IS_FIXED || !(m->slope[e] < (real)0.0)) {
+    return command + change;
+  }
+  return (axial > (real)0.0 ? axial * length / (axial + tension) : length - tension / SPRING_CONSTANT[e]) - m->base[e];
+}
+
 /* Bounds of x about a command. */
 static inline void distribution_bound(const distribution_sample *s, const real *command, scene_control_distribution *m)
 {
   scene_control_program *program = &m->program;
   int e, k, p, shared = 0;
   for (k = 0; k < N_U; ++k) {
-    program->lower[k] = (s->low[k] - command[k]) * m->size[k];
-    program->upper[k] = (m->top[k] - command[k]) * m->size[k];
+    program->lower[k] = distribution_to_change(k, s->low[k], command, m) * m->size[k];
+    program->upper[k] = distribution_to_change(k, m->top[k], command, m) * m->size[k];
   }
   for (e = 0; e < N_DRIVEN && N_SHARED > 0; ++e) {
     real *row = program->sum + shared * N_U;
@@ -241,7 +273,7 @@ static inline int distribution_step(
   *moved = (real)0.0;
   for (k = 0; k < N_U; ++k) {
     const real change = m->program.x[k] / m->size[k];
-    command[k] = distribution_clip(command[k] + change, s->low[k], m->top[k]);
+    command[k] = distribution_clip(distribution_to_input(k, change, command[k], m), s->low[k], m->top[k]);
     *moved = program_size(change) > *moved ? program_size(change) : *moved;
   }
   return 1;

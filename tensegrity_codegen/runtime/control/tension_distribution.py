@@ -14,12 +14,13 @@ from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.runtime.control.loop.cable_tensions import CableTensions, find_cables
+from tensegrity_codegen.runtime.control.loop.tension_program import TensionLine, TensionProgram
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.planning.quadratic_program import find_nearest, require_solver
+from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
 
 __all__ = ["Distributed", "TensionDistribution", "design_distribution"]
 
@@ -29,8 +30,6 @@ QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
 FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
 SAME = 1e-9  # [m]
-SMALLEST = 1e-9  # part of the weight, for inputs that change no tension
-TOLERANCE = 1e-12  # of bounds, over the largest tension (1 N at least)
 PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
 
 
@@ -115,18 +114,19 @@ class TensionDistribution(Summarised):
         asked = cables.tension(length, cables.rest_length(others, wanted))[driven]
         preferred, command = self._prefer(time)[driven], np.clip(wanted, low, most)
         a = whole[:, driven]
-        for _ in range(PASSES):
+        for _ in range(1 if cables.is_one_to_one else PASSES):
             rest = cables.rest_length(others, command)
-            program = _Program(
+            program = TensionProgram(
                 a / np.sqrt(max(float(np.mean(whole**2)), np.finfo(float).tiny)),
                 cables.tension(length, rest)[driven],
                 (cables.slope(length, rest)[:, None] * cables.incidence)[driven],
             )
-            limits = (low - command, most - command, cables.incidence[cables.shared], top[shared])
+            line = TensionLine(cables, length, others, command)
+            limits = (line.to_change(low), line.to_change(most), cables.incidence[cables.shared], top[shared])
             change = program.solve(asked, preferred, self.weight, command, limits)
             if change is None:
                 return Distributed(np.clip(wanted, low, high), "not_solved", yielding)
-            command = np.clip(command + change, low, most)
+            command = np.clip(line.to_input(change), low, most)
             if np.abs(change).max() < SAME:
                 break
         reached = cables.tension(length, cables.rest_length(others, command))[driven]
@@ -174,45 +174,6 @@ class TensionDistribution(Summarised):
         if (at_bound & ~ranged).any():
             return "rate_limited"
         return "range_limited" if ranged.any() else "tension_limited"
-
-
-@dataclass(frozen=True, eq=False)
-class _Program:
-    """The quadratic program about one command.
-
-    a: equilibrium matrix of the members that actuators pull, over the root of the mean square of all entries;
-    tension (n_driven,) [N]; moved (n_driven, n_actuators): derivatives of tensions by the inputs [N/m].
-    """
-
-    a: FloatArray
-    tension: FloatArray
-    moved: FloatArray
-
-    def solve(
-        self,
-        asked: FloatArray,
-        preferred: FloatArray,
-        weight: float,
-        command: FloatArray,
-        limits: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    ) -> FloatArray | None:
-        """Return the change of the command (n_actuators,) [m]; None where the solver fails."""
-        low, high, rows, top = limits
-        size = np.linalg.norm(self.moved, axis=0)
-        size = np.where(size > 0.0, size, max(float(size.max(initial=0.0)), 1.0))
-        change, share = self.moved / size, np.sqrt(weight)
-        least = share * np.sqrt(SMALLEST) * np.eye(len(size))
-        found = find_nearest(
-            np.vstack([self.a @ change, share * change, least]),
-            np.concatenate(
-                [self.a @ (asked - self.tension), share * (preferred - self.tension), np.zeros(len(size))]
-            ),
-            np.vstack([np.eye(len(size)), rows]) / size,
-            np.concatenate([low, np.full(len(top), -np.inf)]),
-            np.concatenate([high, top - rows @ command]),
-            tolerance=TOLERANCE * max(1.0, float(np.abs(asked).max(initial=0.0))),
-        )
-        return None if found is None else found.x / size
 
 
 def design_distribution(

@@ -57,6 +57,12 @@ class CableTensions:
         several: NDArray[np.bool_] = self.incidence[self.limited].sum(axis=1) > 1.0
         return self.limited[several]
 
+    @property
+    def is_one_to_one(self) -> bool:
+        """Whether each actuator pulls one member, and no member has several actuators."""
+        counts = self.incidence.sum(axis=0), self.incidence.sum(axis=1)
+        return bool((counts[0] == 1.0).all() and (counts[1] <= 1.0).all())
+
     def rest_length(self, inputs: FloatArray, change: FloatArray) -> FloatArray:
         """Return rest lengths (n_members,) [m] for inputs (n_inputs,) and those of the actuators."""
         found: FloatArray = self.base + self.other_incidence @ inputs + self.incidence @ change
