@@ -23,7 +23,7 @@ __all__ = [
 BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
 
 # Interfaces that a library can offer besides its C functions.
-INTERFACES = ("casadi", "casadi_hessian")
+INTERFACES = ("casadi", "casadi_hessian", "acados")
 
 
 def complete_options(
@@ -68,7 +68,10 @@ def check_batch_width(width: int, where: str = "model.batch_width") -> None:
 
 
 def check_interfaces(interfaces: Sequence[str], where: str = "model.interfaces") -> None:
-    """Raise UnknownNameError, naming `where`, for an interface that no library can offer."""
+    """Raise UnknownNameError, naming `where`, for an interface that no library can offer.
+
+    Raises InvalidValueError for interfaces that one library cannot have together.
+    """
     for name in interfaces:
         if name not in INTERFACES:
             raise UnknownNameError(
@@ -78,6 +81,14 @@ def check_interfaces(interfaces: Sequence[str], where: str = "model.interfaces")
                 allowed=", ".join(INTERFACES),
                 hint=suggest(name, INTERFACES),
             )
+    if "acados" in interfaces and len(set(interfaces)) > 1:
+        raise InvalidValueError(
+            "interfaces with different integers",
+            where=where,
+            given=", ".join(interfaces),
+            allowed='"acados" alone (int), or those of CasADi (long long)',
+            hint="build two libraries",
+        )
 
 
 @dataclass(frozen=True)
@@ -112,7 +123,7 @@ class ModelRequest:
         What integrators can keep constant: ``"energy"``.
     interfaces : tuple of str
         Interfaces besides the C functions: ``"casadi"``, with first derivatives, or ``"casadi_hessian"``,
-        with second derivatives too.
+        with second derivatives too; ``"acados"``, for acados.
 
     Raises
     ------

@@ -15,6 +15,7 @@ __all__ = [
     "FolderOption",
     "InterfaceOption",
     "MeasureOption",
+    "PresetOption",
     "QuantityOption",
     "TargetOption",
     "TuneForOption",
@@ -56,6 +57,13 @@ TargetOption = Annotated[
 WheelOption = Annotated[
     bool,
     typer.Option("--wheel", help="Add a Python package of the library to --out; it needs NumPy alone."),
+]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        "--preset",
+        help="Settings for a purpose, instead of the scene's: casadi, acados, f32, mcu (docs/embedding.md).",
+    ),
 ]
 TuneOption = Annotated[
     bool, typer.Option("--tune", help="Measure emitters and compilers; use and remember the fastest.")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
 from tensegrity_codegen.codegen.casadi_interface.derivatives import (
+    Derivatives,
     build_derivatives,
     list_derivative_parts,
 )
@@ -29,6 +31,8 @@ from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tableaus import EXPLICIT
 
 __all__ = ["EMITTERS", "EmissionPlan", "GeneratedSource", "check_request", "emit"]
@@ -175,6 +179,9 @@ def _sources(
     left_out: tuple[LeftOut, ...] = (),
 ) -> tuple[Manifest, dict[str, str]]:
     derivatives = build_derivatives(model, request, functions)
+    if "acados" in request.interfaces:
+        symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
+        derivatives = Derivatives((*derivatives.made, *build_acados(symbolic)), derivatives.too_long)
     manifest = describe(model, request, functions, left_out)
     manifest = replace(manifest, parts=(*manifest.parts, *list_derivative_parts(request, derivatives)))
     emitter, precision = EMITTERS[request.emitter], find_precision(request.precision)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.batch import batch_context
 from tensegrity_codegen.codegen.bundle.labels import label_entries
-from tensegrity_codegen.codegen.casadi_interface.derivatives import NONE, Derivatives
+from tensegrity_codegen.codegen.casadi_interface.derivatives import CASADI, NONE, Derivatives
 from tensegrity_codegen.codegen.casadi_interface.functions import (
     MOST_ENTRIES,
     casadi_context,
@@ -63,7 +63,11 @@ def write_sources(
     """
     context = _context(manifest, functions, bodies, lanes)
     if manifest.interfaces:
-        context["casadi_functions"] = casadi_context(manifest.name, context["functions"], derivatives)
+        with_casadi = bool(set(manifest.interfaces).intersection(CASADI))
+        plain = context["functions"] if with_casadi else ()
+        context["casadi_functions"] = casadi_context(manifest.name, plain, derivatives)
+        context["casadi_int"] = "long long int" if with_casadi else "int"
+        context["casadi_memory"] = "int mem" if with_casadi else "void *mem"
     name = manifest.name
     apart = {f"{name}_tables.c": render("scene_tables.c", context)} if context["tables_apart"] else {}
     header = wrap_lines(render("scene.h", context))

@@ -20,6 +20,7 @@ __all__ = [
     "functions_table",
     "left_out_table",
     "members_table",
+    "memory_table",
     "new_table",
     "nodes_table",
     "run_table",
@@ -124,6 +125,15 @@ def left_out_table(manifest: Manifest) -> Table:
             f"{item.operations:,}", f"{sign}{item.object_bytes:,}",
         )  # fmt: skip
         table.add_section()
+    return table
+
+
+def memory_table(code_bytes: int | None, stack_bytes: Mapping[str, int]) -> Table:
+    """Return a table of the program memory of a library and the stack of its functions [bytes]."""
+    size = "unknown" if code_bytes is None else f"{code_bytes:,} bytes"
+    table = new_table(f"code and constants: {size}; stack at most", "function", bytes="right")
+    for name, size_of in sorted(stack_bytes.items(), key=lambda item: -item[1]):
+        add_row(table, name, f"{size_of:,}")
     return table
 
 

@@ -188,7 +188,7 @@ def test_the_casadi_interface_is_built_where_asked(run: Run, two_nodes: Path) ->
     assert "without casadi interface: interfaces does not name casadi" in run("build", two_nodes).out
     failed = run("build", two_nodes, "--interface", "matlab", "--json")
     assert failed.code == 2
-    assert (failed.data["where"], failed.data["allowed"]) == ("--interface", "casadi, casadi_hessian")
+    assert (failed.data["where"], failed.data["allowed"]) == ("--interface", "casadi, casadi_hessian, acados")
 
 
 def test_a_batch_width_that_is_no_power_of_two_is_refused(run: Run, two_nodes: Path) -> None:

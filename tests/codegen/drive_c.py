@@ -151,7 +151,7 @@ EXTERNAL = """
 static size_t count_entries(const long long *pattern)
 {
   const long long rows = pattern[0], columns = pattern[1];
-  return (size_t)(pattern[2] == 1 && columns != 0 ? rows * columns : pattern[2 + columns]);
+  return (size_t)(pattern[2] == 1 ? rows * columns : pattern[2 + columns]);
 }
 #define EXTERNAL(f) \\
 int f(const double **arg, double **res, long long *iw, double *w, int mem); \\

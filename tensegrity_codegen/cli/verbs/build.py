@@ -13,6 +13,7 @@ from tensegrity_codegen.cli.build_options import (
     FolderOption,
     InterfaceOption,
     MeasureOption,
+    PresetOption,
     QuantityOption,
     TargetOption,
     TuneForOption,
@@ -30,14 +31,16 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, find_flags
+from tensegrity_codegen.codegen.compilation.flags import MEASURED, find_flags
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.output_folder import check_folder
 from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.presets import find_preset
 from tensegrity_codegen.request import ModelRequest, check_batch_width, check_interfaces
 from tensegrity_codegen.targets import find_target
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.memory_use import MemoryUse
     from tensegrity_codegen.pipeline import BuiltLibrary
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tuning import TunedLibrary
@@ -58,6 +61,7 @@ def build(
     any_flags: AnyFlagsOption = False,
     batch_width: BatchWidthOption = None,
     interface: InterfaceOption = None,
+    preset: PresetOption = None,
     compiler: CompilerOption = None,
     flags: FlagsOption = None,
     target: TargetOption = None,
@@ -70,6 +74,7 @@ def build(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.memory_use import measure_memory
         from tensegrity_codegen.pipeline import build_library
 
         if out is not None:
@@ -78,6 +83,7 @@ def build(
         structure, request = output.load(scene)
         if wheel:
             _check_wheel(target, structure.name, out)
+        request = _preset(request, preset)
         request = _narrow(request, quantity, precision, emitter, batch_width, flags)
         request = _add_interfaces(request, interface or ())
         tuned = None
@@ -91,7 +97,11 @@ def build(
         folder = built.entry.folder
         if out is not None:
             folder = built.export(out, overwrite=overwrite, inputs=[scene], wheel=wheel)
-        _tell(output, built, folder, tuned, wheel)
+        memory = None
+        if preset == "mcu":
+            source = built.entry.folder
+            memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
+        _tell(output, built, folder, tuned, wheel, memory)
 
 
 def _check_target(target: str | None, tunes: bool) -> None:
@@ -132,17 +142,25 @@ def _tune(
     """Return the fastest library for this machine, and what it was compared with."""
     from tensegrity_codegen.tuning import build_tuned
 
-    sets = tuple(FLAG_SETS) if any_flags else ()
+    sets = MEASURED if any_flags else ()
     return build_tuned(structure, request, compiler=compiler, flags=sets, tune_for=by, measure=measure)
 
 
-def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary | None, wheel: bool) -> None:
+def _tell(
+    output: Output,
+    built: BuiltLibrary,
+    folder: Path,
+    tuned: TunedLibrary | None,
+    wheel: bool,
+    memory: MemoryUse | None,
+) -> None:
     """Say what a library holds and where it is."""
     from tensegrity_codegen.report.tables import (
         candidates_table,
         describe_parts,
         functions_table,
         left_out_table,
+        memory_table,
     )
     from tensegrity_codegen.wheels.wheel import wheel_file_name
 
@@ -155,6 +173,9 @@ def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary
     if wheel:
         data["wheel"] = str(folder / wheel_file_name(built.manifest))
         written.append(data["wheel"])
+    if memory is not None:
+        data["memory"] = vars(memory)
+        tables.append(memory_table(memory.code_bytes, memory.stack_bytes))
     how = "from the cache" if built.from_cache else f"built with {built.compiler}"
     output.result(
         data,
@@ -163,6 +184,11 @@ def _tell(output: Output, built: BuiltLibrary, folder: Path, tuned: TunedLibrary
         describe_parts(built.manifest),
         "\n".join(written) + f"\n{how}, {built.seconds:.2f} s",
     )
+
+
+def _preset(request: ModelRequest, name: str | None) -> ModelRequest:
+    """Return the request with the settings of a preset in place of the scene's."""
+    return request if name is None else replace(request, **find_preset(name, "--preset").settings)
 
 
 def _narrow(

@@ -25,7 +25,7 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 
-__all__ = ["NONE", "Derivative", "Derivatives", "build_derivatives", "list_derivative_parts"]
+__all__ = ["CASADI", "NONE", "Derivative", "Derivatives", "build_derivatives", "list_derivative_parts"]
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ class Derivatives:
 
 
 NONE = Derivatives()
+CASADI = ("casadi", "casadi_hessian")  # interfaces of casadi.external
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def build_derivatives(
     Together with the functions they have at most as many operations as unrolled functions may have; what does
     not fit is listed. First derivatives come first.
     """
-    if not request.interfaces:
+    if not set(request.interfaces).intersection(CASADI):
         return NONE
     wanted = _list_wanted(functions, "casadi_hessian" in request.interfaces)
     if model.subject.n_members > MOST_MEMBERS:
@@ -95,7 +96,7 @@ def build_derivatives(
 
 def list_derivative_parts(request: ModelRequest, derivatives: Derivatives) -> tuple[SourcePart, ...]:
     """Return the entries of the manifest's list of parts for derivatives, where there is CasADi."""
-    if not request.interfaces:
+    if not set(request.interfaces).intersection(CASADI):
         return ()
     return (
         _describe_part("casadi_derivatives", 1, ("casadi", "casadi_hessian"), request, derivatives),

@@ -88,7 +88,7 @@ def _derived(scene: str, item: Derivative) -> dict[str, Any]:
         _Port(k, made.name_out(k), size, _of_sparsity(made.sparsity_out(k)), size > 0, zeros + sum(sizes[:k]))
         for k, size in enumerate(sizes)
     ]
-    quantity = item.name.removeprefix(next(word for word in WORDS if item.name.startswith(word)))
+    quantity = item.name.removeprefix(next((word for word in WORDS if item.name.startswith(word)), ""))
     return _context(name_symbol(scene, item.name), arguments, results, sum(sizes)) | {
         "symbol": "",
         "kernel": f"{item.name}_checked",

@@ -12,13 +12,13 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.cache_root import find_cache_root
 from tensegrity_codegen.codegen.compilation.child import ChildOutcome, run_several
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command
-from tensegrity_codegen.codegen.compilation.object_file import read_code_size
+from tensegrity_codegen.codegen.compilation.object_file import read_code_size, read_stack_use
 from tensegrity_codegen.codegen.compilation.private_files import check_parents, make_private
 from tensegrity_codegen.errors import CompileError, InvalidNameError, InvalidValueError, UnsafeCacheError
 from tensegrity_codegen.targets import Target, find_system, library_file_name
@@ -128,6 +128,30 @@ def object_size(
         ]
     sizes = [read_code_size(data) for data in objects]
     return None if None in sizes else sum(size for size in sizes if size is not None)
+
+
+def stack_use(
+    sources: Mapping[str, str],
+    *,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target | None = None,
+    timeout: float = COMPILE_TIMEOUT,
+    memory_limit: int | None = MEMORY_LIMIT,
+) -> dict[str, int]:
+    """Return the bytes of stack of each function that is not inlined; empty where the compiler does not say.
+
+    Arguments and errors as in compile_library; nothing is linked.
+    """
+    units = _units(sources)
+    flags = replace(flags, options=(*flags.options, "-fstack-usage"))
+    with _written(sources) as folder:
+        outcomes = _compile_objects(
+            units, flags, target or find_system(), compiler, folder, timeout, memory_limit
+        )
+        for unit, done in zip(units, outcomes, strict=True):
+            _read_output(folder / f"{unit}.o", done, compiler)
+        return read_stack_use("".join(path.read_text("utf-8") for path in sorted(folder.rglob("*.su"))))
 
 
 def compiler_environment(compiler: Compiler, folder: Path) -> dict[str, str]:

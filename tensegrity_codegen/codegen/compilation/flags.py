@@ -14,6 +14,7 @@ from tensegrity_codegen.targets import Target, find_system
 
 __all__ = [
     "FLAG_SETS",
+    "MEASURED",
     "WARNINGS",
     "Compiler",
     "FlagSet",
@@ -64,7 +65,12 @@ FLAG_SETS = {
         (*REFERENCE, THIS_CPU, *WHOLE_REGISTERS, "-DTENSEGRITY_NATIVE"),
         portable=False,
     ),
+    "small": FlagSet(
+        "small",
+        (*(item if item != "-O2" else "-Os" for item in REFERENCE), "-ffunction-sections", "-fdata-sections"),
+    ),
 }
+MEASURED = ("reference", "native")  # flag sets that are compared for speed
 
 # gcc's vectoriser of straight-line code makes fused multiply-adds where additions and subtractions
 # alternate, whatever -ffp-contract says (gcc 12), and slows unrolled code down. Its loops become vectors,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["read_code_size"]
+__all__ = ["read_code_size", "read_stack_use"]
 
 ELF_ALLOCATED, ELF_WRITABLE, ELF_NO_BITS = 2, 1, 8
 MACHO_64 = 0xFEEDFACF
@@ -104,3 +104,12 @@ def _text(data: bytes, start: int, most: int | None = None) -> str:
     end = data.find(b"\0", start)
     end = len(data) if end < 0 else end
     return data[start : end if most is None else min(end, start + most)].decode("ascii", "replace")
+
+
+def read_stack_use(text: str) -> dict[str, int]:
+    """Return the bytes of each function in what gcc and clang write with -fstack-usage.
+
+    A line is "file:line:column:function", bytes and a kind, apart by tabs.
+    """
+    rows = (line.split("\t") for line in text.splitlines())
+    return {row[0].rpartition(":")[2]: int(row[1]) for row in rows if len(row) == 3 and row[1].isdigit()}

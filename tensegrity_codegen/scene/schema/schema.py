@@ -6,9 +6,19 @@ scene is assembled. SI units everywhere.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Strict, Tag, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticCustomError
 from pydantic_core.core_schema import NullableSchema
@@ -17,6 +27,7 @@ from tensegrity_codegen.formulations import FORMULATIONS
 from tensegrity_codegen.manifest import EVENT_KINDS
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.precision import PRECISIONS
+from tensegrity_codegen.presets import PRESETS
 from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.request import BATCH_WIDTHS, INTERFACES
 from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
@@ -77,7 +88,7 @@ __all__ = [
 
 # What a scene may ask for. A new emitter, integrator or solver adds its name here.
 EMITTERS = ("auto", "unrolled", "lanes", "table")
-FLAGS = ("reference", "native")
+FLAGS = ("reference", "native", "small")
 INTEGRATORS = (*EXPLICIT, "radau")
 EVENTS = tuple(EVENT_KINDS)
 SOLVERS = ("equilibrium",)
@@ -101,6 +112,7 @@ _INTEGRATOR = _one_of("integrator", INTEGRATORS)
 _EVENT = _one_of("kind of event", EVENTS)
 _SOLVER = _one_of("solver", SOLVERS)
 _INTERFACE = _one_of("interface", INTERFACES)
+_PRESET = _one_of("preset", ("", *PRESETS))
 
 
 def _check_batch_width(width: int) -> int:
@@ -173,6 +185,9 @@ class ForceInput(Table):
 class ModelOptions(Table):
     """Formulation, quantities and other options."""
 
+    preset: Annotated[str, *_PRESET] = Field(
+        "", description="Settings for a purpose, for keys that are not given: casadi, acados, f32, mcu."
+    )
     formulation: Annotated[str, *_FORMULATION] = Field(
         next(iter(FORMULATIONS)), description="Choice of coordinates."
     )
@@ -216,6 +231,13 @@ class ModelOptions(Table):
         description="Ways to call the library besides its C functions: casadi, for casadi.external with "
         "first derivatives; casadi_hessian, with second derivatives too.",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete_by_preset(cls, data: Any) -> Any:
+        """Add the settings of the preset for keys that are not given."""
+        preset = PRESETS.get(data.get("preset", "")) if isinstance(data, Mapping) else None
+        return data if preset is None else {**preset.settings, **data}
 
 
 class Parameters(Table):

@@ -51,7 +51,7 @@ def test_single_precision_has_no_interface() -> None:
 def test_an_unknown_interface_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="unknown interface") as caught:
         ModelRequest((), interfaces=("casad",))
-    assert caught.value.allowed == "casadi, casadi_hessian"
+    assert caught.value.allowed == "casadi, casadi_hessian, acados"
     assert "casadi" in caught.value.hint
 
 
