@@ -60,7 +60,7 @@ def test_unknown_flags_list_the_known_ones():
         find_flags("natve")
     assert (caught.value.where, caught.value.given) == ("model.flags", "natve")
     assert "'native'" in caught.value.hint
-    assert caught.value.allowed == "reference, native"
+    assert caught.value.allowed == "reference, native, small"
 
 
 def test_the_description_tells_toolchains_apart():
