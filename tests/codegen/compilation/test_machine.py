@@ -315,7 +315,7 @@ def test_unknown_flags_are_refused(flags: str) -> None:
     structure, request = bare()
     with pytest.raises(FormulationError, match="unknown compile flags") as caught:
         build_library(structure, replace(request, flags=flags))
-    assert caught.value.allowed == "reference, native"
+    assert caught.value.allowed == "reference, native, small"
     with pytest.raises(FormulationError, match="unknown compile flags"):
         build_library(structure, request, flags=flags)
 
