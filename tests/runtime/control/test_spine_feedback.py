@@ -29,6 +29,7 @@ from tests.runtime.control.spine import (
 
 pytestmark = [
     pytest.mark.thorough,
+    pytest.mark.timeout(1800),  # a library of 75 coordinates is compiled
     pytest.mark.skipif(not FILE.is_file(), reason="the shared structures are not beside the checkout"),
 ]
 
