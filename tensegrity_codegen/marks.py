@@ -6,6 +6,7 @@ A file without either may be a user's own, and is not replaced without a word.
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 
 __all__ = ["LIST_FILE", "MARK", "format_list", "has_mark", "is_own", "read_list"]
@@ -16,8 +17,10 @@ WINDOW = 2**16  # bytes at either end of a file in which the mark is looked for
 # Tables have no place for a mark; these are the first columns of those written here.
 TABLE_HEADS = (
     *(b"load_factor,smallest_eigenvalue,residual", b"scene,t_end,"),
-    *(b"time [s],", b"motion,time [s],", b"matrix,row,column,value"),
+    b"matrix,row,column,value",
 )
+# The first columns of a motion's table: time, and the position of a node along x.
+MOTION_HEAD = re.compile(rb"(motion,)?time \[s\],[A-Za-z][\w.]*\.x \[m\],")
 
 
 def has_mark(path: Path) -> bool:
@@ -29,7 +32,8 @@ def has_mark(path: Path) -> bool:
             tail = file.read(WINDOW)
     except OSError:
         return False
-    return not head or head.startswith(TABLE_HEADS) or any(MARK.encode() in part for part in (head, tail))
+    is_table = head.startswith(TABLE_HEADS) or MOTION_HEAD.match(head) is not None
+    return not head or is_table or any(MARK.encode() in part for part in (head, tail))
 
 
 def is_own(path: Path, known: dict[str, set[str]]) -> bool:

@@ -146,13 +146,13 @@ def test_a_missing_package_is_refused_before_the_run(
 
 @pytest.mark.parametrize("kind", ["csv", "mat"])
 def test_a_file_of_someone_else_stays(run: Run, scene: Path, kind: str) -> None:
-    Path(f"own.{kind}").write_text("mine\n", encoding="utf-8")
+    Path(f"own.{kind}").write_text("time [s],force [N]\n0,1\n", encoding="utf-8")
     ended = run("simulate", scene, *SIMULATE, "--out", f"own.{kind}")
     assert (ended.code, ended.data["hint"]) == (
         2,
         "choose another name, or pass --overwrite to replace it",
     )
-    assert Path(f"own.{kind}").read_text(encoding="utf-8") == "mine\n"
+    assert Path(f"own.{kind}").read_text(encoding="utf-8") == "time [s],force [N]\n0,1\n"
     assert run("simulate", scene, *SIMULATE, "--out", f"own.{kind}", "--overwrite").code == 0
 
 
