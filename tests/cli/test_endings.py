@@ -16,8 +16,8 @@ MEMBERS = "kind,node_i,node_j,spring_constant\ncable,a,b,10\n"
 @pytest.mark.parametrize(
     ("words", "ending"),
     [
-        (("simulate", "s.toml", "--t-end", 1, "-o", "x.csv"), ".npz"),
-        (("linearize", "s.toml", "-o", "x.mat"), ".npz"),
+        (("simulate", "s.toml", "--t-end", 1, "-o", "x.txt"), ".npz"),
+        (("linearize", "s.toml", "-o", "x.txt"), ".npz"),
         (("load-path", "s.toml", "--load", "b=0,0,1", "--most", 1, "--out", "x.txt"), ".csv"),
         (("reconfigure", "s.toml", "--from", "55,40,1", "--to", "65,35", "--tau", 5, "-o", "x.txt"), ".npz"),
         (("equilibrium", "s.toml", "--out", "x.json"), ".toml"),
