@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,18 @@ from tensegrity_codegen.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run
 
-VERBS = ["analyse", "build", "cache", "check", "doctor", "equilibrium", "examples", "export", "import"]
+VERBS = [
+    "analyse",
+    "build",
+    "cache",
+    "check",
+    "control",
+    "doctor",
+    "equilibrium",
+    "examples",
+    "export",
+    "import",
+]
 VERBS += [
     "linearize",
     "load-path",
@@ -99,7 +111,7 @@ def test_help_has_an_example_that_calls_the_verb(verb: str, run: Run) -> None:
 def test_the_example_of_the_help_is_a_valid_command_line(verb: str, run: Run) -> None:
     text = " ".join(run(verb, "--help").out.split())
     example = text.partition("Example: tensegrity-codegen ")[2].partition(" Arguments:")[0]
-    words = example.partition(" Options:")[0].split()
+    words = shlex.split(example.partition(" Options:")[0])  # quotes as in a shell
     commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
     assert words[0] == verb
     context = commands[verb].make_context(verb, words[1:])  # parses, does not run
