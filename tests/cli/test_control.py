@@ -66,6 +66,7 @@ def test_a_motion_is_planned_held_and_written(run: Run, folder: Path, pinned: Pa
     assert "estimator" not in again.data["loops"]
 
 
+@pytest.mark.thorough
 def test_a_plan_in_a_file_is_held(run: Run, folder: Path, pinned: Path) -> None:
     run("plan", pinned, "--to", TWIST, "--steps", 3, "--out", "plan.npz", "--json")
     ended = run("control", pinned, "--plan", "plan.npz", "--duration", 0.5, "--draws", 1)
@@ -74,9 +75,10 @@ def test_a_plan_in_a_file_is_held(run: Run, folder: Path, pinned: Path) -> None:
     assert "holds: largest errors at the end: open loop" in ended.out
 
 
+@pytest.mark.thorough
 def test_an_equilibrium_is_held_and_the_page_is_written(run: Run, folder: Path, lift: Path) -> None:
     pytest.importorskip("matplotlib")
-    words = ("control", lift, "--t-end", 1, "--draws", 1, "--gust", "n2=-1@0.1+0.1".replace("-1", "1"))
+    words = ("control", lift, "--t-end", 1, "--draws", 1, "--gust", "n2=1@0.1+0.1")
     ended = run(*words, "--page", "c.html", "--json")
     assert ended.code == 0, ended.err
     assert ended.data["motion"]["is_rest"] is True
@@ -116,9 +118,7 @@ def test_without_sensors_the_true_state_is_fed_back(run: Run, lift: Path) -> Non
 
 
 def test_feedback_that_does_not_hold_ends_with_code_three(run: Run, lift: Path) -> None:
-    """The cord's tension must be 400 N, ten times what the weight needs: it lifts the mass away."""
-    ended = run("control", lift, "--draws", 1, "--least-tension", 400, "--plan", "plan.npz", "--json")
-    assert ended.code == 2  # no such plan
+    """Strong feedback through a delay of 0.35 s."""
     change(lift, ("rate = 1.0", "rate = 1.0\ndelay = 0.35"))
     words = (
         "--tolerance",
@@ -232,6 +232,7 @@ def test_a_least_tension_that_the_range_does_not_allow_is_named(run: Run, pinned
     assert "does not allow the least tension" in ended.data["problem"]
 
 
+@pytest.mark.thorough
 def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, pinned: Path) -> None:
     ended = run("control", pinned, "--to", TWIST, "--duration", 0.01)
     assert ended.code == 2

@@ -27,6 +27,7 @@ def read_commands(text: str) -> list[str]:
     return [line for line in lines if re.match(r"tensegrity-codegen |make |cc |\S*/", line)]
 
 
+@pytest.mark.timeout(1800)  # 12 commands one after the other
 def test_every_command_runs(run: Run, folder: Path) -> None:
     text = PAGE.read_text(encoding="utf-8")
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")

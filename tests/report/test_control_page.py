@@ -77,7 +77,7 @@ def test_words_are_escaped_and_nothing_is_loaded_from_elsewhere() -> None:
 
 
 @in_browser
-@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("width", [400, pytest.param(1400, marks=pytest.mark.thorough)])
 def test_in_a_browser(tmp_path: Path, width: int) -> None:
     path = tmp_path / "page.html"
     path.write_text(render_page(study_prism()[1]), encoding="utf-8")
