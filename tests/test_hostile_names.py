@@ -170,7 +170,7 @@ def test_what_accepted_names_give_compiles_with_trigraphs(name: str, place: str)
 
 
 @pytest.mark.thorough
-@settings(MANY, max_examples=20)
+@settings(MANY, max_examples=8)
 @given(name=names().filter(is_scene_name), place=st.sampled_from(["scene", "node", "member", "input"]))
 def test_units_of_accepted_names_are_described_in_xml(name: str, place: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

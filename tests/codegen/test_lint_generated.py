@@ -56,7 +56,11 @@ def in_single_precision(folder: Path) -> Files:
 
 MAKERS: dict[str, Callable[[Path], Files]] = {name: example(name) for name in list_examples()}
 MAKERS |= {"everything": with_everything, "single": in_single_precision}
+# Not under cppcheck: its analysis of values takes minutes for 1,100 lines without a branch, as in the
+# accelerations of these; clang-tidy reads them.
+LONG = ("svd_tower", "everything")
 OTHERS = thorough(*(name for name in MAKERS if name != SMALLEST))
+SHORT = thorough(*(name for name in MAKERS if name not in (SMALLEST, *LONG)))
 
 
 @pytest.fixture
@@ -74,7 +78,7 @@ def test_clang_tidy_finds_nothing_in_generated_code(folder: Path) -> None:
     run([*tidy, "--header-filter=.*", *units(folder), "--", "-std=c99"], folder)
 
 
-@pytest.mark.parametrize("folder", [SMALLEST, *OTHERS], indirect=True)
+@pytest.mark.parametrize("folder", [SMALLEST, *SHORT], indirect=True)
 def test_cppcheck_finds_nothing_in_generated_code(folder: Path) -> None:
     off = [f"--suppress={name}" for name in OFF]
     command = [require("cppcheck"), "-q", "--std=c99", f"--enable={ENABLED}", "--max-configs=1", *off]
