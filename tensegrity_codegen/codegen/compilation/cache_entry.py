@@ -112,7 +112,7 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
             where=str(entry.folder),
             given=str(error),
             allowed=f"files with the sha256 in {ENTRY_FILE}",
-            hint="remove the cache with `tensegrity-codegen cache --clear`, and build again",
+            hint="remove this folder, or clear the cache with the verb cache, and build again",
         ) from error
     return contents
 
