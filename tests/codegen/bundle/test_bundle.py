@@ -17,7 +17,7 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline import BuiltLibrary, build_library, load_scene
 from tests.codegen.quickly import without_optimisation
-from tests.codegen.subjects import everything
+from tests.codegen.subjects import bare
 
 ROOT = Path(__file__).resolve().parents[3]
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
@@ -171,9 +171,9 @@ def test_the_licence_is_that_of_the_project() -> None:
 
 
 def test_all_sources_are_compiled_where_tables_are_apart() -> None:
-    source = emit(*everything())
-    files = emit_bundle(source.manifest, ["braced.c", "braced_tables.c"], "libbraced.so")
-    listed = files["tensegrity_bracedSources.cmake"]
-    assert "/braced.c" in listed
-    assert "/braced_tables.c" in listed
+    source = emit(*bare())
+    files = emit_bundle(source.manifest, ["triangle.c", "triangle_tables.c"], "libtriangle.so")
+    listed = files["tensegrity_triangleSources.cmake"]
+    assert "/triangle.c" in listed
+    assert "/triangle_tables.c" in listed
     assert all(text.endswith("\n") for text in files.values())

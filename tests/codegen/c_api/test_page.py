@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,6 +57,7 @@ def test_status(update_golden: bool) -> None:
     assert set(STATUS_TEXT) == {*STATUS, *SOLVER_STATUS}
 
 
+@functools.cache
 def read_headers() -> tuple[Interface, Interface]:
     """A library with all arguments and inputs, and one with pairs of bars."""
     prism, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism.toml")
