@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 import tensegrity_codegen
+from tensegrity_codegen import read_scene
 from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.user_script import main
+from tests.user_script import SCENE, deliver, main
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRIPT = ROOT / "tests" / "user_script.py"
@@ -58,6 +59,13 @@ def test_the_script_is_correct_for_mypy_strict() -> None:
     command = (sys.executable, "-m", "mypy", "--strict", str(SCRIPT))
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.thorough
+def test_the_rest_of_the_script_runs(results: Mapping[str, object], tmp_path: Path) -> None:
+    (tmp_path / "lift.toml").write_text(read_scene(SCENE).to_toml(), encoding="utf-8")
+    found = deliver(tmp_path, dict(results))
+    assert set(found) == {"tuning", "study", "runs", "loaded", "graphs", "fmu"}
 
 
 def test_every_result_has_a_repr_of_five_lines_at_most(results: Mapping[str, object]) -> None:

@@ -74,3 +74,22 @@ def main(folder: Path) -> dict[str, object]:
     more = ("batch", "planned", "path", "timed", "gains", "estimator", "distribution", "run")
     values = locals()
     return {name: values[name] for name in (*names, *more)}
+
+
+def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
+    """Use what studies a loop of control and what is given to other programs; longer work."""
+    model, motion, gains = results["model"], results["timed"], results["gains"]
+    assert isinstance(model, tc.CompiledModel)
+    assert isinstance(motion, tc.Motion)
+    assert isinstance(gains, tc.Gains)
+    tuning: tc.Tuning = tc.choose_weights(model, motion, sample=0.02)
+    errors = tc.StatedErrors(start_error=1e-3, gusts=(tc.RandomGust("load", 0.2, 0.1),))
+    study: tc.ControlStudy = tc.study_control(
+        model, motion, tuning=tuning, estimator=None, errors=errors, sample=0.02, draws=2
+    )
+    runs: tuple[tc.ControlRun, ...] = tc.simulate_control_batch(model, motion, gains, draws=[{}], sample=0.02)
+    bundle: tc.ControllerBundle = tc.build_controller(model, motion, gains, out=folder / "controller")
+    loaded: tc.LoadedController = tc.load_controller(bundle.folder)
+    graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
+    fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")
+    return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}
