@@ -53,6 +53,13 @@ class LoadedController:
         self._memory = self._ffi.new(f"{self._prefix} *")
         self._command = np.zeros(len(self.description.actuators), self._real.dtype)
 
+    def __repr__(self) -> str:
+        """Name, precision and how many actuators there are."""
+        known = self.description
+        return (
+            f"<LoadedController {known.name}: {len(known.actuators)} actuators, {known.precision} precision>"
+        )
+
     def init(self, coordinate: ArrayLike | None = None) -> str:
         """Begin at the start of the motion; return the status.
 

@@ -100,7 +100,7 @@ def _outcome(study: ControlStudy) -> Section:
     rows = tuple(_outcome_row(name, loop) for name, loop in study.loops.items())
     note = "Errors are distances of nodes from the motion and errors of angles; of all draws the worst value."
     blocks: list[Block] = [Table("Loops", columns, rows, note)]
-    blocks += [Remark("differs", _sentence(text)) for text in study.motion.warnings]
+    blocks += [Remark("differs", _sentence(text)) for text in study.warnings]
     blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
     return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
 

@@ -70,7 +70,7 @@ def describe_study(study: ControlStudy) -> dict[str, Any]:
         "errors": _describe_errors(study),
         "loops": {name: _describe_loop(loop) for name, loop in study.loops.items()},
         "actuators": find_actuator_use(study),
-        "warnings": study.motion.warnings,
+        "warnings": study.warnings,
     }
 
 

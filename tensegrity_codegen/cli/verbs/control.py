@@ -128,6 +128,8 @@ def control(
                 model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
                 arguments=arguments, progress=progress, batch=_find_batch(in_c, compiler), **parts,
             )  # fmt: skip
+        for text in study.warnings:
+            output.warn(text)
         if out is not None:
             _write(study, out)
         if page is not None:

@@ -19,13 +19,17 @@ from tensegrity_codegen.runtime.control.study.stated_errors import DrawnErrors, 
 from tensegrity_codegen.runtime.control.study.tuning import Tuning
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 
-__all__ = ["LOOPS", "OPEN", "ControlStudy", "LoopResult", "judge_study"]
+__all__ = ["LOOPS", "OPEN", "ControlStudy", "LoopResult", "find_warnings", "judge_study"]
 
 FloatArray = NDArray[np.float64]
 
 OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")
 WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
+LITTLE = 0.5  # of the error of the open loop: with more left, feedback gains little
+OFTEN = 0.1  # of the commands of a loop: more are cut often
+CUT = ("rate_limited", "range_limited")
+WORDS = {OPEN: "open loop", "true_state": "true state", "estimator": "estimator"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +161,11 @@ class ControlStudy:
         return self.status == "holds"
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the motion, and of loops whose commands are often cut or that gain little."""
+        return (*self.motion.warnings, *find_warnings(self.loops, self.tuning.tolerance))
+
+    @property
     def time_constant(self) -> float:
         """Time in which the slowest error of the closed loop falls to 1/e at the end of the motion [s]."""
         slowest = float(np.abs(self.gains.E).max(initial=0.0))
@@ -191,10 +200,9 @@ class ControlStudy:
 
 def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, str]:
     """Return the status of a study, and a sentence with the errors of all loops."""
-    words = {"open": "open loop", "true_state": "true state", "estimator": "estimator"}
     ends = {name: float(loop.end_error.max()) for name, loop in loops.items()}
     texts = [
-        f"{words[name]} {1000 * ends[name]:.3g} mm"
+        f"{WORDS[name]} {1000 * ends[name]:.3g} mm"
         + (f" ({loop.unstable} unstable)" if loop.unstable else "")
         for name, loop in loops.items()
     ]
@@ -205,3 +213,40 @@ def judge_study(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str,
     bound = np.inf if loops[OPEN].unstable else ends[OPEN]
     bound = min(bound, 1e300) + WORSE * tolerance
     return ("holds" if all(ends[name] <= bound for name in closed) else "does_not_hold"), message
+
+
+def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, ...]:
+    """Return a sentence for each loop with feedback whose commands are often cut, or that gains little.
+
+    Parameters
+    ----------
+    loops : mapping of str to LoopResult
+        All loops.
+    tolerance : float [m]
+        Displacement that the weights accept; smaller errors than a tenth of it are no reason to warn.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
+    found = []
+    without = float(loops[OPEN].end_error.max())
+    for name, loop in loops.items():
+        if name == OPEN or loop.unstable:
+            continue
+        count = sum(loop.steps.values())
+        cut = sum(loop.steps.get(word, 0) for word in CUT) / max(count, 1)
+        if cut > OFTEN:
+            found.append(
+                f"{WORDS[name]}: {100 * cut:.0f} % of the commands were cut to the rate or range of an "
+                "actuator, and sums of errors stand still then: weaker feedback (a smaller effort), a "
+                "slower motion or faster actuators avoid that"
+            )
+        left = float(loop.end_error.max())
+        if not loops[OPEN].unstable and left > LITTLE * without and left > WORSE * tolerance:
+            found.append(
+                f"{WORDS[name]}: feedback gains little, {1000 * left:.3g} mm are left at the end of "
+                f"{1000 * without:.3g} mm without feedback: look at weights, actuators and sensors"
+            )
+    return tuple(found)

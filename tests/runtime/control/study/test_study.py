@@ -11,7 +11,7 @@ import pytest
 from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.control.study.control_study import judge_study
+from tensegrity_codegen.runtime.control.study.control_study import find_warnings, judge_study
 from tensegrity_codegen.runtime.control.study.run_measures import find_displacement
 from tensegrity_codegen.runtime.control.study.scales import find_scales
 from tensegrity_codegen.runtime.control.study.stated_errors import draw_errors
@@ -143,6 +143,25 @@ def test_an_open_loop_that_is_unstable_does_not_forbid_feedback(study: ControlSt
     row = replace(loops["open"].measures[0], status="unstable", end_error=0.0)
     loops["open"] = replace(loops["open"], measures=(row, row))
     assert judge_study(loops, study.tuning.tolerance)[0] == "holds"
+
+
+def test_loops_that_are_cut_often_or_gain_little_are_warned_of(study: ControlStudy) -> None:
+    assert study.warnings == tuple(study.motion.warnings)
+    loops, tolerance = dict(study.loops), study.tuning.tolerance
+    before = float(loops["open"].end_error.max())
+    loops["true_state"] = replace(
+        loops["true_state"],
+        measures=(
+            replace(
+                loops["true_state"].measures[0], end_error=0.9 * before, steps={"ok": 60, "rate_limited": 40}
+            ),
+        ),
+    )
+    cut, little = find_warnings(loops, tolerance)
+    assert cut.startswith("true state: 40 % of the commands were cut")
+    assert f"{900 * before:.3g} mm are left" in little
+    loops["open"] = replace(loops["open"], measures=(replace(loops["open"].measures[0], status="unstable"),))
+    assert find_warnings(loops, tolerance) == (cut,)
 
 
 def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStudy, tmp_path: Any) -> None:
