@@ -11,15 +11,43 @@ from tensegrity_codegen.errors import ConvergenceError, FormulationError, Infeas
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.control.loop.disturbances import Gust
     from tensegrity_codegen.runtime.control.motion import Motion
+    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.planning.outcome import PlanResult
     from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["compile_control", "find_motion"]
+__all__ = ["check_motion_gusts", "check_motion_times", "compile_control", "find_motion"]
 
 SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback
-HELD = 2.0  # [s], of an equilibrium
+
+
+def check_motion_times(
+    sample: float, duration: float | None, t_end: float | None, last: float | None, *, is_held: bool
+) -> None:
+    """Raise InvalidValueError for times that are wrong whatever the motion will be.
+
+    is_held: whether an equilibrium is held, whose time is known.
+    """
+    from tensegrity_codegen.runtime.control.study.study_times import HELD, check_times
+
+    if is_held and duration is not None:
+        raise InvalidValueError(
+            "an equilibrium that is held has no duration",
+            where="--duration", given=duration, allowed="--duration with --to or --plan",
+            hint="--t-end sets the simulated time",
+        )  # fmt: skip
+    length = HELD if is_held and t_end is None else duration
+    check_times(sample, duration=length, t_end=t_end, last=last)
+
+
+def check_motion_gusts(gusts: Sequence[Gust | RandomGust], t_end: float | None, *, is_held: bool) -> None:
+    """Raise InvalidValueError for a gust after the simulated time, where that is known before the motion."""
+    from tensegrity_codegen.runtime.control.study.study_times import HELD, check_gust_times
+
+    if is_held or t_end is not None:
+        check_gust_times(gusts, HELD if t_end is None else t_end)
 
 
 def compile_control(
@@ -91,6 +119,7 @@ def find_motion(
     """Return the motion: of a new plan, of a plan in a file, or at rest in the equilibrium."""
     from tensegrity_codegen.runtime.control.design.at_rest import build_rest
     from tensegrity_codegen.runtime.control.study.read_files import read_path
+    from tensegrity_codegen.runtime.control.study.study_times import HELD
     from tensegrity_codegen.runtime.control.time_motion import time_motion
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
@@ -99,12 +128,6 @@ def find_motion(
     elif plan is not None:
         path = read_path(plan, model)
     else:
-        if duration is not None:
-            raise InvalidValueError(
-                "an equilibrium that is held has no duration",
-                where="--duration", given=duration, allowed="--duration with --to or --plan",
-                hint="--t-end sets the simulated time",
-            )  # fmt: skip
         found = find_equilibrium(model, arguments=arguments)
         return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
     motion = time_motion(model, path, duration, arguments=arguments)

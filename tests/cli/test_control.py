@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.errors import SceneSyntaxError
+from tensegrity_codegen.runtime.control.study.read_files import read_weights
 from tests.cli.conftest import Run
 
 TWIST = 'twist("bar*_B", "base_*")=157'
@@ -185,12 +187,59 @@ def test_bad_input_is_named(run: Run, folder: Path, lift: Path, words: list[str]
     assert [item.name for item in folder.iterdir()] == ["lift.toml"]
 
 
+TIMES: Sequence[tuple[list[str], str]] = [
+    (["--t-end", "0"], "--t-end: out of range"),
+    (["--t-end", "-1"], "--t-end: out of range"),
+    (["--t-end", "nan"], "--t-end: out of range"),
+    (["--t-end", "0.001"], "--t-end: the simulated time is shorter than a sample"),
+    (["--t-end", "0.01"], "--t-end: errors are compared in the last sixth"),
+    (["--last", "3", "--t-end", "1"], "--last: out of range"),
+    (["--sample", "inf"], "--sample: out of range"),
+]
+MOVES = [*TIMES, (["--duration", "1", "--sample", "2"], "--sample: the sample time does not fit the motion")]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        *((words, text) for words, text in TIMES),
+        *((["--to", "n2.z=1", *words], text) for words, text in MOVES),
+    ],
+    ids=lambda item: " ".join(item) if isinstance(item, list) else "",
+)
+def test_wrong_times_are_named_before_work_begins(
+    run: Run, folder: Path, words: list[str], problem: str
+) -> None:
+    """Of a scene that does not exist: nothing was read."""
+    ended = run("control", folder / "missing.toml", *words)
+    assert ended.code == 2
+    assert problem in ended.err
+    assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize("start", ["1", "50"])
+def test_a_gust_after_the_simulated_time_is_named(run: Run, lift: Path, start: str) -> None:
+    ended = run("control", lift, "--t-end", 1, "--gust", f"n2=1@{start}+0.1")
+    assert ended.code == 2
+    assert "gust.start: the gust begins after the simulated time" in ended.err
+
+
+@pytest.mark.parametrize("kind", [complex, str, object, bool])
+def test_weights_that_are_not_real_numbers_are_refused(folder: Path, kind: type) -> None:
+    np.savez("w.npz", Q=np.ones(3), R=np.ones(1).astype(kind))
+    with pytest.raises(SceneSyntaxError) as caught:
+        read_weights("w.npz")
+    assert "w.npz" in str(caught.value)
+    assert "real numbers" in str(caught.value) or "cannot be read" in str(caught.value)
+
+
 def test_weights_of_another_size_or_not_definite_are_named_with_their_file(
     run: Run, folder: Path, lift: Path
 ) -> None:
     for q, r, problem in (
         (np.ones(4), np.ones(1), "w.npz: Q: the weight has another size"),
         (np.ones(3), -np.ones(1), "w.npz: R: the weight is not positive definite"),
+        (np.eye(3) + 5 * np.eye(3, k=1), np.ones(1), "5.0 at (0, 1), 0.0 at (1, 0)"),
         (np.diag([1.0, 1.0, -1.0]), np.ones(1), "w.npz: Q: the weight is not positive semidefinite"),
     ):
         np.savez("w.npz", Q=q, R=r)

@@ -38,7 +38,12 @@ from tensegrity_codegen.cli.control_options import (
     read_errors,
     read_least_tension,
 )
-from tensegrity_codegen.cli.controlled_motion import compile_control, find_motion
+from tensegrity_codegen.cli.controlled_motion import (
+    check_motion_gusts,
+    check_motion_times,
+    compile_control,
+    find_motion,
+)
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
@@ -109,9 +114,12 @@ def control(
         _check_files(scene, plan, weights, out, page, overwrite)
         check_build(build, precision, scene, overwrite)
         read_least_tension(least_tension)
+        is_held = not to and plan is None
+        check_motion_times(sample, duration, t_end, last, is_held=is_held)
         subject, model, chosen = compile_control(output, scene, to, plan, actuate, compiler)
         arguments = read_inputs(input, subject, output)
         errors = read_errors(start_error, stiffness_error, gust, subject.axes)
+        check_motion_gusts(errors.gusts, t_end, is_held=is_held)
         motion = find_motion(
             output, model, to, plan, chosen, duration=duration, arguments=arguments, t_end=t_end
         )

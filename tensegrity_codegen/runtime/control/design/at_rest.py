@@ -54,13 +54,17 @@ def build_rest(
     Raises
     ------
     InvalidValueError
-        The equilibrium was not found, or is one of another model.
+        The equilibrium was not found, or is one of another model; the duration is no number > 0.
     StructureError
         The structure has no actuators.
     """
     if equilibrium.status not in FOUND:
         raise InvalidValueError(
             "not an equilibrium", where="motion", given=equilibrium.status, allowed=", ".join(FOUND)
+        )
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise InvalidValueError(
+            "out of range", where="duration", given=duration, allowed="a finite number > 0 [s]"
         )
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
     actuation = find_actuation(model, actuators)

@@ -62,7 +62,7 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
         raise InvalidValueError(
             "the weight is not symmetric",
             where=where,
-            given=f"{matrix[i, j]!r} at ({i}, {j}), {matrix[j, i]!r} at ({j}, {i})",
+            given=f"{float(matrix[i, j])!r} at ({i}, {j}), {float(matrix[j, i])!r} at ({j}, {i})",
             allowed="a symmetric matrix",
             hint=f"({where} + {where}.T) / 2",
         )

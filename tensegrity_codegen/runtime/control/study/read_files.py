@@ -17,6 +17,8 @@ __all__ = ["read_path", "read_weights"]
 
 FloatArray = NDArray[np.float64]
 
+REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
+
 
 def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
     """Read the path of a plan that `write_plan` wrote.
@@ -68,18 +70,19 @@ def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
 def read_weights(path: str | Path) -> tuple[FloatArray, FloatArray]:
     """Read the weights Q and R of `design_lqr` from an ``.npz`` file.
 
-    Raises SceneSyntaxError if it has none.
+    Raises SceneSyntaxError if it has none, or others than of real numbers.
     """
     data = _read(path, ("Q", "R"), "with arrays Q and R")
-    try:
-        return np.asarray(data["Q"], dtype=float), np.asarray(data["R"], dtype=float)
-    except (TypeError, ValueError) as error:
-        raise SceneSyntaxError(
-            "the weights are no numbers",
-            where=str(path),
-            given=str(error),
-            allowed="arrays Q and R of numbers",
-        ) from error
+    for name in ("Q", "R"):
+        kind = data[name].dtype
+        if kind.kind not in REAL:
+            raise SceneSyntaxError(
+                "the weights are not real numbers",
+                where=f"{path}: {name}",
+                given=f"an array of {kind.name}",
+                allowed="arrays Q and R of real numbers",
+            )
+    return np.asarray(data["Q"], dtype=float), np.asarray(data["R"], dtype=float)
 
 
 def _read(path: str | Path, names: tuple[str, ...], what: str) -> dict[str, NDArray[Any]]:

@@ -33,6 +33,12 @@ from tensegrity_codegen.runtime.control.study.stated_errors import (
     check_errors,
     draw_errors,
 )
+from tensegrity_codegen.runtime.control.study.study_times import (
+    HELD,
+    check_gust_times,
+    check_times,
+    read_times,
+)
 from tensegrity_codegen.runtime.control.study.tuning import Tuning, choose_weights
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -43,10 +49,8 @@ __all__ = ["study_control"]
 
 FloatArray = NDArray[np.float64]
 
-HELD = 2.0  # [s], of an equilibrium
 LONGER = 3.0  # simulated time over that of the motion
 SENSORS = "sensors"
-WINDOW = 6.0  # simulated time over that at whose end errors are compared
 MOST_DRAWS = 10_000
 CHUNK = 32  # draws that are simulated at once
 
@@ -136,7 +140,9 @@ def study_control(
     >>> study.status, list(study.loops)
     ('holds', ['open', 'true_state'])
     """
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or HELD, arguments)
+    check_times(t_end=t_end, last=last)
+    held = HELD if t_end is None else t_end
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     given = merge_inputs(model.manifest, arguments)
     chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()
@@ -147,10 +153,9 @@ def study_control(
             model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
             arguments=arguments,
         )  # fmt: skip
-    end = _read_time(t_end, (LONGER if np.any(way.velocity) else 1.0) * way.duration, "t_end", gains.sample)
-    window = _read_time(last, end / WINDOW, "last", gains.sample)
-    if window > end:
-        raise InvalidValueError("out of range", where="last", given=last, allowed=f"at most {end:g} s")
+    default = (LONGER if np.any(way.velocity) else 1.0) * way.duration
+    end, window = read_times(gains.sample, default, t_end, last)
+    check_gust_times(stated.gusts, end)
     senses = _find_estimator(model, way, estimator, gains.sample, arguments)
     work = _Work(model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch)
     return work.study(draws, progress)
@@ -262,11 +267,3 @@ def _rank(row: RunMeasures) -> float:
 def _check_count(draws: int) -> None:
     if isinstance(draws, bool) or not isinstance(draws, int) or not 1 <= draws <= MOST_DRAWS:
         raise InvalidValueError("out of range", where="draws", given=draws, allowed=f"1 to {MOST_DRAWS}")
-
-
-def _read_time(value: float | None, default: float, where: str, sample: float) -> float:
-    found = default if value is None else value
-    if not (np.isfinite(found) and found >= sample * (1.0 - 1e-9)):
-        allowed = f"a finite number, at least a sample of {sample:g} s"
-        raise InvalidValueError("out of range", where=where, given=value, allowed=allowed)
-    return float(found)
