@@ -162,8 +162,15 @@ class ControlStudy:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the motion, and of loops whose commands are often cut or that gain little."""
-        return (*self.motion.warnings, *find_warnings(self.loops, self.tuning.tolerance))
+        """Warnings of the motion, of loops whose commands are often cut or that gain little, of delays."""
+        found = [*self.motion.warnings, *find_warnings(self.loops, self.tuning.tolerance)]
+        delay = float(self.bounds.delay.max(initial=0.0))
+        if not self.holds and delay > 0.0:
+            found.append(
+                f"actuators answer up to {1000 * delay:.3g} ms late ({delay / self.gains.sample:.3g} "
+                "samples), which the gains do not know: weaker feedback (a smaller effort) tolerates more"
+            )
+        return tuple(found)
 
     @property
     def time_constant(self) -> float:

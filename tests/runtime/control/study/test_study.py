@@ -164,6 +164,13 @@ def test_loops_that_are_cut_often_or_gain_little_are_warned_of(study: ControlStu
     assert find_warnings(loops, tolerance) == (cut,)
 
 
+def test_a_loop_that_fails_with_delays_names_them(study: ControlStudy) -> None:
+    bounds = replace(study.bounds, delay=np.full(len(study.bounds.names), 0.013))
+    assert replace(study, bounds=bounds).warnings == study.warnings
+    failed = replace(study, bounds=bounds, status="unstable")
+    assert "13 ms late (2.6 samples)" in failed.warnings[-1]
+
+
 def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStudy, tmp_path: Any) -> None:
     from tensegrity_codegen.runtime.model.array_file import read_arrays, write_arrays
 
