@@ -206,6 +206,7 @@ def test_auto_says_which_emitter_it_took_and_why(run: Run, prism: Path) -> None:
     assert run("build", prism, "--emitter", "unrolled", "--json").data["why_emitter"] == "asked for by name"
 
 
+@pytest.mark.thorough
 def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, two_nodes: Path) -> None:
     words = ("build", two_nodes, "--tune", "--json")
     first, again = run(*words).data, run(*words).data

@@ -261,6 +261,7 @@ pair_groups: {rod: [[o, x], [o, y], [o, z], [o, w]]}
 """
 
 
+@pytest.mark.thorough
 def test_one_rigid_body_can_be_checked_settled_and_simulated(run: Run, folder: Path) -> None:
     (folder / "body.yaml").write_text(BODY, encoding="utf-8")
     assert run("import", "body.yaml", "-o", "body.toml", "--gravity", "0,0,-9.81").code == 0

@@ -68,6 +68,7 @@ def bundle(
     return build_controller(model, motion, gains, estimator=estimator, distribution=distribution, out=folder)
 
 
+@pytest.mark.thorough
 def test_a_noisy_loop_is_that_of_python(
     bundle: ControllerBundle, motion: Motion, estimator: Estimator, loop: ControlRun
 ) -> None:
@@ -145,6 +146,7 @@ def test_a_program_that_is_cut_short_leaves_commands_within_rate_and_range(
     assert (done.command <= bounds.most).all()
 
 
+@pytest.mark.thorough
 def test_single_precision_gives_the_same_statuses_and_nearly_the_same_commands(
     model: CompiledModel,
     motion: Motion,
@@ -205,6 +207,7 @@ int main(void)
 """
 
 
+@pytest.mark.thorough
 def test_two_controllers_in_one_program_under_sanitizers(
     model: CompiledModel,
     motion: Motion,

@@ -153,6 +153,7 @@ def test_numbers_that_are_not_finite_give_a_status_and_a_safe_command(
     assert ((found.command >= low) & (found.command <= high)).all()
 
 
+@pytest.mark.thorough
 def test_sanitizers_find_nothing(distribution: TensionDistribution, daqp: str, tmp_path: Path) -> None:
     if not has_sanitizers(require_compiler("gcc"), tmp_path):
         pytest.skip("no sanitizers here")

@@ -82,6 +82,7 @@ def compile_all(bundle: ControllerBundle, command: tuple[str, ...], *options: st
         run([*command, *options, *STRICT, "-Wshadow", "-c", name, "-o", f"{name}.o"], bundle.folder)
 
 
+@pytest.mark.thorough
 def test_no_compiler_warns(bundle: ControllerBundle, single: ControllerBundle) -> None:
     gcc = require_compiler("gcc").command
     compile_all(bundle, gcc, "-std=c99", "-O1")

@@ -77,6 +77,7 @@ def positions(trajectory: Trajectory) -> np.ndarray:
     return trajectory.node_position[:, 3:5].reshape(len(trajectory.time), 6)
 
 
+@pytest.mark.thorough
 def test_communication_steps_follow_simulate(make: Make, ours: Trajectory) -> None:
     unit = make("cs")
     unit.start(RTOL)

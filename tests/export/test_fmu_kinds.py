@@ -80,6 +80,7 @@ def largest_error(unit: Unit2, scene: Path, method: str = "auto") -> float:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.thorough
 def test_the_motion_is_that_of_simulate(name: str, tmp_path: Path) -> None:
     scene, unit = make_unit(SCENES[name](), tmp_path)
     assert largest_error(unit, scene) < 100 * RTOL
