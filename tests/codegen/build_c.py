@@ -31,7 +31,7 @@ def run(
     """Run a command in a folder; its output is in the failure if it fails."""
     base = compiler_environment(compiler or Compiler("cc", ("cc",), ""), folder)
     done = subprocess.run(
-        command, cwd=folder, env=base | environment, capture_output=True, text=True, timeout=280, check=False
+        command, cwd=folder, env=base | environment, capture_output=True, text=True, timeout=900, check=False
     )
     assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}\n{done.stderr}"
     return done
