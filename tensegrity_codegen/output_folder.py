@@ -65,7 +65,7 @@ def check_folder(
             "the folder holds files that were not written by tensegrity_codegen, or were changed since",
             where=str(folder),
             given=", ".join(foreign[:MOST_NAMED]) + more,
-            allowed="a new or empty folder, or files as tensegrity_codegen wrote them",
+            allowed="a folder without files of these names, or with these as tensegrity_codegen wrote them",
             hint="choose another folder, or pass `overwrite=True` to replace these files",
         )
     return target

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.cli.options import read_folder
 from tensegrity_codegen.targets import TARGETS
 
 __all__ = [
@@ -24,7 +25,14 @@ __all__ = [
 ]
 
 FolderOption = Annotated[
-    Path | None, typer.Option("--out", "-o", help="Folder for header, C source, example and library.")
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        parser=read_folder,
+        metavar="<path>",
+        help="Folder for header, C source, example and library.",
+    ),
 ]
 QuantityOption = Annotated[
     list[str] | None,

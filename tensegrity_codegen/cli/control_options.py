@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import parse_vector
+from tensegrity_codegen.cli.options import parse_vector, read_folder
 from tensegrity_codegen.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ __all__ = [
     "LeastTensionOption",
     "OnlyObservableOption",
     "PlanOption",
+    "ReplaceOption",
     "ResponseOption",
     "SampleOption",
     "SeedOption",
@@ -95,6 +96,7 @@ GustOption = Annotated[
     typer.Option(
         "--gust",
         help="NODE=FX,FY,FZ@START+DURATION: a force on a node [N, s]; NODE=F@...: of random direction; "
+        "without START from 0 s, without DURATION for 0.2 s; "
         "NODE may be a pattern such as 't*', of which one node is drawn; may be repeated.",
         show_default=False,
     ),
@@ -155,7 +157,20 @@ DisturbanceOption = Annotated[
 ]
 BuildOption = Annotated[
     Path | None,
-    typer.Option("--build", help="Write the controller in C into this folder, where feedback holds."),
+    typer.Option(
+        "--build",
+        parser=read_folder,
+        metavar="<path>",
+        help="Write the controller in C into this folder, where feedback holds; other files there stay.",
+    ),
+]
+ReplaceOption = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite",
+        help="Let --out, --page and --build replace files of the same names that tensegrity-codegen did not "
+        "write, or that were changed since.",
+    ),
 ]
 BuiltPrecisionOption = Annotated[
     str, typer.Option("--precision", help="Of the controller in C: double or single.")

@@ -130,9 +130,15 @@ def find_motion(
     else:
         found = find_equilibrium(model, arguments=arguments)
         return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
-    motion = time_motion(model, path, duration, arguments=arguments)
-    if duration is None:
-        motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
+    try:
+        motion = time_motion(model, path, duration, arguments=arguments)
+        if duration is None:
+            motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
+    except InvalidValueError as error:
+        if plan is not None and error.where == "path":
+            error.where = f"{plan}: path"
+            error.hint = "the plan may be of another scene, or of other values of --input: plan anew"
+        raise
     for text in motion.warnings:
         output.warn(text)
     return motion

@@ -28,6 +28,7 @@ __all__ = [
     "ScenesArgument",
     "parse_loads",
     "parse_vector",
+    "read_folder",
 ]
 
 SceneArgument = Annotated[
@@ -133,3 +134,13 @@ def parse_loads(texts: list[str], structure: Structure | BodySystem) -> NDArray[
             )
         loads[index[name.strip()]] += force
     return loads
+
+
+def read_folder(text: str) -> Path:
+    """Return the folder that an option names; raises typer.BadParameter for an empty text.
+
+    Path("") is the current folder, which a variable of a shell that is not set would fill with files.
+    """
+    if not text.strip():
+        raise typer.BadParameter("a folder needs a name; the current one is '.'")
+    return Path(text)

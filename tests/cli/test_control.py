@@ -10,6 +10,7 @@ import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.errors import SceneSyntaxError
+from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.runtime.control.study.read_files import read_weights
 from tests.cli.conftest import Run
 
@@ -97,6 +98,14 @@ def test_the_controller_is_written_in_c_where_feedback_holds(run: Run, folder: P
     assert made["precision"] == "single"
     assert set(made["files"]) <= {path.name for path in (folder / "ctl").iterdir()}
     assert run(*words, "--build", "ctl", "--in-c").code == 0  # replaces its own files
+    (folder / "ctl" / "precious.txt").write_text("mine", encoding="utf-8")
+    (folder / "ctl" / "manifest.json").write_text("mine", encoding="utf-8")
+    refused = run(*words, "--build", "ctl")
+    assert refused.code == 2
+    assert "manifest.json" in refused.data["given"]
+    assert "precious.txt" not in refused.data["given"]  # no file of the controller: it stays
+    assert refused.data["hint"].endswith("--overwrite to replace these files")
+    assert (folder / "ctl" / "precious.txt").read_text(encoding="utf-8") == "mine"
     (folder / "file").touch()
     refused = run(*words, "--build", "file")
     assert refused.code == 2
@@ -222,6 +231,26 @@ def test_a_gust_after_the_simulated_time_is_named(run: Run, lift: Path, start: s
     ended = run("control", lift, "--t-end", 1, "--gust", f"n2=1@{start}+0.1")
     assert ended.code == 2
     assert "gust.start: the gust begins after the simulated time" in ended.err
+
+
+@pytest.mark.parametrize("verb", [("control", "--build"), ("build", "--out")])
+def test_a_folder_needs_a_name(run: Run, folder: Path, lift: Path, verb: tuple[str, str]) -> None:
+    """An empty text would be the current folder."""
+    ended = run(verb[0], lift, verb[1], "")
+    assert ended.code == 2
+    assert "a folder needs a name" in ended.err
+    assert [item.name for item in folder.iterdir()] == ["lift.toml"]
+
+
+def test_a_plan_of_another_scene_is_named_with_its_file(run: Run, folder: Path, lift: Path) -> None:
+    """The same members and coordinates, but elsewhere."""
+    members = np.array(load_scene(lift)[0].member_name)
+    found = {"member_name": members, "actuator_name": np.array(["winch"]), "status": np.array("found")}
+    np.savez("plan.npz", change=[[0.0], [0.01]], progress=[0.0, 1.0], coordinate=[[-7.0], [-7.1]], **found)
+    ended = run("control", lift, "--plan", "plan.npz", "--duration", 1)
+    assert ended.code == 2
+    assert "plan.npz: path: point 0 of the path is no equilibrium" in ended.err
+    assert "another scene" in ended.err
 
 
 @pytest.mark.parametrize("kind", [complex, str, object, bool])

@@ -26,6 +26,7 @@ from tensegrity_codegen.cli.control_options import (
     LeastTensionOption,
     OnlyObservableOption,
     PlanOption,
+    ReplaceOption,
     ResponseOption,
     SampleOption,
     SeedOption,
@@ -46,7 +47,7 @@ from tensegrity_codegen.cli.controlled_motion import (
 )
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import quote_command
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verbs.plan import ActuateOption
@@ -96,7 +97,7 @@ def control(
     page: PageOption = None,
     build: BuildOption = None,
     precision: BuiltPrecisionOption = "double",
-    overwrite: OverwriteOption = False,
+    overwrite: ReplaceOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
 ) -> None:
