@@ -107,6 +107,43 @@ def test_repeated_and_backward_times_change_nothing(
     np.testing.assert_array_equal(go(controller, measured, 10, 5), go(other, measured, 10, 5))
 
 
+@pytest.mark.parametrize("from_state", [False, True])
+def test_one_time_far_ahead_does_not_stop_the_controller(
+    controller: LoadedController, measured: Callable[[int], Array], motion: Motion, from_state: bool
+) -> None:
+    """The third time that is refused, with times that rise, is taken for the clock."""
+
+    def step(k: int, time: float) -> tuple[str, Array]:
+        if not from_state:
+            return controller.step(time, measured(k))
+        point = motion.at(k * SAMPLE)
+        return controller.step_state(time, np.concatenate([point.coordinate, point.velocity]))
+
+    before = go(controller, measured, 0, 10)
+    times = [1e6, *(k * SAMPLE for k in range(11, 60))]
+    found = [step(10 + k, time) for k, time in enumerate(times)]
+    assert [status for status, _ in found[:4]] == ["late", "repeated_time", "repeated_time", "late"]
+    for _, rest in found[:4]:
+        np.testing.assert_array_equal(rest, before)
+    assert {status for status, _ in found[4:]} <= {"ok", "rate_limited"}
+    assert [status for status, _ in found[40:]] == ["ok"] * 10
+    change = np.diff([rest for _, rest in found], axis=0)
+    assert (np.abs(change) <= RATE * SAMPLE * (1 + 1e-12)).all()
+    assert controller.step(59 * SAMPLE, measured(59))[0] == "repeated_time"
+
+
+def test_times_that_do_not_rise_never_set_the_clock(
+    controller: LoadedController, measured: Callable[[int], Array]
+) -> None:
+    before = go(controller, measured, 0, 40)
+    for k in [*[39] * 10, *range(38, 20, -1), *[20, 30, 25] * 5, 31]:
+        status, rest = controller.step(k * SAMPLE, measured(k))
+        assert status == "repeated_time"
+        np.testing.assert_array_equal(rest, before)
+    assert controller.step(32 * SAMPLE, spoil(measured(32), 0, np.nan))[0] == "late"
+    assert controller.step(33 * SAMPLE, measured(33))[0] in ("ok", "rate_limited")
+
+
 def test_a_late_step_keeps_the_command_and_the_next_one_goes_on(
     controller: LoadedController, measured: Callable[[int], Array]
 ) -> None:

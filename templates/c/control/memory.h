@@ -16,7 +16,7 @@ enum {
   SCENE_CONTROL_NON_FINITE_INPUT = 6, /* a time, measurement or state is NAN or infinite */
   SCENE_CONTROL_INVALID_LENGTH = 7,   /* a measured length is not above 0 */
   SCENE_CONTROL_LATE = 8,             /* more than 1.5 samples after the expected time */
-  SCENE_CONTROL_REPEATED_TIME = 9,    /* not after the time of the last step */
+  SCENE_CONTROL_REPEATED_TIME = 9,    /* not after the time of the last step; the third rising one is LATE */
   SCENE_CONTROL_ESTIMATE_LOST = 10,   /* the estimate was not finite, and starts again from the motion */
   SCENE_CONTROL_NULL_POINTER = 11,    /* a pointer that is needed is NULL */
   SCENE_CONTROL_NOT_INITIALISED = 12  /* init was not called with this memory */
@@ -37,6 +37,8 @@ typedef struct {
   real sent[SCENE_CONTROL_N_SENT * SCENE_CONTROL_N_ACTUATORS]; /* last commands, in a ring */
   int newest;                                   /* row of the last one */
   unsigned int ready;                           /* whether init was called */
+  int n_refused;                                /* last steps that were not after the time, themselves rising */
+  real refused_time;                            /* of the last one of these [s] */
 #if WITH_DISTRIBUTION
   scene_control_distribution distribution; /* of the last step */
 #endif

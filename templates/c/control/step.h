@@ -10,6 +10,7 @@
 #endif
 
 enum { CONTROL_READY = 0x5ca1 }; /* mark of memory that init has filled */
+enum { CONTROL_REFUSALS = 3 };     /* rising times in a row that are not after the last one: then the clock is theirs */
 
 /* Inputs of the motion in the middle of the sample that begins at a time, for they are held during all of it. */
 static inline void control_middle(real time, real *input)
@@ -46,8 +47,17 @@ static inline int control_init(scene_control *c, const real *coordinate)
   return SCENE_CONTROL_OK;
 }
 
+/* Status of a time that is not after the last one. One wrong time far ahead must not stop the controller for good:
+ * where several such times in a row rise from each one to the next, the step is LATE, and time goes on from it. */
+static inline int control_refuse(real time, scene_control *c)
+{
+  c->n_refused = c->n_refused > 0 && time > c->refused_time ? c->n_refused + 1 : 1;
+  c->refused_time = time;
+  return c->n_refused < CONTROL_REFUSALS ? SCENE_CONTROL_REPEATED_TIME : SCENE_CONTROL_LATE;
+}
+
 /* Time since the last step, within rounding a whole sample; 0 with a status where the time is of no use. */
-static inline int control_span(const scene_control *c, real time, real *span)
+static inline int control_span(real time, scene_control *c, real *span)
 {
   const real h = CONTROL_SAMPLE;
   *span = (real)0.0;
@@ -59,7 +69,8 @@ static inline int control_span(const scene_control *c, real time, real *span)
     return SCENE_CONTROL_OK;
   }
   if (!(time > c->time)) {
-    return SCENE_CONTROL_REPEATED_TIME;
+    *span = (real)2.5 * h;
+    return control_refuse(time, c);
   }
   *span = time - c->time;
   if (*span > (real)2.5 * h) {
@@ -183,6 +194,7 @@ static inline int control_step_after(
     status = control_step_true(time, span, status, state, c);
 #endif
     c->time = time;
+    c->n_refused = 0;
     c->n_steps += c->n_steps < 0x7fffffffL;
   }
   return status;
@@ -218,7 +230,7 @@ static inline int control_step_at(
   int status = control_check_pointers(c, measured != NULL ? measured : state, rest_length);
   real span;
   if (status == SCENE_CONTROL_OK) {
-    status = control_span(c, time, &span);
+    status = control_span(time, c, &span);
     status = control_step_after(time, span, status, measured, state, c);
   }
   return control_answer(status, c, rest_length);
