@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from tensegrity_codegen.cli.control_options import read_least_tension
 from tensegrity_codegen.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.runtime.control.design.estimator import Estimator
     from tensegrity_codegen.runtime.control.design.gains import Gains
     from tensegrity_codegen.runtime.control.motion import Motion
     from tensegrity_codegen.runtime.control.study.tuning import Tuning
@@ -37,6 +38,7 @@ class ControlDesign:
     least_tension: str | None
     arguments: Mapping[str, Any]
     in_c: bool = False
+    warn: Callable[[str], None] | None = None
 
     @property
     def lacks_sensors(self) -> bool:
@@ -46,7 +48,6 @@ class ControlDesign:
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
-        from tensegrity_codegen.runtime.control.kalman import design_kalman
         from tensegrity_codegen.runtime.control.study.read_files import read_weights
         from tensegrity_codegen.runtime.control.study.tuning import choose_weights
         from tensegrity_codegen.runtime.control.tension_distribution import design_distribution
@@ -64,14 +65,29 @@ class ControlDesign:
         gains = self._design_gains(tuning)
         senses = spread = None
         if self.estimator and not self.lacks_sensors:
-            senses = design_kalman(
-                model, motion, sample=self.sample, disturbance=self.disturbance,
-                only_observable=self.only_observable, arguments=given,
-            )  # fmt: skip
+            senses = self._design_estimator(tuning)
         if self.least_tension is not None:
             least = read_least_tension(self.least_tension)
             spread = design_distribution(model, motion, least_tension=least, arguments=given)
         return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
+
+    def _design_estimator(self, tuning: Tuning) -> Estimator:
+        """Return the estimator; disturbances that are not stated are as large as noise permits."""
+        from tensegrity_codegen.runtime.control.kalman import design_kalman
+        from tensegrity_codegen.runtime.control.study.calm_estimator import design_calm_estimator
+
+        if self.disturbance is not None:
+            return design_kalman(
+                self.model, self.motion, sample=self.sample, disturbance=self.disturbance,
+                only_observable=self.only_observable, arguments=self.arguments,
+            )  # fmt: skip
+        estimator, warning = design_calm_estimator(
+            self.model, self.motion, tuning.scales, sample=self.sample,
+            only_observable=self.only_observable, arguments=self.arguments,
+        )  # fmt: skip
+        if warning is not None and self.warn is not None:
+            self.warn(warning)
+        return estimator
 
     def _design_gains(self, tuning: Tuning) -> Gains:
         """Return the gains; an error of the weights names their file."""

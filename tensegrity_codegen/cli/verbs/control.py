@@ -127,7 +127,7 @@ def control(
         design = ControlDesign(
             model, motion, sample, tolerance, effort, response_time, integral_action, weights, estimator,
             disturbance, only_observable, least_tension, arguments,
-            in_c or build is not None,
+            in_c or build is not None, output.warn,
         )  # fmt: skip
         if design.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")

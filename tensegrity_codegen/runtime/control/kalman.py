@@ -26,6 +26,7 @@ from tensegrity_codegen.runtime.control.design.reachable import (
 from tensegrity_codegen.runtime.control.design.riccati import compute_gain, find_stationary
 from tensegrity_codegen.runtime.control.design.sensing import Sensing, find_sensing
 from tensegrity_codegen.runtime.control.design.shown_forces import find_shown_forces
+from tensegrity_codegen.runtime.control.design.usual_forces import UNKNOWN, find_usual_forces
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -41,7 +42,6 @@ FloatArray = NDArray[np.float64]
 
 QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
 MOST_KNOTS = 25
-UNKNOWN = 0.1  # of the forces of the tensions, by which disturbances change in a second
 SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
 REACH = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
 MOST_SUBSTEPS = 1000
@@ -225,8 +225,7 @@ def _read_noise(
     """Return how fast disturbances change, and the noise of accelerations, (n_coordinates,) each."""
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
-    lever = np.linalg.norm(_dense(model.compute("equilibrium_matrix", **at)), axis=1)
-    force = float(np.abs(motion.member_tension).max(initial=0.0)) * lever
+    force = find_usual_forces(model, motion, given)
     mass = np.diag(_dense(model.compute("mass_matrix", **at)))
     walk = UNKNOWN * force if disturbance is None else _read(disturbance, n, "disturbance")
     usual = SHAKING * force / mass
