@@ -58,7 +58,7 @@ def design_calm_estimator(
         "estimator: with disturbance forces of the default size, noise would move its nodes by "
         f"{before} (predicted standard deviation), more than {_show(most)}. "
         f"Divided by {divisor:,}, to at most {usual.max() / divisor:.3g} N or N m in 1 s, by {after}. "
-        "More sensors permit larger forces; --disturbance states others"
+        "More sensors permit larger forces; `disturbance` states others"
     )
 
 
