@@ -50,4 +50,4 @@ def test_forces_are_divided_until_noise_moves_nodes_little(
     left = predict_displacement(found, scales) / (0.005 * small.size)
     assert left <= 0.25 or divisor == 1000
     assert f"{1000 * predict_displacement(found, scales):.3g} mm" in warning
-    assert "--disturbance" in warning
+    assert "`disturbance`" in warning
