@@ -15,14 +15,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tensegrity_codegen import design_kalman, design_lqr, simulate_control, simulate_control_batch
-from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen import design_kalman, simulate_control, simulate_control_batch
 from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
-from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, move_tower
+from tests.runtime.control.tower_motion import (
+    build_tower,
+    design_tower_estimator,
+    design_tower_gains,
+    draw_tower_errors,
+    move_tower,
+)
 
 ROUNDS, DRAWS = 5, 8
 
@@ -39,10 +42,8 @@ def prepare_tower() -> tuple[Any, ...]:
     """Return the same of the tower."""
     model = build_tower()
     motion = move_tower(model)
-    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
-    names = model.manifest.coordinate_name
-    gains = design_lqr(model, motion, weight, np.full(18, 1e6), sample=0.01, integral_action=names)
-    estimator = design_kalman(model, motion, [Sensor("member_length", tuple(range(18)), 1e-4)], sample=0.01)
+    gains = design_tower_gains(model, motion)
+    estimator = design_tower_estimator(model, motion)
     draws = [{**draw_tower_errors(model, seed), "seed": seed} for seed in range(DRAWS)]
     return model, motion, gains.at_knots(), estimator, draws, 12.0
 

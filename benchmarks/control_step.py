@@ -28,13 +28,17 @@ from tensegrity_codegen.runtime.control.closed_loop import simulate_control
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman
-from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution, design_distribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.structure.actuators import Sensor
 from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
-from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, move_tower
+from tests.runtime.control.tower_motion import (
+    build_tower,
+    design_tower_estimator,
+    design_tower_gains,
+    draw_tower_errors,
+    move_tower,
+)
 
 MOST = {"pinned_prism": 10.0, "svd_tower": 60.0}  # asked for [us]
 
@@ -104,11 +108,8 @@ def make_tower() -> Case:
     """Return the two-stage tower at 100 Hz."""
     model = build_tower()
     motion = move_tower(model)
-    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
-    names = model.manifest.coordinate_name
-    gains = design_lqr(model, motion, weight, np.full(18, 1e6), sample=0.01, integral_action=names)
-    sensors = [Sensor("member_length", tuple(range(18)), 1e-4)]
-    estimator = design_kalman(model, motion, sensors, sample=0.01)
+    gains = design_tower_gains(model, motion)
+    estimator = design_tower_estimator(model, motion)
     tensions = design_distribution(model, motion, least_tension=1.0)
     return Case(model, motion, gains, estimator, tensions, 12.0, draw_tower_errors(model, 1))
 

@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
 from tensegrity_codegen.controller.description import ControllerDescription
 from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.controller.loaded import LoadedController, load_controller
-from tensegrity_codegen.controller.parts import ControllerParts, check_same_motion, check_start
+from tensegrity_codegen.controller.parts import collect_parts
 from tensegrity_codegen.controller.subject import find_described, find_motion
 from tensegrity_codegen.controller.write import ControllerFiles, write_files
 from tensegrity_codegen.errors import InvalidValueError
@@ -24,9 +23,6 @@ from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import MOST_KNOTS, Gains
-from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
-from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
-from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -169,28 +165,14 @@ def build_controller(
     real = find_precision(precision, "precision")
     check_folder(out)
     described, request = find_described(scene, motion)
-    check_independent(described)
     way = find_motion(described, motion, arguments)
-    check_motion(described, way)
-    check_parts(described.manifest, way, gains, estimator, distribution)
-    check_same_motion(distribution, way)
     chosen = described.manifest.name if name is None else name
     check_scene_name(chosen, "name")
-    assert described.structure is not None  # find_described refuses models without
-    parts = ControllerParts(
-        name=chosen,
-        subject=described.structure,
-        manifest=described.manifest,
-        motion=way,
-        gains=gains if gains is None or knots is None else gains.at_knots(knots),
-        estimator=estimator,
-        distribution=distribution,
-        bounds=find_bounds(described, way, rate=rate, range=range, delay=delay),
-        sample=find_sample(gains, estimator, sample),
-        qp_iterations=_check_iterations(qp_iterations),
-        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
-    )
-    check_start(parts)
+    parts = collect_parts(
+        described, way, name=chosen, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
+        sample=sample, rate=rate, range=range, delay=delay,
+        qp_iterations=_check_iterations(qp_iterations), daqp_sdist=daqp_sdist,
+    )  # fmt: skip
     files = write_files(parts, replace(request, precision=real.name), real)
     contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
     description = files.description

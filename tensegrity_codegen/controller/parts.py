@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
 from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
-from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import Sensor
 
-__all__ = ["ControllerParts", "check_same_motion", "check_start", "find_quantities"]
+__all__ = ["ControllerParts", "check_same_motion", "check_start", "collect_parts", "find_quantities"]
 
 FloatArray = NDArray[np.float64]
 
@@ -87,6 +92,51 @@ class ControllerParts:
     def delays(self) -> DelayedInputs:
         """Return the delays of the actuators in samples."""
         return DelayedInputs(self.bounds, np.zeros(len(self.bounds.names)), self.sample)
+
+
+def collect_parts(
+    described: Described,
+    motion: Motion,
+    *,
+    name: str,
+    gains: Gains | None,
+    knots: int | None,
+    estimator: Estimator | None,
+    distribution: TensionDistribution | None,
+    sample: float | None,
+    rate: ArrayLike | None,
+    range: ArrayLike | None,
+    delay: ArrayLike | None,
+    qp_iterations: int = QP_ITERATIONS,
+    daqp_sdist: str | Path | None = None,
+) -> ControllerParts:
+    """Return the parts of a controller after the checks that all controllers need.
+
+    Parameters are those of `build_controller`. Raises what `check_independent`, `check_motion`,
+    `check_parts`, `find_bounds`, `find_sample`, `check_same_motion`, `check_start` and `find_daqp_archive`
+    raise.
+    """
+    manifest = described.manifest
+    check_independent(described)
+    check_motion(described, motion)
+    check_parts(manifest, motion, gains, estimator, distribution)
+    check_same_motion(distribution, motion)
+    assert described.structure is not None  # find_described refuses models without
+    parts = ControllerParts(
+        name=name,
+        subject=described.structure,
+        manifest=manifest,
+        motion=motion,
+        gains=gains if gains is None or knots is None else gains.at_knots(knots),
+        estimator=estimator,
+        distribution=distribution,
+        bounds=find_bounds(described, motion, rate=rate, range=range, delay=delay),
+        sample=find_sample(gains, estimator, sample),
+        qp_iterations=qp_iterations,
+        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
+    )
+    check_start(parts)
+    return parts
 
 
 def find_quantities(parts: ControllerParts) -> tuple[str, ...]:

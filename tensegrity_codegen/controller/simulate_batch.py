@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.controller.closed_loop import CompiledLoop, LoopDraw
-from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
-from tensegrity_codegen.controller.parts import ControllerParts, check_same_motion, check_start
+from tensegrity_codegen.controller.parts import ControllerParts, collect_parts
 from tensegrity_codegen.controller.subject import find_described
 from tensegrity_codegen.controller.write import write_files
 from tensegrity_codegen.errors import InvalidValueError, check_choice
@@ -21,11 +20,8 @@ from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import MOST_KNOTS, Gains
-from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
-from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, bind_gust
-from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
@@ -131,25 +127,11 @@ def simulate_control_batch(
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     workers = _check_threads(threads)
     described, request = find_described(model, motion)
-    check_independent(model)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0)
-    check_motion(model, way)
-    check_parts(model.manifest, way, gains, estimator, distribution)
-    check_same_motion(distribution, way)
-    assert described.structure is not None  # find_described refuses models without
-    parts = ControllerParts(
-        name=NAME,
-        subject=described.structure,
-        manifest=model.manifest,
-        motion=way,
-        gains=gains if gains is None or knots is None else gains.at_knots(knots),
-        estimator=estimator,
-        distribution=distribution,
-        bounds=find_bounds(model, way, rate=rate, range=range, delay=delay),
-        sample=find_sample(gains, estimator, sample),
-        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
-    )
-    check_start(parts)
+    parts = collect_parts(
+        described, way, name=NAME, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
+        sample=sample, rate=rate, range=range, delay=delay, daqp_sdist=daqp_sdist,
+    )  # fmt: skip
     count = count_samples(way.duration if t_end is None else t_end, parts.sample)
     ready = [_read_draw(model, parts, k, draw, count) for k, draw in enumerate(draws)]
     if not ready:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.export.elements import add, number, numbers
 from tensegrity_codegen.export.node_tree import NodeTree, build_node_tree
+from tensegrity_codegen.export.rigid_parts import find_shared_nodes
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["WORLD_SITE", "ModelParts", "build_parts"]
@@ -72,13 +73,12 @@ def build_parts(structure: Structure) -> ModelParts:
 def _check_rigid(structure: Structure) -> None:
     """Raise FormulationError for rigid bars that meet, or are held on some axes."""
     ends = structure.connectivity[structure.is_rigid]
-    names, counts = np.unique(ends, return_counts=True)
-    bad = [structure.node_name[node] for node in names[counts > 1]]
-    if bad:
+    shared = find_shared_nodes(structure)
+    if shared:
         raise FormulationError(
             "rigid bars that share a node cannot be expressed: MuJoCo would join them by soft constraints",
             where=structure.name,
-            given=f"rigid bars at {', '.join(bad[:5])}",
+            given=f"rigid bars at {', '.join(shared[:5])}",
             hint="give the bars a stiffness, as spring_constant or axial_stiffness",
         )
     held = structure.node_anchored[ends]

@@ -12,7 +12,7 @@ from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["WORLD", "RigidPart", "find_parts"]
+__all__ = ["WORLD", "RigidPart", "find_parts", "find_shared_nodes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -102,9 +102,7 @@ def _check(structure: Structure) -> None:
             allowed="rigid bars: bars without spring_constant and axial_stiffness",
             hint="remove the stiffness of the bars, or export to MJCF",
         )
-    ends = structure.connectivity[structure.is_rigid]
-    nodes, counts = np.unique(ends, return_counts=True)
-    shared = [structure.node_name[node] for node in nodes[counts > 1]]
+    shared = find_shared_nodes(structure)
     if shared:
         raise FormulationError(
             "rigid bars that share a node form loops, or joints that no tree of links has",
@@ -121,6 +119,12 @@ def _check(structure: Structure) -> None:
             given=", ".join(names[:5]) or "a planar scene",
             allowed="nodes that are free, or anchored on all axes",
         )
+
+
+def find_shared_nodes(structure: Structure) -> list[str]:
+    """Return the names of nodes at which two or more rigid bars end."""
+    nodes, counts = np.unique(structure.connectivity[structure.is_rigid], return_counts=True)
+    return [structure.node_name[node] for node in nodes[counts > 1]]
 
 
 def _build_rod(structure: Structure, member: int) -> RigidPart:

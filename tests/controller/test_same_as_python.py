@@ -11,15 +11,18 @@ from tensegrity_codegen.controller.build_controller import ControllerBundle, bui
 from tensegrity_codegen.runtime.control.closed_loop import simulate_control
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
-from tensegrity_codegen.runtime.control.kalman import design_kalman
-from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.structure.actuators import Sensor
 from tests.codegen.quickly import without_optimisation
 from tests.controller.replay import check_same, replay, replay_states
 from tests.runtime.control.pinned_prism import draw_errors
-from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, move_tower
+from tests.runtime.control.tower_motion import (
+    build_tower,
+    design_tower_estimator,
+    design_tower_gains,
+    draw_tower_errors,
+    move_tower,
+)
 
 
 def test_a_noisy_loop_of_the_prism(
@@ -83,11 +86,8 @@ def test_25_stored_gains_end_as_all_of_them(model: CompiledModel, motion: Motion
 def test_a_noisy_loop_of_the_tower(tmp_path: Path) -> None:
     model = build_tower()
     motion = move_tower(model)
-    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
-    names = model.manifest.coordinate_name
-    gains = design_lqr(model, motion, weight, np.full(18, 1e6), sample=0.01, integral_action=names)
-    sensors = [Sensor("member_length", tuple(range(18)), 1e-4)]
-    estimator = design_kalman(model, motion, sensors, sample=0.01)
+    gains = design_tower_gains(model, motion)
+    estimator = design_tower_estimator(model, motion)
     bundle = build_controller(model, motion, gains, estimator=estimator, out=tmp_path / "ctl")
     errors = draw_tower_errors(model, 1)
     run = simulate_control(model, motion, gains.at_knots(), estimator=estimator, t_end=7.0, seed=1, **errors)

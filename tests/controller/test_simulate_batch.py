@@ -16,12 +16,17 @@ from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
-from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Sensor
 from tests.runtime.control.pinned_prism import draw_errors
-from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, move_tower
+from tests.runtime.control.tower_motion import (
+    build_tower,
+    design_tower_estimator,
+    design_tower_gains,
+    draw_tower_errors,
+    move_tower,
+)
 
 DELAY = [0.0, 0.002, 0.005, 0.008, 0.0, 0.002, 0.005, 0.0, 0.0]
 FIELDS = ("coordinate", "velocity", "command", "input", "member_tension", "estimate", "disturbance")
@@ -151,10 +156,8 @@ def test_no_draws_are_no_runs(model: CompiledModel, motion: Motion, gains: Gains
 def test_a_noisy_loop_of_the_tower() -> None:
     model = build_tower()
     motion = move_tower(model)
-    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
-    names = model.manifest.coordinate_name
-    gains = design_lqr(model, motion, weight, np.full(18, 1e6), sample=0.01, integral_action=names)
-    estimator = design_kalman(model, motion, [Sensor("member_length", tuple(range(18)), 1e-4)], sample=0.01)
+    gains = design_tower_gains(model, motion)
+    estimator = design_tower_estimator(model, motion)
     draws = [{**draw_tower_errors(model, seed), "seed": seed} for seed in range(3)]
     options: dict[str, Any] = {"estimator": estimator, "t_end": 7.0}
     found = simulate_control_batch(model, motion, gains, draws=draws, **options)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import check_ending, replaced
 from tensegrity_codegen.results.summaries import (
     Fact,
@@ -20,6 +19,7 @@ from tensegrity_codegen.results.summaries import (
     describe_number,
     describe_range,
 )
+from tensegrity_codegen.runtime.control.even_knots import choose_even_knots
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.structure.frozen import freeze_fields
@@ -209,12 +209,10 @@ class Motion(Summarised):
         InvalidValueError
             Fewer than two knots.
         """
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InvalidValueError("out of range", where="count", given=count, allowed="2 or more knots")
         total = len(self.time)
-        if total <= count:
+        even = choose_even_knots(total, count)
+        if even is None:
             return self
-        even = np.round(np.linspace(0, total - 1, int(count))).astype(np.int64)
         bent = [int(np.abs(self.time - kink).argmin()) for kink in self.kinks]
         rows = np.unique(np.concatenate([even, np.array(bent, dtype=np.int64)]))
         kept = {

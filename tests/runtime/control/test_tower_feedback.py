@@ -11,11 +11,16 @@ from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
-from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Sensor
-from tests.runtime.control.tower_motion import build_tower, draw_tower_errors, find_angles, move_tower
+from tests.runtime.control.tower_motion import (
+    build_tower,
+    design_tower_gains,
+    draw_tower_errors,
+    find_angles,
+    move_tower,
+)
 
 pytestmark = pytest.mark.thorough
 
@@ -34,9 +39,7 @@ def motion(model: CompiledModel) -> Motion:
 
 @pytest.fixture(scope="module")
 def gains(model: CompiledModel, motion: Motion) -> Gains:
-    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
-    names = model.manifest.coordinate_name
-    return design_lqr(model, motion, weight, np.full(18, 1e6), sample=SAMPLE, integral_action=names)
+    return design_tower_gains(model, motion)
 
 
 def run_draw(

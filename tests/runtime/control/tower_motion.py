@@ -10,16 +10,30 @@ import numpy as np
 
 from tensegrity_codegen.analyses import want_analyses
 from tensegrity_codegen.build import build_library
+from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import Gains
+from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
+from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.actuators import Sensor
 from tests.body_scenes import assemble_document
 from tests.runtime.control.pinned_prism import quintic, solve_inputs
 
-__all__ = ["build_tower", "draw_tower_errors", "find_angles", "move_tower"]
+__all__ = [
+    "TOWER_SAMPLE",
+    "build_tower",
+    "design_tower_estimator",
+    "design_tower_gains",
+    "draw_tower_errors",
+    "find_angles",
+    "move_tower",
+]
 
 SCENE = Path(__file__).resolve().parents[3] / "tensegrity_codegen" / "scene" / "examples" / "svd_tower.toml"
 DURATION = 5.0
+TOWER_SAMPLE = 0.01  # [s]
 
 
 def build_tower() -> CompiledModel:
@@ -49,6 +63,19 @@ def move_tower(model: CompiledModel, knots: int = 501) -> Motion:
     return solve_inputs(
         model, time, coordinate, rate[:, None] * turn / DURATION, change[:, None] * turn / DURATION**2
     )
+
+
+def design_tower_gains(model: CompiledModel, motion: Motion) -> Gains:
+    """Return the gains of the acceptance table, with the weights of the prism."""
+    weight = np.concatenate([np.full(18, 100.0), np.full(18, 0.1), np.full(18, 10.0)])
+    names = model.manifest.coordinate_name
+    return design_lqr(model, motion, weight, np.full(18, 1e6), sample=TOWER_SAMPLE, integral_action=names)
+
+
+def design_tower_estimator(model: CompiledModel, motion: Motion, noise: float = 1e-4) -> Estimator:
+    """Return the estimator from the lengths of all tendons with noise [m]."""
+    sensors = [Sensor("member_length", tuple(range(18)), noise)]
+    return design_kalman(model, motion, sensors, sample=TOWER_SAMPLE)
 
 
 def draw_tower_errors(model: CompiledModel, seed: int) -> dict[str, Any]:

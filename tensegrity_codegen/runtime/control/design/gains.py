@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import CONTROL, import_extra
 from tensegrity_codegen.results.summaries import Summarised
+from tensegrity_codegen.runtime.control.even_knots import choose_even_knots
 from tensegrity_codegen.structure.frozen import freeze_fields
 
 __all__ = ["Gains"]
@@ -96,11 +96,9 @@ class Gains(Summarised):
         InvalidValueError
             Fewer than two knots.
         """
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InvalidValueError("out of range", where="count", given=count, allowed="2 or more knots")
-        if len(self.time) <= count:
+        rows = choose_even_knots(len(self.time), count)
+        if rows is None:
             return self
-        rows = np.round(np.linspace(0, len(self.time) - 1, int(count))).astype(np.int64)
         return replace(self, time=self.time[rows], K=self.K[rows], S=self.S[rows])
 
     def state_space(self) -> Any:
