@@ -6,9 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, UnknownNameError, suggest
 from tensegrity_codegen.formulations import FORMULATIONS
+from tensegrity_codegen.pickling import reduce_fields
 
 __all__ = [
     "BATCH_WIDTHS",
@@ -157,6 +159,9 @@ class ModelRequest:
         object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
         object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduce_fields(self)
 
     def wanting(
         self,

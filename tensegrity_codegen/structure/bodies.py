@@ -20,6 +20,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.pickling import reduce_fields
 from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
@@ -191,6 +192,9 @@ class BodySystem(WithMemberLaws, Summarised):
     def __post_init__(self) -> None:
         object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))
         freeze_fields(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduce_fields(self)
 
     @property
     def n_nodes(self) -> int:

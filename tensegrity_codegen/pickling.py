@@ -1,0 +1,22 @@
+"""Frozen dataclasses with read-only views of dicts, which pickle by itself refuses."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+__all__ = ["reduce_fields"]
+
+
+def reduce_fields(instance: Any) -> tuple[Any, ...]:
+    """Return what `__reduce__` of a frozen dataclass returns: it is made again from its fields."""
+    values = {item.name: getattr(instance, item.name) for item in fields(instance)}
+    plain = {
+        name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in values.items()
+    }
+    return _build_again, (type(instance), plain)
+
+
+def _build_again(kind: type, values: dict[str, Any]) -> Any:
+    return kind(**values)

@@ -1,0 +1,3 @@
+"""The cases of a sweep: grids of ranges, samples of distributions, rows of a table."""
+
+__all__: list[str] = []
