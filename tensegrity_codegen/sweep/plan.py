@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.sweep.apply.group import CaseGroup
 from tensegrity_codegen.sweep.cases.cases import Cases
+from tensegrity_codegen.sweep.cases.layout import CaseLayout
 
 __all__ = ["SweepPlan", "Task", "divide_cases"]
 
 
 @dataclass(frozen=True)
 class Task:
-    """Consecutive cases that one worker computes: one chunk of every array of results along ``case``.
+    """Consecutive cases that one worker computes: one chunk of every array of results.
 
     Attributes
     ----------
@@ -49,9 +50,9 @@ class SweepPlan:
     groups : tuple of CaseGroup
         Cases by library.
     tasks : tuple of Task
-        Consecutive cases, all of equal number but the last.
+        Consecutive cases, boxes of a grid of cases (`CaseLayout`).
     task_size : int
-        Number of cases of a task.
+        Largest number of cases of a task.
     seconds : float or None
         Estimated time on one core [s]; None if it was not measured.
     bytes : int or None
@@ -65,6 +66,11 @@ class SweepPlan:
     seconds: float | None = None
     bytes: int | None = None
 
+    @property
+    def layout(self) -> CaseLayout:
+        """How the cases lie in stored arrays."""
+        return CaseLayout.of(self.cases.shape, self.task_size)
+
     def find_rows(self, task: Task) -> tuple[tuple[CaseGroup, NDArray[np.int64]], ...]:
         """Return the groups of a task, each with the numbers of its cases in this task."""
         return tuple(
@@ -74,9 +80,9 @@ class SweepPlan:
 
 
 def divide_cases(cases: Cases, groups: tuple[CaseGroup, ...], task_size: int) -> tuple[Task, ...]:
-    """Return the tasks of equal numbers of consecutive cases, the last one shorter if need be."""
-    firsts = range(0, cases.count, task_size)
-    ranges = [(first, min(first + task_size, cases.count)) for first in firsts]
+    """Return tasks of at most `task_size` consecutive cases, boxes of the grid of cases (`CaseLayout`)."""
+    layout = CaseLayout.of(cases.shape, task_size)
+    ranges = [layout.cases_of(number) for number in range(layout.n_tasks)]
     return tuple(
         Task(
             number,

@@ -1,0 +1,3 @@
+"""Where the tasks of a sweep run: processes on this machine, or a Dask cluster."""
+
+__all__: list[str] = []
