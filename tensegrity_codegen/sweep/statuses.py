@@ -1,0 +1,64 @@
+"""How a case ended: the words of all operations, and the numbers that stand for them in stored results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import check_choice
+
+__all__ = ["GOOD", "STATUSES", "decode_statuses", "encode_status", "encode_statuses", "is_good"]
+
+StatusArray = NDArray[np.int8]
+
+# A word's place is its code in stored results: words are only ever added, at the end.
+STATUSES = (
+    "ok",
+    "converged",
+    "rounding_limited",
+    "non_finite_input",
+    "non_finite_result",
+    "unstable",
+    "no_equilibrium",
+    "stalled",
+    "iteration_limit",
+    "work_limit",
+    "at_pole",
+    "not_finite",
+    "inaccurate",
+    "not_converged",
+    "too_many_events",
+    "bad_input",  # the values of this case make no scene; the message says why
+    "set_aside",  # not computed: the task of this case ended the processes that ran it
+)
+
+# The words of cases whose results are there; rows of all others are NAN.
+GOOD = ("ok", "converged", "rounding_limited")
+
+_CODE = {word: code for code, word in enumerate(STATUSES)}
+_IS_GOOD = np.array([word in GOOD for word in STATUSES])
+
+
+def encode_status(word: str) -> int:
+    """Return the code of one word; raises UnknownNameError for a word that no operation uses."""
+    if word not in _CODE:
+        check_choice(word, STATUSES, "status", "status")
+    return _CODE[word]
+
+
+def encode_statuses(words: Iterable[str]) -> StatusArray:
+    """Return the codes of words, (count,)."""
+    return np.array([encode_status(word) for word in words], dtype=np.int8)
+
+
+def decode_statuses(codes: StatusArray) -> tuple[str, ...]:
+    """Return the words of codes (count,)."""
+    return tuple(STATUSES[code] for code in codes)
+
+
+def is_good(codes: StatusArray) -> NDArray[np.bool_]:
+    """Return whether each code stands for a case whose results are there."""
+    good: NDArray[np.bool_] = _IS_GOOD[codes]
+    return good

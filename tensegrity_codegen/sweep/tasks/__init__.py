@@ -1,0 +1,3 @@
+"""What is computed for a chunk of cases with one library: one file an operation."""
+
+__all__: list[str] = []
