@@ -7,10 +7,15 @@ from typing import Any
 
 from tensegrity_codegen.errors import MissingExtraError
 
-__all__ = ["CONTROL", "TABLES", "import_extra", "name_install", "require_plot"]
+__all__ = ["CONTROL", "SWEEP", "TABLES", "import_extra", "name_install", "require_plot"]
 
-PLOT, CONTROL, TABLES = "plot", "control", "tables"
-WORK = {PLOT: "pictures need", CONTROL: "plans and feedback need", TABLES: "this kind of table needs"}
+PLOT, CONTROL, TABLES, SWEEP = "plot", "control", "tables", "sweep"
+WORK = {
+    PLOT: "pictures need",
+    CONTROL: "plans and feedback need",
+    TABLES: "this kind of table needs",
+    SWEEP: "sweeps need",
+}
 
 
 def name_install(extra: str) -> str:

@@ -14,6 +14,7 @@ __all__ = [
     "VERDICTS",
     "Block",
     "Chapter",
+    "Command",
     "Entry",
     "Figure",
     "Page",
@@ -43,6 +44,14 @@ class Paragraph:
 
 
 @dataclass(frozen=True)
+class Command:
+    """Words to be copied into a terminal, character by character."""
+
+    text: str
+    kind: str = "command"
+
+
+@dataclass(frozen=True)
 class Remark:
     """Where and why paper and ours agree or differ, with the anchors of the entries that explain it."""
 
@@ -63,7 +72,7 @@ class Figure:
     kind: str = "figure"
 
 
-Block = Paragraph | Remark | Table | Figure
+Block = Paragraph | Command | Remark | Table | Figure
 
 
 @dataclass(frozen=True)
@@ -197,5 +206,5 @@ def _block_dict(block: Block) -> dict[str, Any]:
         case Remark():
             entries = {"entries": list(block.entries)} if block.entries else {}
             return {"kind": block.kind, "verdict": block.verdict, "text": block.text, **entries}
-        case Paragraph():
+        case Paragraph() | Command():
             return {"kind": block.kind, "text": block.text}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section
+from tensegrity_codegen.report.pages.page import Command, Figure, Paragraph, Remark, Section
 from tensegrity_codegen.report.pages.page_table import Table
 
 __all__ = ["read_section", "section_as_json"]
@@ -18,6 +18,7 @@ __all__ = ["read_section", "section_as_json"]
 KINDS: dict[str, type[Any]] = {
     "section": Section,
     "paragraph": Paragraph,
+    "command": Command,
     "remark": Remark,
     "table": Table,
     "figure": Figure,
