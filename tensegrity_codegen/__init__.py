@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+    from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
+    from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
     from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -71,6 +73,7 @@ __all__ = [
     "ControlRun",
     "ControlStudy",
     "ControllerBundle",
+    "Equilibria",
     "Equilibrium",
     "EquilibriumPath",
     "Estimator",
@@ -104,6 +107,7 @@ __all__ = [
     "draw",
     "equilibrium_sensitivity",
     "export_fmu",
+    "find_equilibria",
     "find_equilibrium",
     "linearize",
     "load_controller",
@@ -127,6 +131,7 @@ _HOME = {
     "ControlRun": "runtime.control.loop.control_run",
     "ControllerBundle": "controller.build_controller",
     "ControlStudy": "runtime.control.study.control_study",
+    "Equilibria": "runtime.statics.batch.equilibria",
     "Equilibrium": "runtime.statics.equilibrium",
     "EquilibriumPath": "runtime.control.equilibrium_path",
     "Estimator": "runtime.control.design.estimator",
@@ -157,6 +162,7 @@ _HOME = {
     "draw": "report.pictures.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "export_fmu": "export.export_fmu",
+    "find_equilibria": "runtime.statics.batch.find_equilibria",
     "find_equilibrium": "runtime.statics.equilibrium",
     "linearize": "runtime.linear.linearize",
     "load_controller": "controller.loaded",

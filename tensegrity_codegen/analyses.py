@@ -90,6 +90,10 @@ def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: f
     return Needs(equilibrium_quantities(structure, request))
 
 
+def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    return Needs(equilibrium_quantities(structure, request), batch_width=BATCH_WIDTH)
+
+
 def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
     quantities = equilibrium_quantities(structure, request)
     is_rigid = structure.is_bar if request.options.get("bars") == "all" else structure.mu == 0
@@ -153,6 +157,7 @@ ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
     "simulate": _simulate,
     "simulate_batch": _simulate_batch,
     "equilibrium": _equilibrium,
+    "equilibria": _equilibria,
     "sensitivity": _sensitivity,
     "linearize": _linearize,
     "load_path": _load_path,

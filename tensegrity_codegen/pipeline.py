@@ -138,7 +138,7 @@ def compile_scene(
         Scene file (TOML), or the scene itself, as for `read_scene`.
     for_ : str or tuple of str
         Analyses for which the model is used: ``"simulate"``, ``"simulate_batch"``, ``"equilibrium"``,
-        ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,
+        ``"equilibria"``, ``"sensitivity"``, ``"linearize"``, ``"load_path"``, ``"analyse"``, ``"plan"``,
         ``"time_motion"``, ``"control"``. Their quantities, integrators and (for ``"control"``) run-time
         parameters are added.
     method : str

@@ -62,6 +62,8 @@ MODULES = (
     "runtime.simulate.motion_events",
     "runtime.simulate.simulate",
     "runtime.simulate.simulate_batch",
+    "runtime.statics.batch.equilibria",
+    "runtime.statics.batch.find_equilibria",
     "runtime.statics.equilibrium",
     "runtime.statics.equilibrium_record",
     "settle",
@@ -75,7 +77,7 @@ INTERNAL = {
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
     *("stop_at_contact", "simulation_quantities", "Pattern", "Method", "outline_motion"),
-    "EXPORTER",
+    *("EXPORTER", "NUMBERS", "WORDS", "build_equilibria", "check_search_options"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

@@ -34,6 +34,8 @@ def main(folder: Path) -> dict[str, object]:
     small: tc.CompiledModel = tc.build_library(structure, request).load()
     model: tc.CompiledModel = tc.compile_scene(scene, for_=WORK)
     found: tc.Equilibrium = tc.find_equilibrium(model)
+    lifted = tc.compile_scene(scene, for_="equilibria")
+    several: tc.Equilibria = tc.find_equilibria(lifted, arguments={"winch": np.array([0.0, -0.1])})
     analysis: tc.Analysis = tc.analyse(model)
     slopes: tc.Sensitivity = tc.equilibrium_sensitivity(model, found)
     linear: tc.LinearModel = tc.linearize(model, coordinate=found.coordinate)
@@ -71,7 +73,7 @@ def main(folder: Path) -> dict[str, object]:
         "profile",
         "motion",
     )
-    more = ("batch", "planned", "path", "timed", "gains", "estimator", "distribution", "run")
+    more = ("several", "batch", "planned", "path", "timed", "gains", "estimator", "distribution", "run")
     values = locals()
     return {name: values[name] for name in (*names, *more)}
 

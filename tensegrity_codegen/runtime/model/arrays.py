@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.precision import Precision
 
-__all__ = ["check_finite", "check_shape", "to_array", "to_batch", "to_each", "to_sized"]
+__all__ = ["agree_on_rows", "check_finite", "check_shape", "to_array", "to_batch", "to_each", "to_sized"]
 
 
 def check_shape(array: NDArray[Any], shape: tuple[int, ...], where: str) -> None:
@@ -96,3 +96,26 @@ def to_batch(
     if array.ndim == 1 + len(shape) and array.shape[1:] == shape:
         return array, True
     raise InvalidValueError("wrong shape", where=name, given=array.shape, allowed=allowed)
+
+
+def agree_on_rows(lengths: Mapping[str, int], where: str, hint: str) -> int:
+    """Return the number of rows that all arrays of a batch have, by name.
+
+    Raises InvalidValueError where there is no such array, where numbers differ, and for no rows; hint: what
+    to call for a single element.
+    """
+    if not lengths:
+        raise InvalidValueError(
+            "no argument has a batch axis",
+            where=where,
+            allowed="a leading axis on one of the arrays at least",
+            hint=hint,
+        )
+    if len(set(lengths.values())) > 1 or 0 in lengths.values():
+        raise InvalidValueError(
+            "different batch lengths",
+            where=where,
+            given=", ".join(f"{name} {length}" for name, length in lengths.items()),
+            allowed="one length > 0, or no leading axis where all elements share a value",
+        )
+    return next(iter(lengths.values()))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_fastest_of_batch
@@ -21,7 +20,7 @@ from tensegrity_codegen.runtime.integrate.batch_integration import (
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
-from tensegrity_codegen.runtime.model.arrays import to_batch
+from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
@@ -177,7 +176,7 @@ def _read_starts(
     lengths = {name: len(array) for name, (array, is_batched) in (given | parts).items() if is_batched}
     if isinstance(schedules, Sequence):
         lengths["schedule"] = len(schedules)
-    n_batch = _agree(lengths)
+    n_batch = agree_on_rows(lengths, "simulate_batch", "use simulate() for a single motion")
     rows = [array if is_batched else np.tile(array, (n_batch, 1)) for array, is_batched in parts.values()]
     return _Starts(np.concatenate(rows, axis=1), given)
 
@@ -198,25 +197,6 @@ def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
 def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[FloatArray, bool]:
     nominal = model.nominal(name)
     return to_batch(nominal if value is None else value, nominal.shape, model.library.precision, name)
-
-
-def _agree(lengths: Mapping[str, int]) -> int:
-    """Return the length of the batch; raises InvalidValueError unless all say the same, one at least."""
-    if not lengths:
-        raise InvalidValueError(
-            "no argument has a batch axis",
-            where="simulate_batch",
-            allowed="a leading axis on coordinate, velocity or an argument, or one schedule for each motion",
-            hint="use simulate() for a single motion",
-        )
-    if len(set(lengths.values())) > 1 or 0 in lengths.values():
-        raise InvalidValueError(
-            "different batch lengths",
-            where="simulate_batch",
-            given=", ".join(f"{name} {length}" for name, length in lengths.items()),
-            allowed="one length > 0, or no leading axis where all motions share a value",
-        )
-    return next(iter(lengths.values()))
 
 
 def _make_consistent(model: CompiledModel, starts: _Starts) -> FloatArray:

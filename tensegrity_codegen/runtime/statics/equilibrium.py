@@ -35,6 +35,7 @@ __all__ = [
     "Equilibrium",
     "Method",
     "build_problem",
+    "check_search_options",
     "equilibrium_quantities",
     "find_equilibrium",
 ]
@@ -153,7 +154,7 @@ def find_equilibrium(
     >>> found.status, round(float(found.member_length[0]), 6)  # 1 m + 0.5 kg 9.81 m/s2 / (80 N/m)
     ('converged', 1.061313)
     """
-    _check_options(tolerance, max_iterations, method)
+    check_search_options(tolerance, max_iterations, method)
     problem = build_problem(model, arguments)
     start = problem.enter(_start(problem, coordinate))
     point = problem.find_point(start)
@@ -248,7 +249,8 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
     return start
 
 
-def _check_options(tolerance: float, max_iterations: int, method: str) -> None:
+def check_search_options(tolerance: float, max_iterations: int, method: str) -> None:
+    """Raise InvalidValueError for options of a search that are out of range, UnknownNameError for methods."""
     check_choice(method, METHODS, "method", "method")
     if not 0 < tolerance < 1:
         raise InvalidValueError(

@@ -1,0 +1,3 @@
+"""Equilibria of many cases of one structure: loads, parameters and starts."""
+
+__all__: list[str] = []

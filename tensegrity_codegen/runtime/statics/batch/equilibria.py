@@ -1,0 +1,163 @@
+"""The result of searching equilibria of many cases: one row a case."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.results.by_name import ByName
+from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["NUMBERS", "WORDS", "Equilibria", "build_equilibria"]
+
+FloatArray = NDArray[np.float64]
+
+FOUND = ("converged", "rounding_limited")
+WORDS = ("status", "message", "method", "displaced_node", "changed_node")
+# Single numbers of each case, with what stands where there is none.
+NUMBERS: dict[str, Any] = {
+    "residual": np.nan,
+    "largest_force": np.nan,
+    "iterations": 0,
+    "smallest_eigenvalue": np.nan,
+    "neutral_motions": 0,
+    "energy": np.nan,
+    "energy_change": np.nan,
+    "displacement": np.nan,
+    "change": np.nan,
+    "extent": np.nan,
+    "is_start_unstable": False,
+    "saddles_left": 0,
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Equilibria(ByName, Summarised):
+    """Results of the search for equilibria of many cases, each as of `Equilibrium`.
+
+    Attributes
+    ----------
+    status, message, method : tuple of str
+        Of each case: words as of an Equilibrium, and ``"non_finite_input"``.
+    coordinate : ndarray, shape (n_batch, n_coordinates) [m]
+        Free coordinates.
+    node_position : ndarray, shape (n_batch, n_nodes, 3) [m]
+        Positions of all nodes.
+    member_length, member_tension : ndarray, shape (n_batch, n_members) [m, N]
+        Lengths and tensions of members.
+    residual, largest_force : ndarray, shape (n_batch,) [N]
+        Largest node residual and largest member force.
+    iterations : ndarray of int, shape (n_batch,)
+        Number of iterations.
+    smallest_eigenvalue : ndarray, shape (n_batch,) [N/m]
+        Of the stiffness without neutral rigid motions.
+    neutral_motions : ndarray of int, shape (n_batch,)
+        Number of neutral rigid motions.
+    energy, energy_change : ndarray, shape (n_batch,) [J]
+        Potential energy, and its change from the start.
+    displacement, change : ndarray, shape (n_batch,) [m]
+        Largest distance of a node from its start; the same without neutral motions.
+    displaced_node, changed_node : tuple of str
+        Names of these nodes.
+    extent : ndarray, shape (n_batch,) [m]
+        Longest side of a box around the start.
+    is_start_unstable : ndarray of bool, shape (n_batch,)
+        Whether the start was an unstable equilibrium.
+    saddles_left : ndarray of int, shape (n_batch,)
+        Number of unstable equilibria that the search passed.
+    node_name, member_name : tuple of str
+        Names.
+    structure : Structure, BodySystem or None
+        The structure; None with a library that was loaded alone.
+    """
+
+    status: tuple[str, ...]
+    message: tuple[str, ...]
+    method: tuple[str, ...]
+    coordinate: FloatArray
+    node_position: FloatArray
+    member_length: FloatArray
+    member_tension: FloatArray
+    residual: FloatArray
+    largest_force: FloatArray
+    iterations: NDArray[np.int64]
+    smallest_eigenvalue: FloatArray
+    neutral_motions: NDArray[np.int64]
+    energy: FloatArray
+    energy_change: FloatArray
+    displacement: FloatArray
+    displaced_node: tuple[str, ...]
+    change: FloatArray
+    changed_node: tuple[str, ...]
+    extent: FloatArray
+    is_start_unstable: NDArray[np.bool_]
+    saddles_left: NDArray[np.int64]
+    node_name: tuple[str, ...]
+    member_name: tuple[str, ...]
+    structure: Structure | BodySystem | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def is_found(self) -> NDArray[np.bool_]:
+        """Whether a minimum of the energy was found in each case, (n_batch,)."""
+        return np.array([word in FOUND for word in self.status])
+
+    def headline(self) -> str:
+        """Return how many cases there are, and how they ended."""
+        counts = ", ".join(f"{count} {word}" for word, count in Counter(self.status).most_common())
+        return f"{len(self)} cases: {counts}"
+
+    def facts(self) -> list[Fact]:
+        """Return ranges over all cases, for `repr` and notebooks."""
+        return [
+            ("tension", describe_range(self.member_tension, "N")),
+            ("smallest eigenvalue", describe_range(self.smallest_eigenvalue, "N/m")),
+            ("change", describe_range(self.change, "m")),
+            ("residual", describe_range(self.residual, "N")),
+            ("members", count_names(self.member_name)),
+        ]
+
+
+def build_equilibria(
+    model: Model, coordinate: FloatArray, rows: Sequence[Equilibrium | tuple[str, str]]
+) -> Equilibria:
+    """Return the records of cases as one; a case without a record has its status and message instead.
+
+    coordinate: starts (n_batch, n_coordinates), which the latter cases keep.
+    """
+    manifest, count = model.manifest, len(rows)
+    nodes, members = len(manifest.node_name), len(manifest.member_name)
+    shapes = {"node_position": (nodes, 3), "member_length": (members,), "member_tension": (members,)}
+    arrays: dict[str, Any] = {name: np.full((count, *shape), np.nan) for name, shape in shapes.items()}
+    arrays["coordinate"] = np.array(coordinate, dtype=np.float64)
+    for name, empty in NUMBERS.items():
+        kind = np.int64 if type(empty) is int else type(empty)
+        arrays[name] = np.full(count, empty, dtype=kind)
+    words: dict[str, Any] = {name: [""] * count for name in WORDS}
+    for k, row in enumerate(rows):
+        if not isinstance(row, Equilibrium):
+            words["status"][k], words["message"][k] = row
+            continue
+        for name, array in arrays.items():
+            array[k] = getattr(row, name)
+        for name, column in words.items():
+            column[k] = getattr(row, name)
+    texts: dict[str, Any] = {name: tuple(column) for name, column in words.items()}
+    return Equilibria(
+        **arrays,
+        **texts,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+        structure=getattr(model, "structure", None),
+    )

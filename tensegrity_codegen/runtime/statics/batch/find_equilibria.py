@@ -1,0 +1,180 @@
+"""Stable equilibria of many cases of one structure: loads, parameters, inputs, starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.errors import NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
+from tensegrity_codegen.runtime.model.batch import check_threads
+from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria, build_equilibria
+from tensegrity_codegen.runtime.statics.equilibrium import (
+    Method,
+    build_problem,
+    check_search_options,
+    find_equilibrium,
+)
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+
+__all__ = ["find_equilibria"]
+
+FloatArray = NDArray[np.float64]
+Row = Equilibrium | tuple[str, str]
+
+
+def find_equilibria(
+    model: CompiledModel,
+    *,
+    coordinate: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    tolerance: float = 1e-9,
+    max_iterations: int = 500,
+    method: Method = "auto",
+    threads: int = 1,
+    progress: Callable[[float], None] | None = None,
+) -> Equilibria:
+    """Find stable equilibria of many cases: loads, parameters, inputs or starts.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"equilibria"`` (or ``"equilibrium"``, without batch functions), see compile_scene.
+    coordinate : array_like, shape (n_coordinates,) or (n_batch, n_coordinates), optional
+        Starts [m]; by default the positions of the scene.
+    arguments : mapping, optional
+        Run-time parameters and inputs by name, with or without a leading axis (n_batch,). At least one of
+        the arrays has that axis, or `coordinate` has it.
+    tolerance : float
+        Allowed node residual, as a part of the largest member force.
+    max_iterations : int
+        Largest number of iterations of each case.
+    method : str
+        ``"newton"``, ``"relaxation"`` or ``"auto"``, as in `find_equilibrium`.
+    threads : int
+        Number of threads; the results do not depend on it.
+    progress : callable, optional
+        Called with the part of the cases that is done, 0 to 1.
+
+    Returns
+    -------
+    Equilibria
+        One row a case, each with its status; a case without equilibrium does not affect the others.
+
+    Raises
+    ------
+    InvalidValueError
+        A shape or option is out of range.
+    UnknownNameError
+        An unknown argument.
+    FormulationError, LibraryError
+        The model lacks a quantity, or is of single precision.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensegrity_codegen import compile_scene, find_equilibria
+    >>> model = compile_scene("two_nodes.toml", for_="equilibria")
+    >>> found = find_equilibria(model, coordinate=np.array([[0, 0, -1.0], [0, 0, -1.2]]))
+    >>> found.status, found.member_length.round(4).ravel().tolist()
+    (('converged', 'converged'), [1.0613, 1.0613])
+    """
+    check_search_options(tolerance, max_iterations, method)
+    check_threads(threads)
+    starts = _read_starts(model, coordinate, arguments)
+    build_problem(model, starts.arguments_of(0))  # raises what no case could be searched with
+
+    def search(k: int) -> Row:
+        return _find_one(model, starts, k, tolerance, max_iterations, method)
+
+    rows: list[Row] = []
+    with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
+        try:
+            for row in pool.map(search, range(starts.count)):
+                rows.append(row)
+                if progress is not None:
+                    progress(len(rows) / starts.count)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return build_equilibria(model, starts.coordinate, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Starts:
+    """Starts (n_batch, n_coordinates), and arguments with whether each has one row a case."""
+
+    coordinate: FloatArray
+    arguments: Mapping[str, tuple[FloatArray, bool]]
+
+    @property
+    def count(self) -> int:
+        return len(self.coordinate)
+
+    def arguments_of(self, k: int) -> dict[str, FloatArray]:
+        """Return the arguments of one case."""
+        return {
+            name: array[k] if is_batched else array for name, (array, is_batched) in self.arguments.items()
+        }
+
+
+def _read_starts(
+    model: CompiledModel, coordinate: ArrayLike | None, arguments: Mapping[str, Any] | None
+) -> _Starts:
+    require_double(model.manifest, "the search for an equilibrium")
+    merged = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
+    known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
+    for name in merged:
+        if name not in known:
+            raise UnknownNameError(
+                "the model has no such argument at run time",
+                where="arguments",
+                given=name,
+                allowed=", ".join([*known, *model.manifest.input_name]) or "none",
+                hint=suggest(name, [*known, *model.manifest.input_name]),
+            )
+    given = {
+        name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
+        for name, value in merged.items()
+    }
+    nominal = model.nominal("coordinate")
+    place = to_batch(
+        nominal if coordinate is None else coordinate, nominal.shape, model.library.precision, "coordinate"
+    )
+    lengths = {
+        name: len(array) for name, (array, is_batched) in {**given, "coordinate": place}.items() if is_batched
+    }
+    count = agree_on_rows(lengths, "find_equilibria", "use find_equilibrium() for a single case")
+    start = place[0] if place[1] else np.tile(place[0], (count, 1))
+    return _Starts(start, given)
+
+
+def _find_one(
+    model: CompiledModel, starts: _Starts, k: int, tolerance: float, max_iterations: int, method: Method
+) -> Row:
+    """Return the record of one case, or status and message where it cannot even be recorded."""
+    own = starts.arguments_of(k)
+    parts = {"coordinate": starts.coordinate[k], **own}
+    bad = next((name for name, array in parts.items() if not np.isfinite(array).all()), "")
+    if bad:
+        return "non_finite_input", f"{bad} is not finite"
+    try:
+        return find_equilibrium(
+            model,
+            coordinate=starts.coordinate[k],
+            arguments=own,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            method=method,
+            raise_on_failure=False,
+        )
+    except NonFiniteError as error:
+        return "not_finite", str(error.problem)
