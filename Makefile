@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 OUTPUT := output
 PEERS := $(VENV)/.peers
-PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel fmpy
+PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel fmpy dask distributed
 # program:Debian package; tests of films, of other processors, of memory, of pages
 TOOLS := ffprobe:ffmpeg qemu-x86_64:qemu-user valgrind:valgrind chromium:chromium
 WORKERS ?= 2
@@ -42,7 +42,7 @@ $(STAMP): pyproject.toml
 	elif ! "$$python" -m venv $(VENV); then \
 	  echo "$$python cannot make a virtual environment; on Debian and Ubuntu install python3-venv."; exit 1; \
 	fi
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,cc,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,cc,sweep,dev]'
 	@touch $@
 
 demo: $(STAMP) ## simulate the prism in C made for it; writes a picture, a film and the library to output/

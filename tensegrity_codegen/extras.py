@@ -7,14 +7,15 @@ from typing import Any
 
 from tensegrity_codegen.errors import MissingExtraError
 
-__all__ = ["CONTROL", "SWEEP", "TABLES", "import_extra", "name_install", "require_plot"]
+__all__ = ["CLUSTER", "CONTROL", "SWEEP", "TABLES", "import_extra", "name_install", "require_plot"]
 
-PLOT, CONTROL, TABLES, SWEEP = "plot", "control", "tables", "sweep"
+PLOT, CONTROL, TABLES, SWEEP, CLUSTER = "plot", "control", "tables", "sweep", "cluster"
 WORK = {
     PLOT: "pictures need",
     CONTROL: "plans and feedback need",
     TABLES: "this kind of table needs",
     SWEEP: "sweeps need",
+    CLUSTER: "sweeps on a cluster need",
 }
 
 

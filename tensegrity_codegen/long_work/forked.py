@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-__all__ = ["Piece", "can_fork", "count_workers", "run_pieces"]
+__all__ = ["Piece", "can_fork", "count_workers", "deferred_signals", "run_pieces"]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -95,7 +95,7 @@ def _start(work: Callable[[Item], Result], item: Item) -> tuple[Connection, Any]
     receiver, sender = context.Pipe(duplex=False)
     child = context.Process(target=_answer, args=(work, item, sender))
     try:
-        with warnings.catch_warnings(), _deferred_signals():
+        with warnings.catch_warnings(), deferred_signals():
             warnings.simplefilter("ignore", DeprecationWarning)  # of fork beside the thread of a progress bar
             child.start()
     except BaseException:  # an interruption that came within the fork
@@ -109,7 +109,7 @@ def _start(work: Callable[[Item], Result], item: Item) -> tuple[Connection, Any]
 
 
 @contextmanager
-def _deferred_signals() -> Iterator[None]:
+def deferred_signals() -> Iterator[None]:
     """Let handlers of signals wait until the block has ended; Python drops what they raise within a fork."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -34,7 +34,16 @@ NEEDED = (
     "scipy",
     "typer",
 )
-OPTIONAL = {"matplotlib": "plot", "pillow": "plot", "ziglang": "cc"}
+OPTIONAL = {
+    "matplotlib": "plot",
+    "pillow": "plot",
+    "ziglang": "cc",
+    "zarr": "sweep",
+    "xarray": "sweep",
+    "SALib": "sweep",
+    "dask": "cluster",
+    "distributed": "cluster",
+}
 
 
 def doctor(json: JsonOption = False) -> None:

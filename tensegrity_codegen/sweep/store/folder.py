@@ -1,0 +1,114 @@
+"""The folder of a store before it is opened: whether it is a sweep, which one, and whether it is in use."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.files import check_ending
+from tensegrity_codegen.output_folder import check_folder
+
+__all__ = ["ATTRIBUTE", "FORMAT", "StoredSweep", "check_store_folder", "locked_store", "read_stored_sweep"]
+
+ATTRIBUTE = "tensegrity_codegen_sweep"
+FORMAT = 1
+METADATA = "zarr.json"
+ENDING = ".zarr"
+
+
+@dataclass(frozen=True)
+class StoredSweep:
+    """What the folder of a sweep says of it.
+
+    Attributes
+    ----------
+    path : Path
+        The folder.
+    identity : dict
+        What its results follow from.
+    task_size : int
+        Largest number of cases of a task.
+    attributes : dict
+        All attributes of the data set.
+    """
+
+    path: Path
+    identity: Mapping[str, Any]
+    task_size: int
+    attributes: Mapping[str, Any]
+
+
+def check_store_folder(path: str | Path) -> StoredSweep | None:
+    """Return the sweep in a folder, None where there is nothing yet.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written, or holds something else.
+    """
+    check_ending(path, ENDING)
+    target = check_folder(path)
+    if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
+        return None
+    return read_stored_sweep(target)
+
+
+def read_stored_sweep(path: str | Path) -> StoredSweep:
+    """Return what the folder of a sweep says of it; raises OutputError for any other folder."""
+    folder = Path(path)
+    try:
+        data = json.loads((folder / METADATA).read_bytes())
+        attributes = data["attributes"]
+        own = attributes[ATTRIBUTE]
+        found = own["format"]
+        stored = StoredSweep(folder, own["identity"], int(own["task_size"]), attributes)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        problem = "there is no such folder" if not folder.exists() else "this is not a sweep"
+        raise OutputError(
+            problem,
+            where=str(path),
+            allowed="a Zarr folder that `sweep` wrote, or a new name for another one",
+            hint="choose another name, or remove what is there",
+        ) from error
+    if found != FORMAT:
+        raise OutputError(
+            "the sweep was written in another format of its folder",
+            where=str(path),
+            given=found,
+            allowed=str(FORMAT),
+            hint="use the version of tensegrity_codegen that wrote it, or choose another name",
+        )
+    return stored
+
+
+@contextmanager
+def locked_store(path: str | Path) -> Iterator[None]:
+    """Keep other sweeps out of a folder; raises OutputError while one is at work there."""
+    folder = Path(path).absolute()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    place = folder.with_name(f".{folder.name}.lock")
+    lock = FileLock(str(place), timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise OutputError(
+            "another sweep is writing to this folder",
+            where=str(path),
+            hint="wait for its end, or choose another name",
+        ) from error
+    except (OSError, NotImplementedError):  # the file system has no locks
+        yield
+        return
+    try:
+        yield
+    finally:
+        place.unlink(missing_ok=True)
+        lock.release()
