@@ -1,0 +1,136 @@
+"""The schema of scene files, walked together with a scene: what may stand below a place, and of which type."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS, load_tag
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
+
+__all__ = ["Place", "root_place"]
+
+NUMBERS = ("number", "integer")
+
+
+class Place:
+    """One place of a scene: the schema of what stands there, and its value, None where it is not stated.
+
+    schema: one node of the JSON schema, references and unions resolved as far as the value decides them.
+    """
+
+    def __init__(self, schema: Mapping[str, Any], value: Any) -> None:
+        self.value = value
+        self.schema = _resolve(schema, value)
+
+    @property
+    def is_number(self) -> bool:
+        """Whether a number may stand here."""
+        return any(item.get("type") in NUMBERS for item in self._variants())
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether only whole numbers may stand here."""
+        types = {item.get("type") for item in self._variants()} & set(NUMBERS)
+        return types == {"integer"}
+
+    @property
+    def word(self) -> str:
+        """What stands here, in a message: "a table", "a list", "a text", ..."""
+        if isinstance(self.value, bool):
+            return "true or false"
+        types = {item.get("type", "") for item in self._variants()}
+        names = {"object": "a table", "array": "a list", "string": "a text", "boolean": "true or false"}
+        return next((names[item] for item in names if item in types), "no number")
+
+    def names(self) -> list[str]:
+        """Return the keys that may stand below: those of the schema, names that the scene has."""
+        stated = list(self.value) if isinstance(self.value, Mapping) else []
+        if isinstance(self.value, list):
+            stated = [
+                str(item["name"]) for item in self.value if isinstance(item, Mapping) and "name" in item
+            ]
+        return list(dict.fromkeys([*self.schema.get("properties", {}), *stated]))
+
+    def index_of(self, step: str | int) -> str | int | None:
+        """Return where the value has what `step` names: a key, a number of a list, an item by its name."""
+        if isinstance(self.value, list) and isinstance(step, str):
+            named = (
+                k
+                for k, item in enumerate(self.value)
+                if isinstance(item, Mapping) and item.get("name") == step
+            )
+            return next(named, None)
+        return step
+
+    def below(self, step: str | int) -> Place | None:
+        """Return the place that `step` leads to, None where there can be none."""
+        index = self.index_of(step)
+        if index is None:
+            return None
+        if isinstance(index, int):
+            return self._item(index)
+        schema = self.schema.get("properties", {}).get(index)
+        stated = isinstance(self.value, Mapping) and index in self.value
+        if schema is None:
+            more = self.schema.get("patternProperties") or {}
+            schema = next(iter(more.values()), None)
+            if not stated and _needs_keys(schema):
+                return None
+        return None if schema is None else Place(schema, self.value[index] if stated else None)
+
+    def _item(self, index: int) -> Place | None:
+        if "items" not in self.schema:
+            return None
+        length = len(self.value) if isinstance(self.value, list) else 0
+        return Place(self.schema["items"], self.value[index]) if index < length else None
+
+    def _variants(self) -> list[Mapping[str, Any]]:
+        return [_resolve(item, None) for item in self.schema.get("oneOf", [self.schema])]
+
+    def leaves(self) -> Iterator[tuple[tuple[str | int, ...], float]]:
+        """Yield the path and value of every number that is stated here and below."""
+        if isinstance(self.value, Mapping | list):
+            keys = self.value if isinstance(self.value, Mapping) else range(len(self.value))
+            for step in keys:
+                place = self.below(step)
+                for path, value in place.leaves() if place else ():
+                    yield (step, *path), value
+        elif self.is_number and isinstance(self.value, int | float) and not isinstance(self.value, bool):
+            yield (), self.value
+
+
+def root_place(document: Mapping[str, Any]) -> Place:
+    """Return the place of a whole scene."""
+    return Place(_schema(), document)
+
+
+@functools.cache
+def _schema() -> dict[str, Any]:
+    return scene_json_schema()
+
+
+def _resolve(schema: Mapping[str, Any], value: Any) -> Mapping[str, Any]:
+    """Return the schema with its reference followed, and of a union the part that the value belongs to."""
+    if "$ref" in schema:
+        target = _schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+        return _resolve({**target, **{key: item for key, item in schema.items() if key != "$ref"}}, value)
+    if "oneOf" not in schema or value is None:
+        return schema
+    kinds = schema.get("discriminator", {}).get("mapping", {})
+    if isinstance(value, Mapping):
+        tag = LOAD_TAGS[load_tag(dict(value))]
+        word = kinds.get(str(value.get("kind")), f"#/$defs/{tag}" if not kinds else "")
+        return _resolve({"$ref": word}, value) if word else schema
+    if isinstance(value, list):
+        return next((item for item in schema["oneOf"] if item.get("type") == "array"), schema)
+    return schema
+
+
+def _needs_keys(schema: Mapping[str, Any] | None) -> bool:
+    """Return whether an entry that the scene has not cannot come about by one number."""
+    if schema is None:
+        return True
+    resolved = _resolve(schema, None)
+    return bool(resolved.get("required")) or "oneOf" in resolved or resolved.get("type") == "array"
