@@ -1,4 +1,4 @@
-"""The schema of scene files, walked together with a scene: what may stand below a place, and of which type."""
+"""The schema of scene files, walked together with a scene: what may stand below a place."""
 
 from __future__ import annotations
 

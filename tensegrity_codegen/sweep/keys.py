@@ -56,8 +56,8 @@ class KeyPath:
         Parameters
         ----------
         text : str
-            Keys joined by points, numbers of lists in brackets from 0; items of lists that have a name also by
-            their name, as ``actuators.motor.delay``. The scene need not have the key if the schema has it.
+            Keys joined by points, numbers of lists in brackets from 0; items of lists that have a name also
+            by their name, as ``actuators.motor.delay``. The scene need not state a key that the schema has.
         document : mapping
             The scene as a plain dictionary.
         where : str

@@ -25,7 +25,7 @@ from tensegrity_codegen.errors import (
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.imported import read_text
 
-__all__ = ["LARGEST_TABLE", "Row", "read_table"]
+__all__ = ["LARGEST_TABLE", "Row", "make_row", "read_lines", "read_table"]
 
 LARGEST_TABLE = 64 * 2**20  # bytes
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
@@ -90,16 +90,16 @@ def read_table(path: Path, columns: Sequence[str], needed: Sequence[str]) -> lis
             given=n_rows,
             allowed=f"up to {MOST_ENTRIES} rows",
         )
-    lines = _lines(text, path)
+    lines = read_lines(text, path)
     first = next(lines, None)
     if first is None:
         raise SceneSyntaxError("the file has no header", where=str(path), allowed="a CSV table")
     header = _check_header(first, path, columns, needed)
     width = len(first[1])
-    return [_make_row(path, number, cells, header, width) for number, cells in lines]
+    return [make_row(path, number, cells, header, width) for number, cells in lines]
 
 
-def _lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+def read_lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and stripped cells of every line that is not blank."""
     first = next(line for line in text.split("\n") if line.strip())
     separator = max(",;\t", key=first.count)
@@ -148,7 +148,7 @@ def _check_header(
     return header
 
 
-def _make_row(path: Path, line: int, cells: list[str], header: list[str], width: int) -> Row:
+def make_row(path: Path, line: int, cells: list[str], header: list[str], width: int) -> Row:
     """Return a row; only as many empty cells at its end are dropped as the header has (`width` with them).
 
     More of them could be a row that a decimal comma has shifted.
