@@ -210,7 +210,7 @@ def build_library(
     return BuiltLibrary(
         entry=entry,
         manifest=manifest,
-        compiler=tool.version,
+        compiler=f"zig {tool.version}" if tool.name == "zig" else tool.version,
         flags=" ".join(flag_set.options),
         from_cache=found,
         seconds=time.perf_counter() - started,

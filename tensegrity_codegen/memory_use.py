@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from tensegrity_codegen.codegen.compilation.call_depth import deepest_stack
 from tensegrity_codegen.codegen.compilation.compile import object_size, stack_use
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -20,8 +21,8 @@ class MemoryUse:
     """Program memory and stack of a library.
 
     code_bytes: machine code and constants, before a linker drops what is not used; None: unknown format.
-    stack_bytes: public function -> bytes of stack that it takes at most: its own frame and those of all
-    static functions, of which a call chain has each once; empty where the compiler does not say.
+    stack_bytes: public function -> bytes of stack that it takes at most, along its longest chain of calls;
+    functions of the C library count nothing; empty where the compiler does not say.
     """
 
     code_bytes: int | None
@@ -45,5 +46,5 @@ def measure_memory(
     code = object_size(sources, compiler=tool, flags=flags, target=machine)
     frames = stack_use(sources, compiler=tool, flags=flags, target=machine)
     prefix = f"{manifest.name}_"
-    inner = sum(size for name, size in frames.items() if not name.startswith(prefix))
-    return MemoryUse(code, {n: size + inner for n, size in frames.items() if n.startswith(prefix)})
+    deepest = deepest_stack(frames, sources.values())
+    return MemoryUse(code, {name: size for name, size in deepest.items() if name.startswith(prefix)})

@@ -5,8 +5,13 @@
  * SI units throughout. Tensions are positive in tension. Every function is re-entrant, allocates nothing and
  * keeps no state. A non-finite argument or result is reported by the status, and the result is then NAN.
  */
-#ifndef TENSEGRITY_PLANAR_H
-#define TENSEGRITY_PLANAR_H
+#ifndef TENSEGRITY_planar_H
+#define TENSEGRITY_planar_H
+
+#ifdef TENSEGRITY_PLANAR_CONSTANTS
+#error "two scenes whose names differ only in upper and lower case cannot be in one source file: rename one"
+#endif
+#define TENSEGRITY_PLANAR_CONSTANTS
 
 #ifdef __cplusplus
 extern "C" {

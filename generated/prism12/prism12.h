@@ -5,8 +5,13 @@
  * SI units throughout. Tensions are positive in tension. Every function is re-entrant, allocates nothing and
  * keeps no state. A non-finite argument or result is reported by the status, and the result is then NAN.
  */
-#ifndef TENSEGRITY_PRISM12_H
-#define TENSEGRITY_PRISM12_H
+#ifndef TENSEGRITY_prism12_H
+#define TENSEGRITY_prism12_H
+
+#ifdef TENSEGRITY_PRISM12_CONSTANTS
+#error "two scenes whose names differ only in upper and lower case cannot be in one source file: rename one"
+#endif
+#define TENSEGRITY_PRISM12_CONSTANTS
 
 #ifdef __cplusplus
 extern "C" {

@@ -53,7 +53,7 @@ InterfaceOption = Annotated[
     typer.Option(
         "--interface",
         help="Also callable this way, besides the scene's: casadi, for casadi.external with first "
-        "derivatives; casadi_hessian, with second derivatives too.",
+        "derivatives; casadi_hessian, with second derivatives too; acados, for its integrators (alone).",
     ),
 ]
 TargetOption = Annotated[

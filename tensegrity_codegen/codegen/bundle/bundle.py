@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from pathlib import PurePath
+from typing import Any
 
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.manifest import C_API_VERSION, Manifest
+from tensegrity_codegen.quantities import PARAMETERS
 
 __all__ = ["LICENCE", "emit_bundle", "name_package"]
 
@@ -63,10 +67,13 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
         "description": _describe(manifest),
         "sources": list(sources),
         "library": library,
+        "library_word": PurePath(library).stem.removeprefix("lib"),
         "options": [item for item in find_flags(manifest.flags).options if not item.startswith("-std=")],
         "functions": manifest.functions,
         "integrators": manifest.integrators,
         "solvers": manifest.solvers,
+        "interfaces": manifest.interfaces,
+        **_describe_state(manifest),
         "licence": LICENCE.splitlines(),
         "made_by": ", ".join(f"{what} {release}" for what, release in manifest.made_by.items()),
     }
@@ -74,12 +81,23 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
         "CMakeLists.txt": "CMakeLists.txt",
         f"{package}Sources.cmake": "Sources.cmake",
         f"{package}Config.cmake": "Config.cmake",
+        f"{package}ConfigVersion.cmake": "ConfigVersion.cmake",
         f"{package}.pc.in": "package.pc.in",
         f"{package}.pc": "package.pc",
         "README.md": "README.md",
         "NOTICE.md": "NOTICE.md",
     }
     return {file: render(f"bundle/{template}", context) for file, template in files.items()}
+
+
+def _describe_state(manifest: Manifest) -> dict[str, Any]:
+    """Return what state, control and parameters of acados are made of."""
+    sizes = {item.name: f"`{item.name}` ({math.prod(item.shape)})" for item in manifest.arguments}
+    return {
+        "state": [sizes[name] for name in ("coordinate", "velocity") if name in sizes],
+        "control": ", ".join(f"`{name}`" for name in manifest.input_name) or "empty",
+        "constants": [sizes[name] for name in PARAMETERS if name in sizes],
+    }
 
 
 def _describe(manifest: Manifest) -> str:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,10 +53,14 @@ int main(void)
 
 CMAKE = """
 cmake_minimum_required(VERSION 3.12)
-project(elsewhere C)
-find_package(tensegrity_prism REQUIRED)
-find_package(tensegrity_planar REQUIRED)
-add_executable(program program.c)
+project(elsewhere {language})
+find_package(tensegrity_prism 1.0 REQUIRED)
+find_package(tensegrity_planar 1 REQUIRED)
+find_package(tensegrity_planar 2 QUIET)
+if(tensegrity_planar_FOUND)
+  message(FATAL_ERROR "version 2 of the interface was found")
+endif()
+add_executable(program program.{ending})
 target_link_libraries(program PRIVATE tensegrity::prism tensegrity::planar)
 """
 
@@ -71,7 +78,7 @@ def narrow(name: str):  # type: ignore[no-untyped-def]
 
 @pytest.fixture(scope="module")
 def bundles(libraries: dict[str, BuiltLibrary], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("bundles")
+    folder = tmp_path_factory.mktemp("bundles") / "with space"
     return {name: library.export(folder / name) for name, library in libraries.items()}
 
 
@@ -108,10 +115,12 @@ def check_numbers(printed: str, libraries: dict[str, BuiltLibrary]) -> None:
     assert printed.splitlines()[-1] == "a pointer that is needed is NULL"
 
 
-def write_project(folder: Path) -> Path:
+def write_project(folder: Path, language: str = "C") -> Path:
+    ending = {"C": "c", "CXX": "cpp"}[language]
     folder.mkdir()
-    (folder / "program.c").write_text(PROGRAM, encoding="utf-8")
-    (folder / "CMakeLists.txt").write_text(CMAKE, encoding="utf-8")
+    (folder / f"program.{ending}").write_text(PROGRAM, encoding="utf-8")
+    text = CMAKE.replace("{language}", language).replace("{ending}", ending)
+    (folder / "CMakeLists.txt").write_text(text, encoding="utf-8")
     return folder
 
 
@@ -135,8 +144,40 @@ def test_a_project_with_cmake_finds_an_installed_and_a_plain_bundle(
             ["pkg-config", "--cflags", "--libs", "tensegrity_prism"],
             tmp_path,
             PKG_CONFIG_PATH=str(next(prefix.rglob("pkgconfig"))),
-        ).split()
-        assert any(Path(word[2:]).resolve() == prefix / "include/tensegrity_prism" for word in words)
+        )
+        assert any(
+            Path(word[2:]).resolve() == prefix / "include/tensegrity_prism" for word in shlex.split(words)
+        )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the paths are those of Linux")
+def test_a_project_of_c_plus_plus_alone_compiles_the_sources(
+    bundles: dict[str, Path], libraries: dict[str, BuiltLibrary], tmp_path: Path
+) -> None:
+    require("cmake", "make", "c++")
+    project = write_project(tmp_path / "project", "CXX")
+    found = "-DCMAKE_PREFIX_PATH=" + ";".join(str(folder) for folder in bundles.values())
+    run(["cmake", "-G", "Unix Makefiles", "-S", project, "-B", project / "build", found], tmp_path)
+    run(["cmake", "--build", project / "build"], tmp_path)
+    check_numbers(run([project / "build" / "program"], tmp_path), libraries)
+
+
+def test_headers_of_scenes_that_differ_in_case_are_not_mixed(tmp_path: Path) -> None:
+    structure, request = bare()
+    for name in ("Mast", "mast"):
+        header = emit(replace(structure, name=name), request).files[f"{name}.h"]
+        # file systems that do not distinguish cases keep both
+        (tmp_path / f"{name}_{name.isupper() or name[0].isupper()}.h").write_text(header, encoding="utf-8")
+    both = tmp_path / "both.c"
+    both.write_text('#include "Mast_True.h"\n#include "mast_False.h"\n', encoding="utf-8")
+    done = subprocess.run(
+        [*find_compiler().command, "-c", str(both), "-o", str(tmp_path / "both.o")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert "upper and lower case" in done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the shared libraries are those of Linux")
@@ -150,8 +191,8 @@ def test_a_program_finds_two_bundles_by_pkg_config(
         ["pkg-config", "--cflags", "--libs", "tensegrity_prism", "tensegrity_planar"],
         project,
         PKG_CONFIG_PATH=path,
-    ).split()
-    run([*find_compiler().command, "program.c", "-o", "program", *words], project)
+    )
+    run([*find_compiler().command, "program.c", "-o", "program", *shlex.split(words)], project)
     check_numbers(run([project / "program"], project), libraries)
 
 
@@ -177,3 +218,20 @@ def test_all_sources_are_compiled_where_tables_are_apart() -> None:
     assert "/triangle.c" in listed
     assert "/triangle_tables.c" in listed
     assert all(text.endswith("\n") for text in files.values())
+
+
+def test_the_folder_names_the_functions_of_other_programs() -> None:
+    structure, request = load_scene(EXAMPLES / "prism12.toml")
+    request = request.wanting("acceleration", "state_derivative")
+    source = emit(structure, replace(request, interfaces=("acados",), emitter="auto"))
+    page = emit_bundle(source.manifest, ["prism12.c"], "libprism12.so")["README.md"]
+    in_acados = page.partition("## In acados")[2].partition("##")[0]
+    size = len(source.manifest.coordinate_name)
+    assert f"x is\n`coordinate` ({size}), `velocity` ({size})" in in_acados
+    assert all(f"`{name}`" in in_acados for name in source.manifest.input_name)
+    for word in re.findall(r"`(?:prism12)?(_(?:expl|impl)_\w+)`", in_acados):
+        assert f"int prism12{word}(" in source.files["prism12.c"], word
+    source = emit(structure, replace(request, interfaces=("casadi",)))
+    page = emit_bundle(source.manifest, ["prism12.c"], "libprism12.so")["README.md"]
+    name = re.findall(r'casadi.external\("(\w+)"', page)[0]
+    assert f"int {name}(const double **arg" in source.files["prism12.c"]
