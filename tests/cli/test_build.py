@@ -19,7 +19,8 @@ def test_the_folder_holds_all_that_is_needed_to_embed(run: Run, folder: Path, tw
     library = Path(data["library"])
     made = {"Makefile", "example.c", "manifest.json", "two_nodes.c", "two_nodes.h", library.name}
     package = "tensegrity_two_nodes"
-    bundle = {"CMakeLists.txt", f"{package}Config.cmake", f"{package}Sources.cmake", "README.md", "NOTICE.md"}
+    cmake = {f"{package}{part}.cmake" for part in ("Config", "ConfigVersion", "Sources")}
+    bundle = {"CMakeLists.txt", *cmake, "README.md", "NOTICE.md"}
     assert names == made | bundle | {f"{package}.pc", f"{package}.pc.in", "SHA256SUMS"}
     assert library.parent == Path("library")
     manifest = json.loads((folder / "library" / "manifest.json").read_text(encoding="utf-8"))
