@@ -14,10 +14,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-
-from filelock import FileLock, Timeout
+from typing import TYPE_CHECKING
 
 from tensegrity_codegen.leftovers import announce, withdraw
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 __all__ = ["sweep_folders", "work_folder"]
 
@@ -69,6 +71,8 @@ def sweep_folders(parent: Path) -> None:
 
 def _make_locked(parent: Path) -> tuple[Path, FileLock | None]:
     """Make a folder and take its lock first; None where the file system has no locks."""
+    from filelock import FileLock, Timeout  # half of the time that importing this module would take
+
     if not parent.is_dir():  # FileLock would make it
         raise FileNotFoundError(2, "No such folder", str(parent))
     for _ in range(ATTEMPTS):
@@ -107,6 +111,8 @@ def _is_own(item: os.DirEntry[str]) -> bool:
 
 def _remove_abandoned(folder: Path) -> None:
     """Remove a folder whose lock is free, and the lock."""
+    from filelock import FileLock, Timeout
+
     lock = FileLock(str(_lock_of(folder)), timeout=0, mode=0o600)
     try:
         lock.acquire()

@@ -23,6 +23,7 @@ from tensegrity_codegen.scene.checks.check import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.schema import control_schema, schema
 from tensegrity_codegen.scene.shapes import IcosahedronShape, PrismShape, TowerShape, TwoNodeShape
+from tests.cli.test_startup import HEAVY, find_loaded
 
 ROOT = Path(__file__).resolve().parent.parent
 VERBS = [
@@ -206,6 +207,11 @@ def test_a_module_that_needs_no_casadi_does_not_load_it(module: str) -> None:
     code = f"import sys, tensegrity_codegen.{module}; sys.exit('casadi' in sys.modules)"
     done = run(sys.executable, "-c", code)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_list_of_verbs_imports_no_package_that_computes() -> None:
+    loaded = find_loaded("--help")  # a module of cli/ imports these inside functions
+    assert sorted({*HEAVY, "pydantic"} & {*loaded}) == []
 
 
 @pytest.mark.parametrize("room", ["runtime", "codegen", "scene"])

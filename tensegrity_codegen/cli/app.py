@@ -8,8 +8,9 @@ from typing import Any, NoReturn
 
 import typer
 
-from tensegrity_codegen.cli.output import Output, explain_system_error, print_text
-from tensegrity_codegen.cli.verb import find_verbs
+from tensegrity_codegen.cli.output import Output, explain_system_error
+from tensegrity_codegen.cli.streams import print_text
+from tensegrity_codegen.cli.verb_group import VerbGroup
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.version import VERSION
 
@@ -26,6 +27,7 @@ class CommandLineError(TensegrityError):
 
 app = typer.Typer(
     name="tensegrity-codegen",
+    cls=VerbGroup,
     help="From a scene file to a compiled C library that computes a tensegrity structure.",
     no_args_is_help=True,
     add_completion=False,
@@ -33,9 +35,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-for verb in find_verbs():
-    app.command(verb.name or None, cls=verb.command)(verb.run)
 
 
 @app.callback(invoke_without_command=True)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from tensegrity_codegen.errors import (
@@ -16,7 +15,6 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
 if TYPE_CHECKING:
     from tensegrity_codegen.cli.output import Output
@@ -103,11 +101,13 @@ def _read_input(text: str, subject: Subject) -> tuple[str, float]:
 
 def _check_rest_lengths(values: Mapping[str, float], subject: Subject) -> None:
     """Raise InvalidValueError where inputs leave a member without a positive rest length."""
+    from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+
     rest_length = add_inputs_to_rest_length(subject, values)
-    wrong = np.flatnonzero(rest_length <= 0)
-    if not wrong.size:
+    is_wrong = rest_length <= 0
+    if not is_wrong.any():
         return
-    e = int(wrong[0])
+    e = int(is_wrong.argmax())
     acting = [item.name for item in subject.inputs if item.kind == "rest_length" and e in item.targets]
     given = [f"{name}={values[name]:g}" for name in acting if name in values]
     raise InvalidValueError(
@@ -121,6 +121,8 @@ def _check_rest_lengths(values: Mapping[str, float], subject: Subject) -> None:
 
 def _find_outside(values: Mapping[str, float], subject: Subject) -> list[str]:
     """Return warnings of members that these values bring outside the range of their actuator."""
+    from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+
     rest_length = add_inputs_to_rest_length(subject, values)
     found = []
     for item in subject.actuators:

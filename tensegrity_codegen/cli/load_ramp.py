@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tensegrity_codegen.cli.options import parse_loads
 from tensegrity_codegen.errors import InvalidValueError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["LoadRamp", "RampKind", "build_ramp"]
 
-FloatArray = NDArray[np.float64]
 RampKind = Literal["load", "loads", "gravity", "all"]
 
 
@@ -25,8 +24,8 @@ RampKind = Literal["load", "loads", "gravity", "all"]
 class LoadRamp:
     """Loads base + load factor x pattern, by the names of the run-time arguments."""
 
-    base: dict[str, FloatArray]
-    pattern: dict[str, FloatArray]
+    base: dict[str, NDArray[np.float64]]
+    pattern: dict[str, NDArray[np.float64]]
     parameters: dict[str, tuple[int, ...]]
 
     def check_moves(self, path: ModelPath, words: list[str]) -> None:
@@ -48,6 +47,8 @@ def build_ramp(subject: Subject, kind: RampKind, words: list[str]) -> LoadRamp:
     kind: "load": the added loads; "loads": these and the scene's own; "gravity": gravity alone, while all
     loads stay; "all": all of them.
     """
+    import numpy as np
+
     axes = list(subject.axes)
     own, added = subject.node_load[:, axes], parse_loads(words, subject)[:, axes]
     weight = np.array(subject.gravity, dtype=float)[axes]

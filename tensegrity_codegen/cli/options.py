@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
-from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.structure import Structure
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tensegrity_codegen.structure.bodies import BodySystem
+    from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
     "BatchWidthOption",
@@ -103,6 +106,8 @@ def parse_loads(texts: list[str], structure: Structure | BodySystem) -> NDArray[
 
     A scene of one or two axes takes one number for each of its axes too, as its file does.
     """
+    import numpy as np
+
     loads = np.zeros((structure.n_nodes, 3))
     index = {name: node for node, name in enumerate(structure.node_name)}
     for text in texts:

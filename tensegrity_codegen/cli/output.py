@@ -4,37 +4,29 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import typer
-from rich.console import Console, RenderableType
 
 from tensegrity_codegen.cli.option_names import name_options, name_options_in_error
 from tensegrity_codegen.cli.progress_bar import ProgressBar
-from tensegrity_codegen.codegen.compilation.cache_root import CacheFolderWarning
+from tensegrity_codegen.cli.streams import print_text
 from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
-from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.structure.bodies import BodySystem
+    from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["Output", "plain", "print_text"]
-
-
-class PatientConsole(Console):
-    """A console whose reader may go away, as in `... | head`: what follows is dropped, the work goes on."""
-
-    def on_broken_pipe(self) -> None:
-        """Drop all further output."""
-        self.quiet = True
-        drop_output(self.file)
 
 
 class Output:
@@ -47,9 +39,17 @@ class Output:
         self.as_json = as_json
         self.started = time.monotonic()
         self._bar: ProgressBar | None = None
-        self.human = PatientConsole(highlight=False)
-        self.aside = PatientConsole(stderr=True, highlight=False)
         self.warned: list[str] = []
+
+    @cached_property
+    def human(self) -> Console:
+        """Standard output, for text."""
+        return _open_console(stderr=False)
+
+    @cached_property
+    def aside(self) -> Console:
+        """Standard error."""
+        return _open_console(stderr=True)
 
     def result(self, data: Mapping[str, Any], *readable: RenderableType) -> None:
         """Print the verb's result: `data` as JSON, or `readable`; and the time that the verb took."""
@@ -107,7 +107,7 @@ class Output:
         scene: the file that a refused request stands in. Defects pass through. Meanwhile the progress is
         shown on stderr.
         """
-        self._bar = ProgressBar(self.aside, "working")
+        self._bar = ProgressBar(lambda: self.aside, "working")
         self._bar.start()
         try:
             with self._own_warnings():
@@ -128,6 +128,8 @@ class Output:
     @contextmanager
     def _own_warnings(self) -> Iterator[None]:
         """Print this package's Python warnings as those of verbs, each once."""
+        from tensegrity_codegen.codegen.compilation.cache_root import CacheFolderWarning
+
         said: set[str] = set()
         with warnings.catch_warnings():
             usual = warnings.showwarning
@@ -159,6 +161,12 @@ class Output:
             self._bar = None
 
 
+def _open_console(*, stderr: bool) -> Console:
+    from tensegrity_codegen.cli.console import PatientConsole  # imports Rich
+
+    return PatientConsole(stderr=stderr, highlight=False)
+
+
 def list_files(files: Mapping[str, str]) -> str:
     """Return what is said of files that were written, a line each."""
     return "\n".join(f"wrote {path}" for path in files.values())
@@ -167,27 +175,6 @@ def list_files(files: Mapping[str, str]) -> str:
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object on stdout."""
     print_text(json.dumps(plain(data), indent=2, allow_nan=False) + "\n")
-
-
-def print_text(text: str) -> None:
-    """Write to stdout at once; a reader that has gone away is no error. Raises OSError, as on a full disk."""
-    if sys.stdout is None:  # closed by the caller
-        return
-    try:
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    except OSError as error:
-        drop_output(sys.stdout)
-        if not isinstance(error, BrokenPipeError):
-            raise
-
-
-def drop_output(stream: Any) -> None:
-    """Let a stream whose reader has gone away lead nowhere, so that closing it at the end does not fail."""
-    with suppress(OSError, ValueError, AttributeError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
 
 
 def name_file(error: FormulationError, scene: Path) -> None:
@@ -210,12 +197,17 @@ def plain(value: Any) -> Any:
     """Return `value` in JSON's types; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    if isinstance(value, float):  # NumPy's too
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, str | int) or value is None:
+        return value
+    return _plain_array(value)
+
+
+def _plain_array(value: Any) -> Any:
+    """Return an array or number of NumPy in JSON's types, anything else as it is."""
+    import numpy as np  # loaded already, where there is such a value
+
+    return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value

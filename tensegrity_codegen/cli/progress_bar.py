@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = ["ProgressBar"]
 
 
 class ProgressBar:
-    """The progress of one command, shown on stderr while it runs.
+    """The progress of one command, shown on stderr while it runs; `console` is called when it is needed.
 
     A thread shows it, so that it appears also while nothing calls `move`. On a terminal it is a bar, from
     DELAY seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
@@ -21,7 +23,7 @@ class ProgressBar:
     DELAY = 1.0  # [s]
     INTERVAL = 10.0  # [s]
 
-    def __init__(self, console: Console, title: str) -> None:
+    def __init__(self, console: Callable[[], Console], title: str) -> None:
         self.title = title
         self._console = console
         self._fraction: float | None = None
@@ -44,14 +46,19 @@ class ProgressBar:
             self._thread.join()
 
     def _show(self) -> None:
-        if self._console.is_terminal:
-            self._show_bar()
+        waited = min(self.DELAY, self.INTERVAL)
+        if self._ended.wait(waited):  # most commands end before Rich has to be imported
+            return
+        console = self._console()
+        if console.is_terminal:
+            self._show_bar(console, self.DELAY - waited)
         else:
-            self._show_lines()
+            self._show_lines(console, self.INTERVAL - waited)
 
-    def _show_lines(self) -> None:
-        while not self._ended.wait(self.INTERVAL):
-            self._console.print(self._line(), markup=False, soft_wrap=True)
+    def _show_lines(self, console: Console, wait: float) -> None:
+        while not self._ended.wait(wait):
+            console.print(self._line(), markup=False, soft_wrap=True)
+            wait = self.INTERVAL
 
     def _line(self) -> str:
         spent, done = time.monotonic() - self._started, self._fraction
@@ -60,11 +67,13 @@ class ProgressBar:
         left = spent * (1.0 - done) / done
         return f"{self.title}: {100.0 * done:.0f} % after {spent:.0f} s, about {left:.0f} s left"
 
-    def _show_bar(self) -> None:
-        if self._ended.wait(self.DELAY):
+    def _show_bar(self, console: Console, wait: float) -> None:
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+        if self._ended.wait(wait):
             return
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=self._console, transient=True) as bar:
+        with Progress(*columns, console=console, transient=True) as bar:
             task = bar.add_task(self.title, total=None)
             while not self._ended.wait(0.1):
                 done = self._fraction

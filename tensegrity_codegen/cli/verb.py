@@ -10,7 +10,9 @@ from typing import Any
 
 from tensegrity_codegen.cli.option_names import VerbCommand
 
-__all__ = ["Verb", "find_verbs"]
+__all__ = ["Verb", "find_verb", "find_verbs"]
+
+PACKAGE = "tensegrity_codegen.cli.verbs"
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,33 @@ class Verb:
     name: str = ""
     command: type[VerbCommand] = VerbCommand
 
+    @property
+    def word(self) -> str:
+        """The word on the command line."""
+        return self.name or self.run.__name__.replace("_", "-")
+
 
 def find_verbs() -> list[Verb]:
     """Return the verbs of all modules of `cli/verbs/`, in their order."""
-    package = import_module("tensegrity_codegen.cli.verbs")
-    modules = [import_module(f"{package.__name__}.{item.name}") for item in iter_modules(package.__path__)]
-    return sorted((module.VERB for module in modules), key=lambda verb: verb.order)
+    return sorted(map(_read_verb, _list_modules()), key=lambda verb: verb.order)
+
+
+def find_verb(word: str) -> Verb | None:
+    """Return the verb of that word, None if there is none.
+
+    Only its own module is imported where the module has the verb's name.
+    """
+    module = word.replace("-", "_")
+    if module in _list_modules() and (verb := _read_verb(module)).word == word:
+        return verb
+    return next((verb for verb in find_verbs() if verb.word == word), None)
+
+
+def _list_modules() -> list[str]:
+    return [item.name for item in iter_modules(import_module(PACKAGE).__path__)]
+
+
+def _read_verb(module: str) -> Verb:
+    found = import_module(f"{PACKAGE}.{module}").VERB
+    assert isinstance(found, Verb)
+    return found

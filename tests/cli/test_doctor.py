@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.cli.verbs import doctor as doctor_module
+from tensegrity_codegen.cli import installation
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 from tensegrity_codegen.version import VERSION
 from tests.cli.conftest import Run
@@ -12,7 +12,7 @@ from tests.codegen.compilers import POSIX, write_script
 
 
 def use_compilers(monkeypatch: pytest.MonkeyPatch, *found: Compiler) -> None:
-    monkeypatch.setattr(doctor_module, "find_compilers", lambda: found)
+    monkeypatch.setattr(installation, "find_compilers", lambda: found)
 
 
 def test_it_says_what_is_here(run: Run) -> None:
@@ -21,7 +21,7 @@ def test_it_says_what_is_here(run: Run) -> None:
     assert ended.data["version"] == VERSION
     assert ended.data["problems"] == []
     assert any(row["works"] for row in ended.data["compilers"])
-    assert all(ended.data["packages"][name] for name in doctor_module.NEEDED)
+    assert all(ended.data["packages"][name] for name in installation.NEEDED)
 
 
 def test_people_see_each_compiler_by_name(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,7 +42,7 @@ def test_a_broken_compiler_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_package_that_is_missing_is_a_problem(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor_module, "NEEDED", (*doctor_module.NEEDED, "no_such_package"))
+    monkeypatch.setattr(installation, "NEEDED", (*installation.NEEDED, "no_such_package"))
     ended = run("doctor", "--json")
     assert ended.code == 2
     assert ended.data["problems"] == ["no_such_package is not installed"]

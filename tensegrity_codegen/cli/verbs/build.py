@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,17 +29,14 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.codegen.compilation.flags import MEASURED, find_flags
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.output_folder import check_folder
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.presets import find_preset
-from tensegrity_codegen.request import ModelRequest, check_batch_width, check_interfaces
 from tensegrity_codegen.targets import find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.memory_use import MemoryUse
     from tensegrity_codegen.pipeline import BuiltLibrary
+    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tuning import TunedLibrary
 
@@ -74,6 +69,7 @@ def build(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
         from tensegrity_codegen.memory_use import measure_memory
         from tensegrity_codegen.pipeline import build_library
 
@@ -83,9 +79,9 @@ def build(
         structure, request = output.load(scene)
         if wheel:
             _check_wheel(target, structure.name, out)
-        request = _preset(request, preset)
-        request = _narrow(request, quantity, precision, emitter, batch_width, flags)
-        request = _add_interfaces(request, interface or ())
+        request = use_preset(request, preset)
+        request = narrow_request(request, quantity, precision, emitter, batch_width, flags)
+        request = add_interfaces(request, interface or ())
         tuned = None
         if tune or tune_for is not None:
             tuned = _tune(structure, request, compiler, tune_for, any_flags, measure)
@@ -140,6 +136,7 @@ def _tune(
     measure: bool,
 ) -> TunedLibrary:
     """Return the fastest library for this machine, and what it was compared with."""
+    from tensegrity_codegen.codegen.compilation.flags import MEASURED
     from tensegrity_codegen.tuning import build_tuned
 
     sets = MEASURED if any_flags else ()
@@ -184,44 +181,6 @@ def _tell(
         describe_parts(built.manifest),
         "\n".join(written) + f"\n{how}, {built.seconds:.2f} s",
     )
-
-
-def _preset(request: ModelRequest, name: str | None) -> ModelRequest:
-    """Return the request with the settings of a preset in place of the scene's."""
-    return request if name is None else replace(request, **find_preset(name, "--preset").settings)
-
-
-def _narrow(
-    request: ModelRequest,
-    quantity: list[str] | None,
-    precision: str | None,
-    emitter: str | None,
-    batch_width: int | None,
-    flags: str | None,
-) -> ModelRequest:
-    """Return the request with the choices of the command line in place of the scene's."""
-    if quantity:
-        # Without the acceleration there is nothing to integrate.
-        integrators = request.integrators if "acceleration" in quantity else ()
-        minimised = {"potential_energy", "tangent_stiffness"} <= set(quantity)
-        solvers = request.solvers if minimised else ()
-        request = request.wanting(*quantity, integrators=integrators, solvers=solvers)
-    if precision is not None:
-        request = replace(request, precision=find_precision(precision, "--precision").name)
-    if emitter is not None:
-        request = replace(request, emitter=emitter)
-    if batch_width is not None:
-        check_batch_width(batch_width, "--batch-width")
-        request = replace(request, batch_width=batch_width)
-    if flags is not None:
-        request = replace(request, flags=find_flags(flags, "--flags").name)
-    return request
-
-
-def _add_interfaces(request: ModelRequest, interfaces: Sequence[str]) -> ModelRequest:
-    """Return the request with the interfaces of the command line besides the scene's."""
-    check_interfaces(interfaces, "--interface")
-    return replace(request, interfaces=tuple(dict.fromkeys((*request.interfaces, *interfaces))))
 
 
 def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:

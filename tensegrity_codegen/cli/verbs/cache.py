@@ -9,7 +9,6 @@ import typer
 from tensegrity_codegen.cli.options import JsonOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
 
 __all__ = ["VERB"]
 
@@ -27,6 +26,8 @@ def cache(
     """
     output = Output(json)
     with output.guard():
+        from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
+
         kept = Cache()
         removed = kept.count() if clear else 0
         freed = kept.clear() if clear else 0

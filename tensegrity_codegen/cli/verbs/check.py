@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.scene.names import name_list
-from tensegrity_codegen.structure.bodies import Bar, BodySystem
-from tensegrity_codegen.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.structure.bodies import BodySystem
+    from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["VERB"]
 
@@ -26,13 +26,10 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import check_buildable, load_scene
-        from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
+        from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 
         structure, request = load_scene(scene)
-        if isinstance(structure, BodySystem):
-            warnings = find_body_warnings(structure)
-        else:
-            warnings = find_warnings(structure)
+        warnings = find_scene_warnings(structure)
         check_buildable(structure, request)
         for warning in warnings:
             output.warn(warning)
@@ -70,6 +67,7 @@ def _describe_control(subject: Structure | BodySystem) -> dict[str, Any]:
     """Return actuators, sensors and limits, with the keys of a scene."""
     from tensegrity_codegen.scene.describe_bodies import describe_bodies
     from tensegrity_codegen.scene.describe_control import describe_control
+    from tensegrity_codegen.structure.bodies import BodySystem
 
     if isinstance(subject, BodySystem):
         document = describe_bodies(subject)
@@ -90,9 +88,11 @@ def _summarise_control(subject: Structure | BodySystem) -> list[str]:
 
 def _count_bars(subject: Structure | BodySystem) -> tuple[int, int]:
     """Return the numbers of bars and of cables."""
+    from tensegrity_codegen.structure.bodies import Bar, BodySystem
+
     if isinstance(subject, BodySystem):
         return sum(isinstance(body, Bar) for body in subject.bodies), subject.n_members
-    n_bars = int(np.count_nonzero(subject.is_bar))
+    n_bars = int(subject.is_bar.sum())
     return n_bars, subject.n_members - n_bars
 
 

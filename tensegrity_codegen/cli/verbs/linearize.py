@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
@@ -14,8 +14,6 @@ from tensegrity_codegen.cli.options import CompilerOption, JsonOption, Overwrite
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
-from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["VERB"]
 
 SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
-ROUNDING = 64 * float(np.finfo(float).eps)  # of lengths, over lengths and coordinates
+ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
 SETTLED_ROUNDING = 1e-11  # the same, of lengths that the equilibrium gives
 SHOWN = 20  # modes in text
 
@@ -55,6 +53,8 @@ def linearize(
     """
     output = Output(json)
     with output.guard(scene):
+        from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
+
         if out is not None:
             check_ending(out, *LINEAR_ENDINGS)
             check_output(out, inputs=[scene], overwrite=overwrite)
@@ -84,7 +84,7 @@ def _linearize(
     for text in found.warnings if found is not None else ():
         output.warn(text)
     start = None if found is None else found.coordinate
-    velocity = None if start is None else np.zeros_like(start)
+    velocity = None if start is None else 0.0 * start
     linear = run(model, coordinate=start, velocity=velocity, arguments=values)
     return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
 
@@ -99,6 +99,7 @@ def _read(
         settle_structure,
         with_statics,
     )
+    from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=settle)
     values = read_inputs(inputs, structure, output)
@@ -121,8 +122,8 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
         "n_variations": len(linear.state) if linear.variation is None else linear.variation.shape[1],
         "A_nonzeros": linear.A.nnz,
         "B_nonzeros": linear.B.nnz,
-        "largest_affine_term": float(np.max(np.abs(linear.c))),
-        "largest_residual_rate": float(np.max(np.abs(linear.residual_rate))),
+        "largest_affine_term": float(abs(linear.c).max()),
+        "largest_residual_rate": float(abs(linear.residual_rate).max()),
         "residual_rate": linear.residual_rate,
         "natural_frequency": linear.natural_frequency,
         "damping_ratio": linear.damping_ratio,

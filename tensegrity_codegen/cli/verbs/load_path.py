@@ -7,9 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
@@ -20,6 +18,9 @@ from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, sugge
 from tensegrity_codegen.files import check_output
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.paths.load_path import LoadPath
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
@@ -217,7 +218,8 @@ def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list
     from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
 
     cables = [name for name, bar in zip(subject.member_name, subject.is_bar, strict=True) if not bar]
-    switching = [subject.member_name[e] for e in np.flatnonzero(subject.has_switch)]
+    switches = zip(subject.member_name, subject.has_switch, strict=True)
+    switching = [name for name, has_switch in switches if has_switch]
     watches = [watch_slack(path, cables)] if cables else []
     watches += watch_switch(path, switching)
     if subject.n_bar_pairs:

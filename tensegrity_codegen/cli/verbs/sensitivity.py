@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
@@ -20,7 +20,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.runtime.model.array_file import write_arrays
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -161,7 +160,7 @@ def _report(
 
 def _describe(found: Sensitivity) -> list[str]:
     lines = ["rigid bars alone hold every node"]
-    if np.isfinite(found.smallest_eigenvalue):
+    if math.isfinite(found.smallest_eigenvalue):
         lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
     if found.gauge:
         lines.append(f"free to {', '.join(found.gauge)}: motions are relative to the mean of the nodes")
@@ -172,6 +171,10 @@ def _describe(found: Sensitivity) -> list[str]:
 
 def write_sensitivity(found: Sensitivity, path: Path) -> None:
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
+    import numpy as np
+
+    from tensegrity_codegen.runtime.model.array_file import write_arrays
+
     arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
     words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack", "one_sided")
     arrays |= {name: np.array(getattr(found, name), dtype=str) for name in words}

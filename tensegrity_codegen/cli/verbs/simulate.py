@@ -44,7 +44,6 @@ from tensegrity_codegen.cli.simulate_batch import (
 from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_output
-from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
@@ -187,7 +186,7 @@ def _build(
 ) -> tuple[BuiltLibrary, dict[str, Any]]:
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
     from tensegrity_codegen.pipeline import build_library, has_statics, settle_structure
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=asked.settle)
     given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
@@ -209,6 +208,8 @@ def _build(
     built = build_library(structure, wanted, compiler=compiler, flags=flags)
     if not asked.settle:
         return built, {"coordinate": None, **given}
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
     found = find_equilibrium(built.load(), arguments=settled_with)
     for text in found.warnings:
         output.warn(text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import (
     record_outcome,
     record_without_forces,
 )
+from tensegrity_codegen.runtime.statics.methods import METHODS, Method
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
@@ -41,9 +42,6 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-Method = Literal["auto", "newton", "relaxation"]
-
-METHODS = ("auto", "newton", "relaxation")
 # By the kind of static problem of the formulation.
 PROBLEMS: Mapping[str, type[StaticProblem]] = {
     "nodes": StaticProblem,

@@ -1,0 +1,238 @@
+"""The work of the verb `equilibrium`: a scene settles under loads and inputs, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.cli.inputs import read_inputs
+from tensegrity_codegen.cli.options import parse_loads
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length, find_input_force
+from tensegrity_codegen.structure.bodies import BodySystem
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.paths.snap import Snap
+    from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+    from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["settle_scene"]
+
+
+def settle_scene(
+    output: Output,
+    scene: Path,
+    load: Sequence[str],
+    inputs: list[str] | None,
+    out: Path | None,
+    *,
+    overwrite: bool,
+    **options: Any,
+) -> Equilibrium:
+    """Find, write and report the equilibrium of a scene with the values of --load and --input.
+
+    options: compiler, tolerance and method.
+    """
+    from tensegrity_codegen.scene.write import write_scene
+
+    structure, request = output.load(scene, settles=True)
+    added = parse_loads(list(load), structure)
+    held = _find_held(structure, added)
+    if held:
+        output.warn(f"a part of the load acts on anchored axes and has no effect: {', '.join(held)}")
+    values = read_inputs(inputs, structure, output)
+    found, data = _settle(output, structure, request, _Loads(structure, added, values), **options)
+    data |= {"held_load": held, "inputs": values, "out": None}
+    actuated = structure.with_changes(rest_length=add_inputs_to_rest_length(structure, values))
+    if out is not None and found.is_found:
+        write_scene(_describe_settled(actuated, request, found), out, overwrite=overwrite)
+        data["out"] = str(out)
+    _report(output, actuated, found, data)
+    return found
+
+
+def _settle(
+    output: Output,
+    structure: Structure | BodySystem,
+    request: ModelRequest,
+    loads: _Loads,
+    *,
+    compiler: str | None,
+    **options: Any,
+) -> tuple[Equilibrium, dict[str, Any]]:
+    """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
+    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+
+    statics = with_statics(structure, request)
+    quantities = (*find_needs("equilibrium", structure, statics).quantities, *loads.quantities)
+    wanted = statics.wanting(*quantities, parameters=loads.parameters)
+    near, offset = move_near_origin(structure, request)
+    model = build_library(near, wanted, compiler=compiler).load()
+    found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
+    snap = loads.find_snap(model, found)
+    for text in (*found.warnings, *_describe_snap(snap)):
+        output.warn(text)
+    found = _move_back(found, structure, loads, offset)
+    return found, equilibrium_data(model, found) | snap.as_evidence()
+
+
+def _report(
+    output: Output, structure: Structure | BodySystem, found: Equilibrium, data: dict[str, Any]
+) -> None:
+    """Print the equilibrium: nodes, members, residual, motion."""
+    from tensegrity_codegen.report.tables import members_table, nodes_table
+    from tensegrity_codegen.structure.outline import outline_tendons
+
+    unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
+    drawn = outline_tendons(structure)
+    output.result(
+        data,
+        nodes_table(drawn, found.node_position),
+        members_table(drawn, found.member_length, found.member_tension),
+        f"{found.status}: {found.message}",
+        f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
+        f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}",
+        *_describe_motion(found),
+    )
+
+
+class _Loads:
+    """The loads of a scene, those added to them, and values of inputs, as run-time arguments of its model."""
+
+    def __init__(
+        self, structure: Structure | BodySystem, added: NDArray[np.float64], inputs: Mapping[str, float]
+    ) -> None:
+        axes = list(structure.axes)
+        self.inputs = dict(inputs)
+        self.own = structure.node_load[:, axes]
+        self.added = added[:, axes]
+        self.gravity = np.array(structure.gravity)[axes]
+        bars = structure.is_bar
+        self.switches = ("switch_margin",) if structure.has_switch.any() else ()
+        self.cables = [name for name, bar in zip(structure.member_name, bars, strict=True) if not bar]
+        self.n_nodes = structure.n_nodes
+
+    @property
+    def parameters(self) -> dict[str, tuple[int, ...]]:
+        weight: dict[str, tuple[int, ...]] = {"gravity": ()} if self.gravity.any() else {}
+        return {"node_load": tuple(range(self.n_nodes)), **weight}
+
+    @property
+    def full(self) -> dict[str, NDArray[np.float64]]:
+        """All loads together, by arguments."""
+        weight = {"gravity": self.gravity} if self.gravity.any() else {}
+        return {"node_load": self.own + self.added, **weight}
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        return {**self.inputs, **({"node_load": self.own + self.added} if self.added.any() else {})}
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Return what a load path needs besides, to find its kinks."""
+        return (*(("member_extension",) if self.cables else ()), *self.switches)
+
+    def find_snap(self, model: CompiledModel, found: Equilibrium) -> Snap:
+        from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap, join_snaps
+
+        if not found.is_found:
+            return Snap(None, reason="no equilibrium was found")
+        given: dict[str, Any] = {"cables": self.cables, "arguments": self.inputs}
+        whole = find_load_snap(model, found, self.full, **given)
+        if not self.added.any() or not (self.gravity.any() or self.own.any()):
+            return whole
+        added = find_snap(model, found, self.own, self.own + self.added, **given)
+        return join_snaps(whole, added)
+
+
+def _move_back(
+    found: Equilibrium,
+    structure: Structure | BodySystem,
+    loads: _Loads,
+    offset: NDArray[np.float64],
+) -> Equilibrium:
+    """Return the equilibrium of a structure that was moved, at its place; energies count from the origin."""
+    if isinstance(structure, BodySystem) or not offset.any():
+        return found
+    mass = structure.node_mass.sum() + structure.member_mass.sum()
+    force = structure.node_load.sum(axis=0) + mass * structure.gravity
+    force += find_input_force(structure, loads.inputs).sum(axis=0)
+    force[list(structure.axes)] += loads.added.sum(axis=0)
+    return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
+
+
+def _find_held(structure: Structure | BodySystem, added: NDArray[np.float64]) -> list[str]:
+    """Return "NODE.axis" of the added loads (n_nodes, 3) [N] that go straight into a support."""
+    if isinstance(structure, BodySystem):
+        return []
+    where = np.argwhere((added != 0.0) & structure.node_anchored)
+    return [f"{structure.node_name[node]}.{'xyz'[axis]}" for node, axis in where]
+
+
+def _describe_motion(found: Equilibrium) -> list[str]:
+    """Return how far nodes moved, and which motions cost nothing, a line each."""
+    lines = [f"node {found.displaced_node} moved farthest, {found.displacement:.6g} m"]
+    if found.neutral_motion_names:
+        lines = [
+            f"free to {_join_motions(found.neutral_motion_names)}, without change of energy",
+            f"node {found.changed_node} moved farthest, {found.change:.6g} m, without these motions "
+            f"(with them: node {found.displaced_node}, {found.displacement:.6g} m)",
+        ]
+    return lines
+
+
+def _join_motions(names: Sequence[str]) -> str:
+    """Return names of neutral motions as one text: "slide along x, y; turn about z"."""
+    words = []
+    for kind in ("slide along ", "turn about "):
+        found = [name.removeprefix(kind) for name in names if name.startswith(kind)]
+        words += [kind + ", ".join(found)] if found else []
+    others = names.count("mechanism")
+    words += [f"move in {others} mechanism{'s' * (others > 1)}"] if others else []
+    return "; ".join(words)
+
+
+def _describe_snap(snap: Snap) -> list[str]:
+    """Return the warnings that the equilibrium was reached by a jump, or that nobody knows."""
+    if snap.snapped is None:
+        return [f"whether the structure snapped is unknown: {snap.reason}"] if snap.reason else []
+    if not snap.snapped:
+        return []
+    if snap.limit_prestress_factor is not None:
+        return [f"snapped without any load, due to its prestress alone: {snap.reason}"]
+    if snap.limit_load_factor == 0.0:
+        return [f"snapped: the given shape is unstable under any load, however small: {snap.reason}"]
+    return [f"snapped: {snap.reason}; this equilibrium is on a far branch (see load-path)"]
+
+
+def _describe_settled(
+    structure: Structure | BodySystem, request: ModelRequest, found: Equilibrium
+) -> dict[str, Any]:
+    """Return the scene document of the settled structure, at rest."""
+    from tensegrity_codegen.scene.describe import describe_structure
+    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+
+    if isinstance(structure, BodySystem):
+        settled = structure.with_changes(coordinate=found.coordinate, velocity=0 * structure.velocity)
+        return describe_bodies(settled, request)
+    return describe_structure(structure.with_changes(node_position=found.node_position), request)
+
+
+def equilibrium_data(model: CompiledModel, found: Equilibrium) -> dict[str, Any]:
+    """Return the equilibrium as one JSON-ready object, nodes and members by name."""
+    manifest = model.manifest
+    position = np.asarray(found.node_position)
+    return {
+        **found.as_evidence(),
+        "node_position": dict(zip(manifest.node_name, position.tolist(), strict=True)),
+        "member_length": dict(zip(manifest.member_name, found.member_length.tolist(), strict=True)),
+        "member_tension": dict(zip(manifest.member_name, found.member_tension.tolist(), strict=True)),
+    }
