@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-__all__ = ["Piece", "can_fork", "count_workers", "deferred_signals", "run_pieces"]
+__all__ = ["DEFERRED", "Piece", "can_fork", "count_workers", "deferred_signals", "end_process", "run_pieces"]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -77,7 +77,7 @@ def run_pieces(
             look()
     finally:
         for receiver, (_, child) in running.items():
-            _end(child)
+            end_process(child)
             receiver.close()
 
 
@@ -100,7 +100,7 @@ def _start(work: Callable[[Item], Result], item: Item) -> tuple[Connection, Any]
             child.start()
     except BaseException:  # an interruption that came within the fork
         if child.pid is not None:
-            _end(child)
+            end_process(child)
         receiver.close()
         raise
     finally:
@@ -145,12 +145,12 @@ def _receive(receiver: Connection, index: int, child: Any) -> Piece[Any]:
     except EOFError:
         child.join()
         result, problem = None, f"its process ended with code {child.exitcode}"
-    _end(child)
+    end_process(child)
     receiver.close()
     return Piece(index, result, problem)
 
 
-def _end(child: Any) -> None:
+def end_process(child: Any) -> None:
     """End a process and all that it started."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(child.pid, signal.SIGKILL)

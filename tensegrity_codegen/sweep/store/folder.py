@@ -16,11 +16,20 @@ from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.files import check_ending
 from tensegrity_codegen.output_folder import check_folder
 
-__all__ = ["ATTRIBUTE", "FORMAT", "StoredSweep", "check_store_folder", "locked_store", "read_stored_sweep"]
+__all__ = [
+    "ATTRIBUTE",
+    "FORMAT",
+    "StoredSweep",
+    "check_store_folder",
+    "find_finished",
+    "locked_store",
+    "read_stored_sweep",
+]
 
 ATTRIBUTE = "tensegrity_codegen_sweep"
 FORMAT = 1
 METADATA = "zarr.json"
+RECORDS = Path("task_record", "c")  # folder of the chunks of the records, one a task
 ENDING = ".zarr"
 
 
@@ -87,6 +96,15 @@ def read_stored_sweep(path: str | Path) -> StoredSweep:
             hint="use the version of tensegrity_codegen that wrote it, or choose another name",
         )
     return stored
+
+
+def find_finished(path: str | Path) -> frozenset[int]:
+    """Return the numbers of the tasks that have a record in a folder."""
+    try:
+        with os.scandir(Path(path) / RECORDS) as items:
+            return frozenset(int(item.name) for item in items if item.name.isdigit())
+    except OSError:
+        return frozenset()
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.long_work.forked import deferred_signals
 from tensegrity_codegen.sweep.cases.layout import CaseLayout
 from tensegrity_codegen.sweep.store.contents import MESSAGE, RECORD, STATUS
-from tensegrity_codegen.sweep.store.folder import ATTRIBUTE, read_stored_sweep
+from tensegrity_codegen.sweep.store.folder import ATTRIBUTE, find_finished, read_stored_sweep
 from tensegrity_codegen.sweep.tasks.operation import TaskResult
 
 __all__ = ["SweepStore"]
@@ -60,12 +60,7 @@ class SweepStore:
 
     def find_finished(self) -> frozenset[int]:
         """Return the numbers of the tasks that have a record."""
-        folder = self.path / RECORD / CHUNKS
-        try:
-            with os.scandir(folder) as items:
-                return frozenset(int(item.name) for item in items if item.name.isdigit())
-        except OSError:
-            return frozenset()
+        return find_finished(self.path)
 
     def read_record(self, task: int) -> dict[str, Any]:
         """Return the record of a finished task."""

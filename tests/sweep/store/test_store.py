@@ -11,14 +11,13 @@ import pytest
 
 from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.sweep.store.contents import StoreContents
+from tensegrity_codegen.sweep.store.create import create_store
+from tensegrity_codegen.sweep.store.open_sweep import open_sweep
+from tensegrity_codegen.sweep.store.store import SweepStore
 from tests.sweep.store.conftest import KINDS, make_contents, make_result
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
 pytest.importorskip("xarray", reason="xarray is missing: pip install '.[sweep]'")
-
-from tensegrity_codegen.sweep.store.create import create_store
-from tensegrity_codegen.sweep.store.open_sweep import open_sweep
-from tensegrity_codegen.sweep.store.store import SweepStore
 
 
 def write_all(path: Path, order: list[int]) -> None:
