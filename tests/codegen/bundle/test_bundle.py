@@ -180,6 +180,31 @@ def test_headers_of_scenes_that_differ_in_case_are_not_mixed(tmp_path: Path) -> 
     assert "upper and lower case" in done.stderr
 
 
+SHARED = """
+cmake_minimum_required(VERSION 3.12)
+project(inside C)
+find_package(tensegrity_prism REQUIRED)
+add_library(inside SHARED inside.c)
+target_link_libraries(inside PRIVATE tensegrity::prism)
+"""
+INSIDE = """
+#include "prism.h"
+int inside(double *tension);
+int inside(double *tension) { return prism_compute_member_tension(prism_nominal_coordinate, tension); }
+"""
+
+
+def test_a_shared_library_can_contain_a_bundle(bundles: dict[str, Path], tmp_path: Path) -> None:
+    require("cmake", "make")
+    (tmp_path / "inside.c").write_text(INSIDE, encoding="utf-8")
+    (tmp_path / "CMakeLists.txt").write_text(SHARED, encoding="utf-8")
+    build = tmp_path / "build"
+    prefix = f"-DCMAKE_PREFIX_PATH={bundles['prism']}"
+    run(["cmake", "-G", "Unix Makefiles", "-S", tmp_path, "-B", build, prefix], tmp_path)
+    run(["cmake", "--build", build], tmp_path)
+    assert list(build.glob("*inside*"))
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the shared libraries are those of Linux")
 def test_a_program_finds_two_bundles_by_pkg_config(
     bundles: dict[str, Path], libraries: dict[str, BuiltLibrary], tmp_path: Path
