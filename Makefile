@@ -25,7 +25,7 @@ PYTHON ?= $(shell for python in $(CANDIDATES); do \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint types contracts test-all bench wheel golden format clean
+.PHONY: help setup demo test lint types contracts test-all bench examples wheel golden format clean
 
 help: ## list these verbs
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -78,6 +78,9 @@ contracts: $(STAMP) ## import-linter: which module may import which
 
 bench: $(STAMP) $(PEERS) ## measure every emitter beside other tools; BENCH=--quick is short
 	$(BIN)/python benchmarks/bench.py --scripts --out $(OUTPUT)/bench $(BENCH)
+
+examples: $(STAMP) ## build and run examples/ in each language whose tools are here; compare with Python
+	$(BIN)/python examples/run.py --out $(OUTPUT)/examples $(EXAMPLES)
 
 # What is compared with. Nothing that is installed changes its version for it; where a package cannot be
 # installed, its tests are skipped and its rows in tables say so.

@@ -1,0 +1,8 @@
+"""The runner of the examples is no package of the wheel: it is imported from the folder examples/."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
