@@ -3,15 +3,41 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS, load_tag
 from tensegrity_codegen.scene.schema.schema import scene_json_schema
 
-__all__ = ["Place", "root_place"]
+__all__ = ["ANY", "Bounds", "Place", "root_place"]
 
 NUMBERS = ("number", "integer")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Which numbers may stand at a place: from `lower` to `upper`; an open end is not allowed itself."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    lower_is_open: bool = False
+    upper_is_open: bool = False
+    is_whole: bool = False
+
+    def contain(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which values are allowed, (n,)."""
+        above = values > self.lower if self.lower_is_open else values >= self.lower
+        below = values < self.upper if self.upper_is_open else values <= self.upper
+        whole = np.floor(values) == values if self.is_whole else True
+        return np.asarray(above & below & whole & np.isfinite(values), dtype=np.bool_)
+
+
+ANY = Bounds()
 
 
 class Place:
@@ -30,10 +56,17 @@ class Place:
         return any(item.get("type") in NUMBERS for item in self._variants())
 
     @property
-    def is_whole(self) -> bool:
-        """Whether only whole numbers may stand here."""
-        types = {item.get("type") for item in self._variants()} & set(NUMBERS)
-        return types == {"integer"}
+    def bounds(self) -> Bounds:
+        """Which numbers may stand here."""
+        found = next((item for item in self._variants() if item.get("type") in NUMBERS), {})
+        lower, upper = found.get("exclusiveMinimum"), found.get("exclusiveMaximum")
+        return Bounds(
+            lower if lower is not None else found.get("minimum", -math.inf),
+            upper if upper is not None else found.get("maximum", math.inf),
+            lower is not None,
+            upper is not None,
+            found.get("type") == "integer",
+        )
 
     @property
     def word(self) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.sweep.key_schema import Place, root_place
+from tensegrity_codegen.sweep.key_schema import ANY, Bounds, Place, root_place
 
 __all__ = ["KeyPath", "find_numbers", "format_path", "parse_path"]
 
@@ -30,8 +30,8 @@ class KeyPath:
         The path as it was given.
     steps : tuple of str and int
         Keys of tables and numbers of lists; an item of a list that was named is here by its number.
-    is_whole : bool
-        Whether only whole numbers may stand there.
+    bounds : Bounds
+        Which numbers may stand there.
     vector : int
         Length of the vector of zeros that the number belongs to where the scene has none; else 0.
 
@@ -46,7 +46,7 @@ class KeyPath:
 
     text: str
     steps: Steps
-    is_whole: bool = False
+    bounds: Bounds = ANY
     vector: int = 0
 
     @classmethod
@@ -87,7 +87,7 @@ class KeyPath:
             place = below
         if not place.is_number:
             raise _no_number(text, steps, place, where)
-        return cls(text, tuple(found), place.is_whole)
+        return cls(text, tuple(found), place.bounds)
 
     def read(self, document: Mapping[str, Any]) -> float | None:
         """Return the number, None where the scene does not state it."""
@@ -101,7 +101,7 @@ class KeyPath:
 
     def write(self, document: Mapping[str, Any], value: float) -> dict[str, Any]:
         """Return the scene with this number changed; the scene itself and all else in it stay as they are."""
-        whole = self.is_whole and float(value).is_integer()
+        whole = self.bounds.is_whole and float(value).is_integer()
         number = int(value) if whole else float(value)
         return dict(_write(document, self.steps, number, self.vector))
 

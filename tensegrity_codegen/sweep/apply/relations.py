@@ -1,0 +1,97 @@
+"""Values of a structure that equal a key, a multiple of it, or it plus a constant, bit by bit.
+
+A relation is taken only where it holds exactly at every probe, so that what is computed for all cases at once
+is what the scene would have given, to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Relations", "find_relations"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Relations:
+    """Entries that follow from one key each: value = factor * key + offset, with one of the two operations.
+
+    Attributes
+    ----------
+    entries, keys : ndarray of int, shape (n,)
+        The entry, and the key that it follows from.
+    factors, offsets : ndarray, shape (n,)
+        Factor 1 and offset 0 for an entry that equals the key; else one of them differs from these.
+    """
+
+    entries: IntArray
+    keys: IntArray
+    factors: FloatArray
+    offsets: FloatArray
+
+    def compute(self, values: FloatArray) -> FloatArray:
+        """Return the entries of cases with these values (n_cases, n_keys), (n_cases, n)."""
+        result: FloatArray = values[:, self.keys]
+        if (self.factors != 1).any():
+            result = result * self.factors
+        return result + self.offsets if (self.offsets != 0).any() else result
+
+
+def find_relations(x: FloatArray, y: FloatArray) -> Relations:
+    """Return the relations that hold at all probes.
+
+    x: (n_probes, n_keys) values of keys; y: (n_probes, n_entries) entries that vary.
+    """
+    found: list[tuple[int, int, float, float]] = []
+    varying = [k for k in range(x.shape[1]) if np.ptp(x[:, k]) > 0]
+    for entry, column in enumerate(y.T):
+        for key in varying:
+            relation = _relate(x[:, key], column)
+            if relation is not None:
+                found.append((entry, key, *relation))
+                break
+    entries, keys, factors, offsets = (
+        [item[part] for item in found] for part in range(4)
+    )  # fmt: skip
+    return Relations(
+        np.array(entries, dtype=np.int64),
+        np.array(keys, dtype=np.int64),
+        np.array(factors, dtype=np.float64),
+        np.array(offsets, dtype=np.float64),
+    )
+
+
+def _relate(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
+    """Return (factor, offset) with y = factor * x or y = x + offset, None where neither holds exactly."""
+    if np.array_equal(x, y):
+        return 1.0, 0.0
+    for factor in _near(_median_ratio(x, y)):
+        if np.array_equal(factor * x, y):
+            return factor, 0.0
+    for offset in _near(float(np.median(y - x))):
+        if np.array_equal(x + offset, y):
+            return 1.0, offset
+    return None
+
+
+def _median_ratio(x: FloatArray, y: FloatArray) -> float:
+    some = x != 0
+    return float(np.median(y[some] / x[some])) if some.any() else 0.0
+
+
+def _near(value: float) -> list[float]:
+    """Return a number and its neighbours: a quotient of rounded numbers may be one of them."""
+    if not np.isfinite(value) or value == 0:
+        return []
+    steps = [value]
+    for direction in (-np.inf, np.inf):
+        beside = value
+        for _ in range(3):
+            beside = float(np.nextafter(beside, direction))
+            steps.append(beside)
+    return steps
