@@ -58,9 +58,10 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Compile without optimisation, which takes a third of the time; bits are the same (quickly.py).
+    """Make libraries without optimisation, which takes a third of the time; bits are the same (quickly.py).
 
-    Tests of bits, of speed or of compilation itself are marked `optimised` and compile as users do.
+    Tests of bits, of speed, of compilation itself or of what is left out are marked `optimised` and make them
+    as users do.
     """
     if item.get_closest_marker("optimised"):
         return (yield)

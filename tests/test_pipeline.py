@@ -180,6 +180,7 @@ def test_an_export_holds_what_the_cache_holds(scene: Path, tmp_path: Path) -> No
         built.export(tmp_path / "file")
 
 
+@pytest.mark.optimised
 def test_measuring_fills_in_bytes(scene: Path) -> None:
     measured, estimated = build(scene, measure=True), build(scene)
     assert measured.entry.key != estimated.entry.key

@@ -142,10 +142,18 @@ def with_feature(
         wanted = _unwanted(emitter.build(structure, request), request, emitter)
         return structure, replace(request, quantities=(*request.quantities, *wanted))
     feature = next(item for item in FEATURES if item.what == what)
+    model, wider = _build_with(feature, structure, request, emitter)
+    return model.subject, wider
+
+
+def _build_with(
+    feature: _Feature, structure: Structure | BodySystem, request: ModelRequest, emitter: Emitter
+) -> tuple[EmittedModel, ModelRequest]:
+    """Return the model of the variant that has a feature, and the request with the quantities that it has."""
     variant, wider = feature.add(structure, request)
     model = emitter.build(variant, wider)
     offered = tuple(name for name in wider.quantities if emitter.is_offered(model, name))
-    return variant, replace(wider, quantities=offered)
+    return model, replace(wider, quantities=offered)
 
 
 def account_left_out(
@@ -156,8 +164,8 @@ def account_left_out(
     rows = []
     for feature in FEATURES:
         if feature.is_absent(structure, request):
-            variant, wider = with_feature(feature.what, structure, request, emitter)
-            with_it = emitter.prune(emitter.build(variant, wider), wider.quantities)
+            variant, wider = _build_with(feature, structure, request, emitter)
+            with_it = emitter.prune(variant, wider.quantities)
             same = tuple(f for f in functions if f.quantity.name in wider.quantities)
             rows.append(_row(feature.what, feature.why, same, with_it))
     unwanted = emitter.prune(model, _unwanted(model, request, emitter))

@@ -41,6 +41,7 @@ def test_the_second_build_comes_from_the_cache(run: Run, two_nodes: Path) -> Non
     assert "from the cache" in run("build", two_nodes).out
 
 
+@pytest.mark.optimised
 def test_only_the_wanted_quantities_are_built(run: Run, two_nodes: Path) -> None:
     data = run("build", two_nodes, "-q", "member_length", "--quantity", "node_force", "--json").data
     assert set(data["functions"]) == {"member_length", "node_force"}
@@ -54,6 +55,7 @@ def test_an_integrator_stays_with_the_acceleration_alone(run: Run, two_nodes: Pa
 
 
 @pytest.mark.thorough
+@pytest.mark.optimised
 def test_measured_bytes_are_marked(run: Run, two_nodes: Path) -> None:
     rows = run("build", two_nodes, "--measure", "--json").data["left_out"]
     assert rows
@@ -216,7 +218,8 @@ def test_a_tuned_build_lists_its_candidates_and_remembers_the_fastest(run: Run, 
     assert {row["emitter"] for row in rows} == {"unrolled", "table"}
     assert all(row["total"] == pytest.approx(sum(row["ns"].values())) for row in rows)
     assert all({*row["ns"], "cable_margin"} == set(first["functions"]) for row in rows)  # as rk4 needs it
-    assert (first["emitter"], first["compiler"]) == (best["emitter"], best["version"])
+    assert first["emitter"] == best["emitter"]
+    assert first["compiler"].endswith(best["version"])  # of zig, which says its number only, after its name
     assert (first["tuned"]["from_cache"], again["tuned"]["from_cache"]) == (False, True)
     assert again["tuned"]["candidates"] == first["tuned"]["candidates"]
     assert again["library"] == first["library"]
