@@ -42,9 +42,12 @@ def main() -> int:
     unknown = [name for name in options.name if name not in NAMES]
     if unknown:
         parser.error(f"no example {', '.join(unknown)}; there are {', '.join(NAMES)}")
+    out = options.out.resolve()
+    if len(str(out).split()) > 1:
+        parser.error(f"--out: make and mkoctfile cannot use a folder with blanks: {out}")
     chosen = [recipe for recipe in RECIPES if not options.name or recipe.name in options.name]
     outcomes = []
-    for outcome in run_examples(chosen, Libraries(options.out.resolve())):
+    for outcome in run_examples(chosen, Libraries(out)):
         outcomes.append(outcome)
         print(describe(outcome), file=sys.stderr if options.json else sys.stdout, flush=True)
     if options.json:

@@ -96,6 +96,7 @@ def test_the_sdist_holds_all_that_the_project_is_built_and_tested_with(dist: Pat
             "LICENSE",
         ),
         *("tests/test_packaging.py", "docs/model.md", "docs/decisions/0001-floors.md"),
+        *("examples/run.py", "examples/mast.toml", "examples/c/mast.c", "examples/rust/src/main.rs"),
     }
     assert wanted - names == set()
 

@@ -83,7 +83,7 @@ class Recipe:
     remark: str = ""  # regular expression: what to repeat of the output of the build
 
     def commands(self, **folders: str) -> tuple[tuple[str, ...], ...]:
-        """Return the words of the commands that build it; folders may have blanks in their names."""
+        """Return the words of the commands that build it."""
         return tuple(_fill(line, folders) for line in self.build)
 
     def program(self, motor: str, **folders: str) -> tuple[str, ...]:

@@ -13,8 +13,6 @@ from trial.recipes import RECIPES, Recipe, Tool
 from trial.rows import compare_rows, parse_rows
 from trial.trial import Libraries, Outcome, run_examples
 
-from tests.cases import thorough
-
 ROOT = Path(__file__).resolve().parents[2]
 BY_NAME = {recipe.name: recipe for recipe in RECIPES}
 QUICK, *OTHERS = BY_NAME
@@ -46,6 +44,12 @@ def libraries(tmp_path_factory: pytest.TempPathFactory) -> Libraries:
     return Libraries(tmp_path_factory.mktemp("examples"))
 
 
+@pytest.fixture(scope="module")
+def libraries_of_users(tmp_path_factory: pytest.TempPathFactory) -> Libraries:
+    """Libraries compiled as users do, with optimisation."""
+    return Libraries(tmp_path_factory.mktemp("compiled"))
+
+
 def try_recipe(recipe: Recipe, libraries: Libraries) -> Outcome:
     """Run a recipe; skip where its tools are missing."""
     (outcome,) = run_examples([recipe], libraries)
@@ -55,11 +59,21 @@ def try_recipe(recipe: Recipe, libraries: Libraries) -> Outcome:
     return outcome
 
 
-@pytest.mark.parametrize("name", [QUICK, *thorough(*OTHERS)])
-def test_an_example_prints_the_numbers_of_python(name: str, libraries: Libraries) -> None:
+def check_numbers(name: str, libraries: Libraries) -> None:
     outcome = try_recipe(BY_NAME[name], libraries)
     assert outcome.status == "same numbers", outcome.message
     assert set(outcome.largest) >= QUANTITIES
+
+
+def test_the_example_in_c_prints_the_numbers_of_python(libraries: Libraries) -> None:
+    check_numbers(QUICK, libraries)
+
+
+@pytest.mark.thorough
+@pytest.mark.optimised
+@pytest.mark.parametrize("name", OTHERS)
+def test_an_example_prints_the_numbers_of_python(name: str, libraries_of_users: Libraries) -> None:
+    check_numbers(name, libraries_of_users)
 
 
 def test_the_numbers_of_the_page_are_those_of_python(libraries: Libraries) -> None:
