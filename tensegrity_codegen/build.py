@@ -42,7 +42,7 @@ from tensegrity_codegen.wheels.wheel import build_wheel
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
 
-__all__ = ["BuiltLibrary", "build_library", "check_buildable"]
+__all__ = ["BuiltLibrary", "build_library", "check_buildable", "compile_source"]
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ def build_library(
 
     if entry is None or manifest is None:
         source = _emit(structure, request, tool, flag_set, machine, measure)
-        entry, manifest = _compile(source, tool, flag_set, machine, toolchain, cache, identity)
+        entry, manifest = _compile(source, tool, flag_set, machine, cache, identity)
         cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
     return BuiltLibrary(
         entry=entry,
@@ -281,17 +281,17 @@ def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEnt
     """Return the library that a request led to, if it is in the cache, and its manifest."""
     library_key = cache.lookup_request(request_key)
     entry = cache.find(library_key) if library_key else None
-    manifest = _read_manifest(entry, identity) if entry is not None else None
+    manifest = _read_manifest(entry, identity.matches) if entry is not None else None
     return (entry, manifest) if manifest is not None else (None, None)
 
 
-def _read_manifest(entry: CacheEntry, identity: _Identity) -> Manifest | None:
+def _read_manifest(entry: CacheEntry, matches: Callable[[CacheEntry, Manifest], bool]) -> Manifest | None:
     """Return the manifest of an entry, None unless the library is what it should be."""
     try:
         manifest = Manifest.read(entry.folder / MANIFEST_FILE)
     except LibraryError:
         return None
-    return manifest if identity.matches(entry, manifest) else None
+    return manifest if matches(entry, manifest) else None
 
 
 def _emit(
@@ -321,27 +321,81 @@ def _compile(
     compiler: Compiler,
     flags: FlagSet,
     target: Target,
-    toolchain: str,
     cache: Cache,
     identity: _Identity,
 ) -> tuple[CacheEntry, Manifest]:
     """Return the library of some source in the cache, and its manifest."""
-    key = hash_text(*(part for item in sorted(source.files.items()) for part in item), toolchain)
+    return compile_source(
+        source.files,
+        source.manifest,
+        compiler=compiler,
+        flags=flags,
+        target=target,
+        cache=cache,
+        scene=identity.scene,
+        matches=identity.matches,
+    )
+
+
+def compile_source(
+    sources: Mapping[str, str],
+    manifest: Manifest,
+    *,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target,
+    cache: Cache,
+    scene: str,
+    matches: Callable[[CacheEntry, Manifest], bool],
+) -> tuple[CacheEntry, Manifest]:
+    """Compile generated files into a library in the cache, or find it there.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        Generated files by name.
+    manifest : Manifest
+        What they hold.
+    compiler, flags, target
+        How they are compiled, and for which machine.
+    cache : Cache
+        Cache of compiled libraries.
+    scene : str
+        Hash of the scene, kept beside the library.
+    matches : callable
+        Whether a library in the cache is the one that is wanted.
+
+    Returns
+    -------
+    entry : CacheEntry
+        Files of the library.
+    manifest : Manifest
+        The manifest with the instruction sets that native code uses.
+
+    Raises
+    ------
+    CompileError
+        The compiler failed.
+    OutputError
+        The cache cannot be written.
+    """
+    toolchain = describe_toolchain(compiler, flags, target)
+    key = hash_text(*(part for item in sorted(sources.items()) for part in item), toolchain)
     with cache.lock(key):
         entry = cache.find(key)
         if entry is not None:
-            known = _read_manifest(entry, identity)
+            known = _read_manifest(entry, matches)
             if known is not None:
                 return entry, known
             cache.drop(key)
         artifact = compile_library(
-            {name: text for name, text in source.files.items() if _is_library_source(name)},
-            name=source.manifest.name,
+            {name: text for name, text in sources.items() if _is_library_source(name)},
+            name=manifest.name,
             compiler=compiler,
             flags=flags,
             target=target,
         )
-        texts, manifest = dict(source.files), replace(source.manifest, target=target.name)
+        texts, manifest = dict(sources), replace(manifest, target=target.name)
         if not flags.portable:
             manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
         texts["manifest.json"] = manifest.to_json()
@@ -355,4 +409,4 @@ def _compile(
             else:
                 check_library(library, manifest, compiler, artifact.log)
 
-        return cache.store(key, files, scene=identity.scene, check=check), manifest
+        return cache.store(key, files, scene=scene, check=check), manifest

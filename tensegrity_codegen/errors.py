@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 __all__ = [
     "AbiMismatchError",
+    "ClusterError",
     "CompileError",
     "CompilerMissingError",
     "ConvergenceError",
@@ -153,6 +154,10 @@ class OutputError(TensegrityError):
 
 class UnsafeCacheError(TensegrityError):
     """A cache of compiled libraries that another user may have written to."""
+
+
+class ClusterError(TensegrityError):
+    """A scheduler or workers that cannot be reached, or that have other versions than this process."""
 
 
 class MissingExtraError(TensegrityError):
