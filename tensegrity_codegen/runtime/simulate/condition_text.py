@@ -1,7 +1,8 @@
 """The text of a condition: read, and checked as far as that goes without a model.
 
-Numbers, `time`, the quantities of a model (with an index or a name in brackets), `node.x` for a place of a
-node, + - * / **, and abs, sqrt, min, max, sum; nothing else. One comparison of two such parts is allowed.
+Numbers, `time`, the quantities of a model (with an index or a name in brackets, with or without quotes),
+`node.x` for a place of a node, + - * / **, and abs, sqrt, min, max, sum; nothing else. One comparison of two
+such parts is allowed.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 import operator
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -64,6 +65,7 @@ def parse_condition(text: str) -> ast.expr:
             "not a valid expression", where=WHERE, given=text[:200], allowed=ALLOWED
         ) from error
     _check_depth(body)
+    body = cast(ast.expr, _Quote().visit(body))
     try:
         for part in _compared(body):
             _check(part)
@@ -81,6 +83,17 @@ def shorten_part(node: ast.AST) -> str:
 def name_part(part: str, text: str) -> str:
     """Return what an error names: a part of a condition and the whole of it."""
     return text if part == text else f"{part}, in {text}"
+
+
+class _Quote(ast.NodeTransformer):
+    """Names in brackets become texts: member_length[c1] is member_length["c1"]."""
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:
+        """Return an entry of a quantity with quoted names."""
+        entries = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        quoted = [ast.Constant(part.id) if isinstance(part, ast.Name) else part for part in entries]
+        whole: ast.expr = ast.Tuple(quoted, ast.Load()) if isinstance(node.slice, ast.Tuple) else quoted[0]
+        return ast.Subscript(node.value, whole, node.ctx)
 
 
 def _compared(body: ast.expr) -> tuple[ast.expr, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.runtime.model.arrays import to_batch
+from tensegrity_codegen.runtime.model.arrays import to_array, to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.sweep.statuses import encode_status
@@ -97,7 +97,7 @@ def _merge_inputs(model: CompiledModel, given: Mapping[str, Any], count: int) ->
         )
     values = np.tile(model.nominal(INPUT), (count, 1))
     for name in named:
-        column, _ = to_batch(merged.pop(name), (), model.library.precision, name)
+        column = to_array(merged.pop(name), model.library.precision, name, f"a number, or ({count},)")
         if column.shape not in ((), (count,)):
             raise InvalidValueError(
                 "another number of cases", where=name, given=column.shape, allowed=f"({count},)"

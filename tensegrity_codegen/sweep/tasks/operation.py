@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweep.statuses import is_good
 
-__all__ = ["Operation", "Output", "TaskResult"]
+__all__ = ["Operation", "Output", "TaskResult", "build_result"]
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,19 @@ class TaskResult:
     def is_good(self) -> NDArray[np.bool_]:
         """Whether the results of each case are there, (count,)."""
         return is_good(self.status)
+
+
+def build_result(
+    arrays: Mapping[str, NDArray[Any]], status: NDArray[np.int8], messages: Iterable[str]
+) -> TaskResult:
+    """Return the result of a chunk, rows of cases that failed being NAN, -1 in whole numbers."""
+    is_bad = ~is_good(status)
+    kept = dict(arrays)
+    if is_bad.any():
+        for name, array in arrays.items():
+            kept[name] = array.copy()
+            kept[name][is_bad] = np.nan if array.dtype.kind == "f" else -1
+    return TaskResult(kept, status, tuple(messages))
 
 
 @dataclass(frozen=True)

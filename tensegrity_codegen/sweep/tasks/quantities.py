@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.manifest import FunctionSpec
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 
-__all__ = ["compute_rows"]
+__all__ = ["compute_rows", "compute_values", "place_rows"]
 
 RealArray = NDArray[Any]
 BoolArray = NDArray[np.bool_]
@@ -43,6 +44,47 @@ def compute_rows(
     else:
         found, is_good = _compute_each(model, quantity, rows, shared, count)
     return _fill_pattern(found, function.spec), is_good
+
+
+def compute_values(
+    model: CompiledModel,
+    names: Iterable[str],
+    rows: Mapping[str, RealArray],
+    shared: Mapping[str, RealArray],
+    count: int,
+    threads: int = 1,
+) -> dict[str, tuple[RealArray, BoolArray]]:
+    """Return quantities by name, each as `compute_rows` does, positions of nodes as (count, n_nodes, 3)."""
+    return {
+        name: place_rows(model, rows, shared, count, threads)
+        if name == POSITION
+        else compute_rows(model, name, rows, shared, count, threads)
+        for name in names
+    }
+
+
+def place_rows(
+    model: CompiledModel,
+    rows: Mapping[str, RealArray],
+    shared: Mapping[str, RealArray],
+    count: int,
+    threads: int = 1,
+) -> tuple[RealArray, BoolArray]:
+    """Return positions of all nodes (count, n_nodes, 3) [m], and whether each row is finite."""
+    manifest = model.manifest
+    axes, places = list(manifest.axes), manifest.coordinate_place
+    result = np.tile(manifest.stated_position.astype(model.dtype), (count, 1, 1))
+    if not manifest.coordinate_node_axis:
+        found, is_good = compute_rows(model, POSITION, rows, shared, count, threads)
+        result[..., axes] = found
+        return result, is_good
+    given = {**shared, **rows}
+    changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+    if changeable is not None and "anchor_position" in given:
+        nodes = np.array([manifest.node_name.index(name) for name in changeable.over])
+        result[:, nodes[:, None], axes] = given["anchor_position"]
+    result[:, places[:, 0], places[:, 1]] = given.get("coordinate", model.nominal("coordinate"))
+    return result, np.isfinite(result).all(axis=(1, 2))
 
 
 def _compute_each(

@@ -10,43 +10,26 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import compile_scene, load_scene
-from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.sweep.statuses import decode_statuses
 from tensegrity_codegen.sweep.tasks.evaluate import Evaluate
+from tests.sweep.tasks.compiling import check_alike, compile_for, vary
 from tests.sweep.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 KEPT = ("member_tension", "node_residual", "tangent_stiffness", "total_energy")
 COUNT = 11
 
 
-def compile_for(scene: dict[str, Any], operation: Evaluate) -> CompiledModel:
-    needs = operation.needs(*load_scene(scene))
-    changed = {**scene, "model": {**scene.get("model", {}), "batch_width": needs.batch_width}}
-    return compile_scene(changed, quantities=needs.quantities)
-
-
-def vary(model: CompiledModel, seed: int) -> dict[str, Any]:
-    """Return random values about the nominal ones of all arguments, one row a case."""
-    random = np.random.default_rng(seed)
-    return {
-        item.name: model.nominal(item.name)
-        + (random.normal(scale=1e-3, size=(COUNT, *item.shape))).astype(model.dtype)
-        for item in model.manifest.arguments
-    }
-
-
 @pytest.mark.parametrize("scene", [PRISM, TRIANGLE, BODIES, SINGLE], ids=lambda scene: str(scene["name"]))
 def test_rows_are_those_of_single_calls(scene: dict[str, Any]) -> None:
     operation = Evaluate(() if "bodies" in scene else KEPT)
     model = compile_for(scene, operation)
-    given = vary(model, 1)
+    given = vary(model, COUNT, 1)
     result = operation.run(model, given, COUNT)
     assert decode_statuses(result.status) == ("ok",) * COUNT
+    check_alike(result, operation, model, COUNT)
     for output in operation.outputs(model.manifest):
         array = result.arrays[output.name]
-        assert array.shape == (COUNT, *output.shape)
-        assert array.dtype == output.dtype
         for k in range(COUNT):
             alone = model.compute(output.name, **{name: value[k] for name, value in given.items()})
             dense = alone.toarray() if hasattr(alone, "toarray") else alone
@@ -69,7 +52,7 @@ def test_values_shared_by_all_cases_and_inputs_by_name() -> None:
 def test_a_case_that_fails_leaves_the_others_alone() -> None:
     operation = Evaluate(("member_tension", "node_residual"))
     model = compile_for(TRIANGLE, operation)
-    given = vary(model, 2)
+    given = vary(model, COUNT, 2)
     wanted = operation.run(model, given, COUNT)
     given["rest_length"][3, 0] = np.nan
     given["coordinate"][5] = model.manifest.stated_position[0, [0, 2]]  # a cable without length
@@ -124,3 +107,35 @@ def test_operations_are_sent_to_other_processes() -> None:
     operation = Evaluate(KEPT)
     assert pickle.loads(pickle.dumps(operation)) == operation
     assert operation.describe() == {"do": "evaluate", "keep": list(KEPT)}
+
+
+def test_expressions_are_those_of_single_states() -> None:
+    texts = ("spread = max(member_tension) - min(member_tension)", "m.x + 2 * m.z", "abs(member_tension)")
+    texts += ("node_position[m]", "max(member_length[left], member_length[top], 0.9)", "node_position")
+    operation = Evaluate(texts)
+    model = compile_for(TRIANGLE, operation)
+    given = vary(model, COUNT, 3)
+    result = operation.run(model, given, COUNT)
+    check_alike(result, operation, model, COUNT)
+    names = [output.name for output in operation.outputs(model.manifest)]
+    assert names == [
+        *("spread", "m_x_2_m_z", "abs_member_tension", "node_position_m"),
+        *("max_member_length_left_member_length_top_0_9", "node_position"),
+    ]
+    for k in range(COUNT):
+        at = {name: value[k] for name, value in given.items()}
+        tension, length = (model.compute(name, **at) for name in ("member_tension", "member_length"))
+        x, z = given["coordinate"][k]
+        wanted = [np.ptp(tension), x + 2 * z, np.abs(tension), [x, 0, z]]
+        wanted += [max(*length[[0, 2]], 0.9), [*model.manifest.stated_position[:3], [x, 0, z]]]
+        for name, value in zip(names, wanted, strict=True):
+            np.testing.assert_allclose(result.arrays[name][k], value, rtol=1e-14, atol=1e-14)
+
+
+def test_an_expression_that_is_not_finite_fails_alone() -> None:
+    operation = Evaluate(("sqrt(m.x)",))
+    model = compile_for(TRIANGLE, operation)
+    result = operation.run(model, {"coordinate": np.array([[1.0, 0.2], [-1.0, 0.2]])}, 2)
+    assert decode_statuses(result.status) == ("ok", "non_finite_result")
+    assert "sqrt(m.x)" in result.messages[1]
+    np.testing.assert_array_equal(result.arrays["sqrt_m_x"], [1.0, np.nan])

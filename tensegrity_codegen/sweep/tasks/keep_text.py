@@ -1,0 +1,194 @@
+"""What is kept of each case, as text: an expression over quantities, and how it is reduced over time.
+
+    member_tension                      of motions: at every sample
+    member_tension.max                  largest over time, member by member; also min, mean, rms, final
+    node_position[t1].final             an entry by its name or number
+    max(member_tension).every(10)       at every tenth sample
+    first(member_tension[c1] < 0.5)     first time at which a comparison holds [s]
+    height = node_position[t1, z].max   under a name of its own
+
+Expressions are those of conditions: `simulate --until` has the same (runtime/simulate/condition_text.py).
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, TensegrityError, suggest
+from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.runtime.simulate.condition_text import parse_condition
+
+__all__ = ["REDUCTIONS", "KeptText", "parse_kept"]
+
+REDUCTIONS = ("final", "max", "min", "mean", "rms")
+EVERY, FIRST = "every", "first"
+LABEL = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)
+ALLOWED = f"EXPRESSION, EXPRESSION.{'|'.join(REDUCTIONS)}, EXPRESSION.{EVERY}(k), {FIRST}(CONDITION)"
+# Names of arrays and attributes that every store has.
+TAKEN = ("case", "sample", "status", "message", "task", "task_record", "time")
+
+
+@dataclass(frozen=True)
+class KeptText:
+    """One thing that is kept.
+
+    Attributes
+    ----------
+    name : str
+        Of the array of results.
+    text : str
+        As it was written, without the name.
+    expression : str
+        The expression or condition in it.
+    reduction : str
+        One of REDUCTIONS, ``"every"``, ``"first"``; empty for every sample, and where there is no time.
+    step : int
+        Of ``"every"``: samples from one that is kept to the next.
+    """
+
+    name: str
+    text: str
+    expression: str
+    reduction: str = ""
+    step: int = 1
+
+    @property
+    def tree(self) -> ast.expr:
+        """The checked syntax tree of the expression."""
+        return parse_condition(self.expression)
+
+
+def parse_kept(
+    texts: Sequence[str], results: Sequence[str] = (), *, over_time: bool = False
+) -> tuple[KeptText, ...]:
+    """Return what texts ask for, each under a name of its own.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        As in the description of this file.
+    results : sequence of str
+        Names that stand for results of the operation itself.
+    over_time : bool
+        Whether there are samples over time, and so reductions.
+
+    Returns
+    -------
+    tuple of KeptText
+        In the order of the texts.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError, NonFiniteError
+        A text that cannot be understood, or an unknown name in it.
+    DuplicateNameError
+        Two texts under one name.
+    """
+    found: list[KeptText] = []
+    for text in texts:
+        try:
+            kept = _parse_one(text, results)
+            _check_time(kept, over_time=over_time)
+        except TensegrityError as error:
+            error.where = f"keep {text!r}"
+            raise
+        found.append(_name_apart(kept, found, is_labelled=LABEL.fullmatch(text) is not None))
+    return tuple(found)
+
+
+def _parse_one(text: str, results: Sequence[str]) -> KeptText:
+    labelled = LABEL.fullmatch(text)
+    label, body = labelled.groups() if labelled else ("", text)
+    body = body.strip()
+    kept = KeptText(label or _make_name(body), body, *_split(body))
+    if label in TAKEN:
+        raise InvalidValueError(
+            "every sweep has an array of this name", where="keep", given=label, allowed="another name"
+        )
+    if kept.expression in results:
+        return kept
+    try:
+        tree = parse_condition(kept.expression)
+    except TensegrityError as error:
+        if kept.expression.isidentifier() and results:
+            error.hint = suggest(kept.expression, [*QUANTITIES, *results])
+        raise
+    if (kept.reduction == FIRST) is not isinstance(tree, ast.Compare):
+        raise InvalidValueError(
+            "the first time of something that is no comparison"
+            if kept.reduction == FIRST
+            else "a comparison has no values to keep",
+            where="keep",
+            given=text,
+            allowed=ALLOWED,
+            hint="first(member_tension[c1] < 0.5) is the first time at which it holds",
+        )
+    return kept
+
+
+def _split(body: str) -> tuple[str, str, int]:
+    """Return expression, reduction and step of a text."""
+    try:
+        tree = ast.parse(body, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return body, "", 1  # parse_condition says what is wrong
+    if isinstance(tree, ast.Attribute) and tree.attr in REDUCTIONS:
+        return _text_of(body, tree.value), tree.attr, 1
+    if not isinstance(tree, ast.Call):
+        return body, "", 1
+    called, arguments = tree.func, tree.args
+    if isinstance(called, ast.Name) and called.id == FIRST and len(arguments) == 1:
+        return _text_of(body, arguments[0]), FIRST, 1
+    if not (isinstance(called, ast.Attribute) and called.attr in (EVERY, *REDUCTIONS)):
+        return body, "", 1
+    step = arguments[0].value if len(arguments) == 1 and isinstance(arguments[0], ast.Constant) else None
+    if called.attr != EVERY or type(step) is not int or step < 1:
+        raise InvalidValueError(
+            "not a reduction over time",
+            where="keep",
+            given=body,
+            allowed=ALLOWED,
+            hint="every(10) keeps every tenth sample, with a whole number from 1 on",
+        )
+    return _text_of(body, called.value), EVERY, step
+
+
+def _text_of(whole: str, node: ast.expr) -> str:
+    return ast.get_source_segment(whole, node) or ast.unparse(node)
+
+
+def _check_time(kept: KeptText, *, over_time: bool) -> None:
+    """Raise InvalidValueError for a reduction over time, or the time itself, where there is none."""
+    if over_time:
+        return
+    if kept.reduction or re.search(r"(?<![\w.])time(?!\w)", kept.expression):
+        raise InvalidValueError(
+            "there is no time to reduce over",
+            where="keep",
+            given=kept.text,
+            allowed="an expression over quantities",
+            hint="reductions are for motions, --do simulate",
+        )
+
+
+def _make_name(body: str) -> str:
+    """Return letters, digits and underscores of a text, beginning with a letter."""
+    name = re.sub(r"[^A-Za-z0-9_]+", "_", body).strip("_")
+    return name if name[:1].isalpha() else f"value_{name}".rstrip("_")
+
+
+def _name_apart(kept: KeptText, others: Sequence[KeptText], *, is_labelled: bool) -> KeptText:
+    """Return what is kept under a name that no other has; equal texts and stated names are refused."""
+    names = [other.name for other in others]
+    if kept.text in [other.text for other in others] or (is_labelled and kept.name in names):
+        raise DuplicateNameError(
+            "kept twice", where="keep", given=kept.text, allowed="each thing once, under a name of its own"
+        )
+    name, number = kept.name, 1
+    while name in names or name in TAKEN:
+        number += 1
+        name = f"{kept.name}_{number}"
+    return replace(kept, name=name)
