@@ -372,7 +372,7 @@ FMI2_FUNCTION(fmi2GetEventIndicators)(fmi2Component c, fmi2Real indicators[], si
 {
   FMI2_BEGIN(fmi2GetEventIndicators, FMU_INITIALIZATION | FMU_EVENT | FMU_CONTINUOUS | FMU_TERMINATED)
   FMI2_NEED(ni == FMU_N_MARGINS && (ni == 0 || indicators != NULL), "fmi2GetEventIndicators")
-  return (fmi2Status)fmu_get_margins(instance, indicators);
+  return (fmi2Status)fmu_get_indicators(instance, indicators);
 }
 
 FMI2_FUNCTION(fmi2GetContinuousStates)(fmi2Component c, fmi2Real x[], size_t nx)

@@ -592,7 +592,7 @@ FMI3_FUNCTION(fmi3GetEventIndicators)(fmi3Instance c, fmi3Float64 indicators[], 
 {
   FMI3_BEGIN(fmi3GetEventIndicators, FMU_INITIALIZATION | FMU_EVENT | FMU_CONTINUOUS | FMU_TERMINATED)
   FMI3_NEED(count == FMU_N_MARGINS && (count == 0 || indicators != NULL), "fmi3GetEventIndicators")
-  return (fmi3Status)fmu_get_margins(instance, indicators);
+  return (fmi3Status)fmu_get_indicators(instance, indicators);
 }
 
 FMI3_FUNCTION(fmi3GetContinuousStates)(fmi3Instance c, fmi3Float64 states[], size_t count)

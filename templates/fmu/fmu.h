@@ -99,7 +99,7 @@ static int fmu_set_number(fmu_instance *instance, size_t reference, double value
 static int fmu_get_flag(fmu_instance *instance, size_t reference, int *value);
 static int fmu_get_count(fmu_instance *instance, size_t reference, int *value);
 static int fmu_get_rates(fmu_instance *instance, double *rate);
-static int fmu_get_margins(fmu_instance *instance, double *margin);
+static int fmu_get_indicators(fmu_instance *instance, double *indicator);
 static int fmu_set_states(fmu_instance *instance, const double *state);
 static int fmu_update_slack(fmu_instance *instance, int counts);
 static int fmu_leave_initialization(fmu_instance *instance);

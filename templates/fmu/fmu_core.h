@@ -120,6 +120,18 @@ static int fmu_get_margins(fmu_instance *instance, double *margin)
   return status;
 }
 
+/* Event indicators: margins with a band around zero, so that an event that the importer finds exactly at zero still
+ * changes the discrete value, and the next one has a sign to start from. */
+static int fmu_get_indicators(fmu_instance *instance, double *indicator)
+{
+  int k;
+  const int status = fmu_get_margins(instance, indicator);
+  for (k = 0; status == FMU_OK && k < FMU_N_MARGINS; ++k) {
+    indicator[k] += instance->now.is_slack[k] ? -FMU_BAND : FMU_BAND;
+  }
+  return status;
+}
+
 static int fmu_refuse(fmu_instance *instance, size_t reference, const char *why)
 {
   fmu_report(instance, FMU_ERROR, "logStatusError", "value reference %lu: %s", (unsigned long)reference, why);
@@ -175,12 +187,26 @@ static int fmu_get_count(fmu_instance *instance, size_t reference, int *value)
   return FMU_OK;
 }
 
+/* NULL where an argument may have this value, else what it may be. */
+static const char *fmu_check_argument(int place, double value)
+{
+  if (!(value - value == 0.0)) {
+    return "the value is not finite";
+  }
+  if (fmu_argument_least[place] == FMU_ABOVE_ZERO && !(value > 0.0)) {
+    return "the value is not above zero";
+  }
+  return fmu_argument_least[place] == FMU_FROM_ZERO && !(value >= 0.0) ? "the value is negative" : NULL;
+}
+
 /* Set an input, a parameter or, until the end of the initialization, a state. */
 static int fmu_set_number(fmu_instance *instance, size_t reference, double value)
 {
   fmu_memory *m = &instance->now;
+  const char *why = value - value == 0.0 ? NULL : "the value is not finite";
   double *place;
   if (reference >= FMU_ARGUMENT && reference < FMU_STATE) {
+    why = fmu_check_argument((int)(reference - FMU_ARGUMENT), value);
     if (m->mode == FMU_CONTINUOUS && reference >= FMU_ARGUMENT + FMU_N_INPUTS) {
       return fmu_refuse(instance, reference, "parameters cannot be set in continuous-time mode");
     }
@@ -193,8 +219,8 @@ static int fmu_set_number(fmu_instance *instance, size_t reference, double value
   } else {
     return fmu_refuse(instance, reference, "there is no real number with it that can be set");
   }
-  if (!(value - value == 0.0)) {
-    return fmu_refuse(instance, reference, "the value is not finite");
+  if (why != NULL) {
+    return fmu_refuse(instance, reference, why);
   }
   if (*place != value) {
     *place = value;
@@ -218,7 +244,7 @@ static int fmu_set_states(fmu_instance *instance, const double *state)
   return FMU_OK;
 }
 
-/* Give the discrete values those that belong to the state; counts: changes are events. */
+/* Give the discrete values those that belong to the state; counts: changes are events, at the zeros of indicators. */
 static int fmu_update_slack(fmu_instance *instance, int counts)
 {
   double margin[FMU_N_MARGINS + 1];
@@ -226,7 +252,9 @@ static int fmu_update_slack(fmu_instance *instance, int counts)
   int k;
   const int status = fmu_get_margins(instance, margin);
   for (k = 0; status == FMU_OK && k < FMU_N_MARGINS; ++k) {
-    const int is_slack = margin[k] < 0.0;
+    const int is_slack = !counts           ? margin[k] < 0.0
+                         : m->is_slack[k] ? margin[k] - FMU_BAND < 0.0
+                                          : margin[k] + FMU_BAND <= 0.0;
     if (counts && is_slack != m->is_slack[k]) {
       ++m->n_events;
       fmu_report(

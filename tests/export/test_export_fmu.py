@@ -116,6 +116,69 @@ def test_model_exchange_follows_simulate_with_state_events(make: Make, ours: Tra
     assert np.abs(np.array(times) - ours.log.time).max() < 1e-5
 
 
+def test_an_event_exactly_at_zero_changes_the_boolean(make: Make) -> None:
+    unit = make("me")
+    unit.start(RTOL)
+    unit.good("EnterContinuousTimeMode")
+    state = (c.c_double * N_STATES)()
+    unit.good("GetContinuousStates", state, c.c_size_t(N_STATES))
+    indicators = (c.c_double * N_MARGINS)()
+
+    def find(scale: float) -> np.ndarray:
+        moved = np.array(state)
+        moved[:15] *= scale
+        unit.put(0.0, moved)
+        unit.good("GetEventIndicators", indicators, c.c_size_t(N_MARGINS))
+        return np.array(indicators)
+
+    assert (find(1.0) > 0).all(), "all cables pull"
+    low, high = 0.5, 1.0  # somewhere between them the first cable goes slack
+    while high - low > 1e-16:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if find(middle).min() <= 0 else (low, middle)
+    which = int(find(low).argmin())
+    name = [key for key in unit.reference if key is not None and key.startswith("is_slack.")][which]
+    unit.enter_events()
+    assert unit.flag(name) == 1
+    assert find(low)[which] < 0, "the next event has a sign to start from"
+    count = unit.count()
+    find(1.0)
+    unit.enter_events()
+    assert unit.flag(name) == 0
+    assert unit.count() > count
+
+
+def test_values_that_a_scene_refuses_are_refused(make: Make) -> None:
+    unit = make("cs")
+    for name, value in (
+        ("rest_length.vertical3", -1.0),
+        ("rest_length.vertical3", 0.0),
+        ("damping.bottom1", -0.1),
+    ):
+        assert unit.set_all({name: value}) == 3, name
+        assert "above zero" in unit.messages[-1][1] or "negative" in unit.messages[-1][1]
+        assert unit.get(name)[0] > 0
+    least = {
+        item.get("name"): item[0].get("min") for item in unit.description.iter("ScalarVariable") if len(item)
+    }
+    assert least["rest_length.vertical3"] == least["damping.bottom1"] == "0.0"
+    assert least["gravity.z"] is None
+    assert unit.set_all({"gravity.z": -5.0, "damping.bottom1": 0.0}) == 0
+
+
+def test_a_margin_that_is_requested_is_an_output(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "margins.fmu"
+    export_fmu(scene, out, outputs=["cable_margin", "total_energy"])
+    unit = Unit2(out, tmp_path / "unit", "cs")
+    unit.start()
+    causality = {item.get("name"): item.get("causality") for item in unit.description.iter("ScalarVariable")}
+    assert causality["cable_margin.vertical1"] == "output"
+    assert np.isfinite(unit.get("cable_margin.vertical1", "total_energy")).all()
+    unit.free()
+
+
 def test_inputs_and_parameters_act_as_in_simulate(make: Make, scene: Path) -> None:
     unit = make("cs")
     assert unit.set_all({"gravity.z": -5.0, "rest_length.vertical3": 0.2, "node_load.t1.x": 1.0}) == 0

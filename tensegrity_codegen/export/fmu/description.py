@@ -126,6 +126,8 @@ def _add_variables(root: Element, experiment: Experiment, variables: Sequence[Va
             "variability": item.variability,
         } | ({"initial": item.initial} if item.initial else {})
         inner = {"unit": item.unit} if find_exponents(item.unit) else {}
+        if item.least is not None:
+            inner["min"] = repr(item.least)
         if item.start is not None:
             inner["start"] = repr(float(item.start))
         if item.state is not None:

@@ -16,6 +16,8 @@ __all__ = ["POSITION", "Argument", "Block", "Layout"]
 
 POSITION = "node_position"
 MARGINS = ("cable_margin", "switch_margin")
+LEAST = {"rest_length": "above_zero", "spring_constant": "above_zero", "axial_stiffness": "above_zero"}
+LEAST |= {"damping": "from_zero", "node_mass": "from_zero"}  # values that the library computes with
 INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 Parts = tuple[str | int, ...]
 
@@ -33,6 +35,11 @@ class Argument:
     def name(self) -> str:
         """Name of the argument."""
         return self.spec.name
+
+    @property
+    def least(self) -> str:
+        """What its values are at least: "above_zero", "from_zero" or "any"."""
+        return LEAST.get(self.spec.name, "any")
 
 
 @dataclass(frozen=True)
@@ -113,12 +120,12 @@ class Layout:
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Outputs, then the margins of events."""
+        """Outputs, then the margins of events, which may be outputs too."""
         specs = {item.quantity: item for item in self.manifest.functions}
         found: list[Block] = []
         start = 0
         for quantity, is_margin in (
-            *((name, False) for name in self.outputs),
+            *((name, False) for name in self.outputs if name not in MARGINS),
             *((name, True) for name in MARGINS if name in specs and self.manifest_margins(name)),
         ):
             spec = specs.get(quantity)

@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.codegen.integrators.radau import COUNTS
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render, template_folder
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.codegen.source import BANNER
-from tensegrity_codegen.export.fmu.layout import Layout
+from tensegrity_codegen.export.fmu.layout import Argument, Layout
 from tensegrity_codegen.export.fmu.tangent import Tangent
 from tensegrity_codegen.manifest import STATUS, FunctionSpec
 
@@ -127,6 +129,7 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
         "margin_kinds": [kind for _, kind in margins] or [0],
         "block_starts": [*(item.start for item in layout.blocks), layout.n_values],
         "arguments": [{"name": item.name, "place": item.place} for item in layout.arguments],
+        "least": [word for item in layout.arguments for word in _find_least(item)] or ["FMU_ANY"],
         "acceleration": _call(layout, functions["acceleration"]),
         "blocks": [
             {"quantity": item.quantity, "start": item.start, "symbol": "", "passed": ""}
@@ -137,6 +140,13 @@ def _context(layout: Layout, tangent: Tangent | None, experiment: Experiment) ->
         "tangent": _describe_tangent(tangent),
         "integrator": _describe_integrator(layout, experiment.method),
     }
+
+
+def _find_least(argument: Argument) -> list[str]:
+    """Return what each value of an argument is at least; a value of the scene itself is always allowed."""
+    word = f"FMU_{argument.least.upper()}"
+    is_positive = [word != "FMU_ABOVE_ZERO" or value > 0 for value in np.ravel(argument.spec.nominal)]
+    return [word if positive else "FMU_FROM_ZERO" for positive in is_positive]
 
 
 def _strings(names: Sequence[str]) -> list[str]:

@@ -37,6 +37,8 @@ class Variable:
         Whether it is an event indicator.
     dependencies : tuple of int, or None
         Value references of the inputs and states that it depends on; None: not known.
+    least : float or None
+        Its least value, where it has one.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Variable:
     state: int | None = None
     is_indicator: bool = False
     dependencies: tuple[int, ...] | None = None
+    least: float | None = None
 
 
 def list_variables(layout: Layout, tangent: Tangent | None) -> tuple[Variable, ...]:
@@ -71,8 +74,8 @@ def _list_arguments(layout: Layout) -> list[Variable]:
         is_input = item.name == "input"
         words = ("input", "continuous", "") if is_input else ("parameter", "tunable", "exact")
         for parts, unit, start in zip(item.parts, item.units, item.spec.nominal, strict=True):
-            name = join_names(item.name, parts)
-            found.append(Variable(name, *words, item.spec.sentence, unit, start))
+            name, least = join_names(item.name, parts), None if item.least == "any" else 0.0
+            found.append(Variable(name, *words, item.spec.sentence, unit, start, least=least))
     return found
 
 
@@ -111,7 +114,7 @@ def _list_derivatives(layout: Layout, tangent: Tangent | None) -> list[Variable]
 def _list_values(layout: Layout, tangent: Tangent | None) -> list[Variable]:
     found = []
     for block in layout.blocks:
-        causality = "local" if block.is_margin else "output"
+        causality = "output" if block.quantity in layout.outputs else "local"
         for k, parts in enumerate(block.parts):
             needs = _find_dependencies(layout, tangent, layout.n_coordinates + block.start + k)
             if block.spec is None:
