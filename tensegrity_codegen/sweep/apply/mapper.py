@@ -8,7 +8,7 @@ bit; were it to differ, all cases of the call would be assembled.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -93,6 +93,14 @@ class CaseMapper:
     def explain(self, values: FloatArray) -> str:
         """Return why a case with these values (n_keys,) is not served by the library, "" if it is."""
         return self._assemble(values)[1]
+
+    def find_used_keys(self, arguments: Collection[str]) -> set[int]:
+        """Return the keys that change one of these arguments, or the library."""
+        names = [name for name, array in self.template.items() for _ in range(array.size)]
+        related = zip(
+            self.relations.keys.tolist(), self.varying[self.relations.entries].tolist(), strict=True
+        )
+        return {key for key, entry in related if names[entry] in arguments} | set(self.indirect_keys)
 
     def fails_alone(self, values: FloatArray) -> bool:
         """Return whether the keys that are always assembled make a case fail, whatever the others are."""

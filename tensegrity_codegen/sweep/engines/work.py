@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.quantities import PARAMETERS
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweep.apply.group import CaseGroup
+from tensegrity_codegen.sweep.apply.group import AppliedCases, CaseGroup
 from tensegrity_codegen.sweep.plan import SweepPlan, Task
 from tensegrity_codegen.sweep.statuses import encode_status
 from tensegrity_codegen.sweep.tasks.operation import Operation, Output, TaskResult
 
-__all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "set_task_aside"]
+__all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_arguments", "set_task_aside"]
 
 LoadModel = Callable[[CaseGroup], CompiledModel]
 
@@ -58,10 +59,19 @@ def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
             messages[place] = message
         if not good.any():
             continue
-        arguments = {name: array[good] for name, array in applied.arguments.items()}
-        found = work.operation.run(load(group), arguments, int(good.sum()))
+        model = load(group)
+        found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
         _insert(arrays, status, messages, places[good], found)
     return TaskResult(arrays, status, tuple(messages))
+
+
+def select_arguments(model: CompiledModel, applied: AppliedCases) -> dict[str, NDArray[Any]]:
+    """Return the arguments of the good cases without parameters on which nothing in the library depends."""
+    arguments = {name: array[applied.good] for name, array in applied.arguments.items()}
+    if not any(name in PARAMETERS for name in arguments):
+        return arguments
+    known = {item.name for item in model.manifest.arguments}
+    return {name: array for name, array in arguments.items() if name in known or name not in PARAMETERS}
 
 
 def set_task_aside(work: SweepWork, task: Task, message: str) -> TaskResult:
