@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.cli.conftest import Run
+from tests.report.live.pages import require_three
 
 pytest.importorskip("matplotlib")
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".gif": b"GIF8"}
@@ -30,6 +31,29 @@ def test_a_motion_becomes_a_picture_or_a_film(suffix: str, run: Run, two_nodes: 
     ended = run("show", two_nodes, "--trajectory", motion, "--out", f"a{suffix}", "--json")
     assert ended.code == 0
     assert Path(f"a{suffix}").read_bytes().startswith(SIGNATURES[suffix])
+
+
+@pytest.mark.parametrize("modes", [0, 2])
+def test_a_motion_becomes_a_live_page(modes: int, run: Run, two_nodes: Path, motion: Path) -> None:
+    require_three()
+    ended = run("show", two_nodes, "--trajectory", motion, "--out", "a.html", "--modes", modes, "--json")
+    assert ended.code == 0
+    assert ended.facts["n_frames"] == 4
+    assert ended.facts["n_modes"] == min(modes, 1)
+    assert ended.facts["bytes"] == Path("a.html").stat().st_size
+    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--json").code == 0  # its own file
+    Path("a.html").write_text("<html>mine</html>", encoding="utf-8")
+    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--json").code == 2
+
+
+def test_another_file_than_three_js_is_refused(run: Run, folder: Path, two_nodes: Path) -> None:
+    Path("three.whl").write_bytes(b"something else")
+    for path in ("three.whl", "missing.whl"):
+        ended = run("show", two_nodes, "--out", "a.html", "--three", path, "--json")
+        assert ended.code == 2
+        assert ended.data["error"] == "MissingSourceError"
+        assert "--three" in ended.data["hint"]
+    assert not Path("a.html").exists()
 
 
 def test_a_film_needs_a_motion(run: Run, two_nodes: Path) -> None:

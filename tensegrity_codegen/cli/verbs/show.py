@@ -1,4 +1,4 @@
-"""`tensegrity-codegen show`: pictures and films."""
+"""`tensegrity-codegen show`: pictures, films and live pages."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.cli.live_page import ThreeOption, show_live
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
@@ -15,12 +16,16 @@ from tensegrity_codegen.files import check_output
 __all__ = ["VERB"]
 
 ANIMATED = (".gif", ".mp4")
+PAGE = ".html"
 
 
 def show(
     scene: SceneArgument,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="Picture (.png, .svg, .pdf) or film (.gif, .mp4).")
+        Path,
+        typer.Option(
+            "--out", "-o", help="Picture (.png, .svg, .pdf), film (.gif, .mp4) or live page (.html)."
+        ),
     ],
     overwrite: OverwriteOption = False,
     trajectory: Annotated[
@@ -30,11 +35,17 @@ def show(
     slow_down: Annotated[
         float, typer.Option("--slow-down", help="Seconds of film per simulated second.")
     ] = 1.0,
+    modes: Annotated[
+        int, typer.Option("--modes", min=0, help="Natural modes of a live page; 0 without an analysis.")
+    ] = 6,
+    three: ThreeOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw a structure or a simulated motion, as a picture or a film.
+    """Draw a structure or a simulated motion, as a picture, a film or a live page.
 
-    Example: tensegrity-codegen show prism.toml --trajectory prism.npz --out prism.gif
+    A live page is one HTML file to turn, play and ask members and nodes, in any browser, without a network.
+
+    Example: tensegrity-codegen show prism.toml --trajectory prism.npz --out prism.html
     """
     output = Output(json)
     with output.guard():
@@ -48,6 +59,9 @@ def show(
 
         inputs = [scene] if trajectory is None else [scene, trajectory]
         check_output(out, inputs=inputs, overwrite=overwrite)
+        if out.suffix.lower() == PAGE:
+            output.result(*show_live(output, scene, out, trajectory, modes, three))
+            return
         _require_packages(out)
         subject, _ = output.load(scene)
         structure = outline_bodies(subject)

@@ -1,0 +1,99 @@
+// What members are coloured by: a value for each member, a scale, and the numbers at its ends.
+
+const largest = (values) => {
+  let most = 0;
+  for (const value of values) if (Number.isFinite(value)) most = Math.max(most, Math.abs(value));
+  return most;
+};
+
+/** Return the largest known size of a channel over all its rows. */
+function largestOf(channel) {
+  const row = new Float64Array(channel.width);
+  let most = 0;
+  for (let k = 0; k < channel.rows; k++) most = Math.max(most, largest(channel.read(k, row)));
+  return most;
+}
+
+/** The ways to colour the members of a model, by name. */
+export function buildColorings(model) {
+  const { tension, area, use } = model;
+  const found = { kind: { label: "kind", unit: "", scale: null, values: () => null } };
+  found.tension = {
+    label: "tension", unit: "N", scale: "diverging", limit: model.tensionLimit ?? largestOf(tension),
+    values: (state) => state.tension,
+  };
+  found.density = {
+    label: "force density", unit: "N/m", scale: "diverging", limit: densityLimit(model),
+    values: (state, out) => out.map((_, e) => state.tension[e] / state.length[e]),
+  };
+  if (area.some((value) => value > 0)) {
+    const stress = (state, out) => out.map((_, e) => (area[e] > 0 ? state.tension[e] / area[e] : NaN));
+    found.stress = { label: "stress", unit: "Pa", scale: "diverging", limit: stressLimit(model), values: stress };
+  }
+  if (use) {
+    found.use = { label: "use of capacity", unit: "", scale: "sequential", limit: 1, values: (state) => state.use };
+  }
+  if (model.shapes.length) {
+    found.mode = { label: "motion in the mode", unit: "", scale: "sequential", limit: 1, values: modeValues };
+  }
+  return found;
+}
+
+function densityLimit(model) {
+  const first = largest(model.restLength.map((length) => 1 / length));
+  return (model.tensionLimit ?? largestOf(model.tension)) * first;
+}
+
+function stressLimit(model) {
+  const { tension, area } = model;
+  const row = new Float64Array(tension.width);
+  let most = 0;
+  for (let k = 0; k < tension.rows; k++) {
+    tension.read(k, row);
+    row.forEach((value, e) => {
+      if (area[e] > 0 && Number.isFinite(value)) most = Math.max(most, Math.abs(value) / area[e]);
+    });
+  }
+  return most;
+}
+
+/** How far the middle of each member moves in the shown mode, the largest node moving by 1. */
+function modeValues(state, out) {
+  const { shape, ends } = state;
+  if (!shape) return out.fill(NaN);
+  return out.map((_, e) => {
+    const i = 3 * ends[2 * e];
+    const j = 3 * ends[2 * e + 1];
+    return Math.hypot(shape[i] + shape[j], shape[i + 1] + shape[j + 1], shape[i + 2] + shape[j + 2]) / 2;
+  });
+}
+
+/** Write the colours (r, g, b, style) of all members; style 255 is a full line, 0 a dashed one. */
+export function paintMembers(out, coloring, state, model, palette, scratch) {
+  const values = coloring.values(state, scratch);
+  const scale = coloring.scale && palette[coloring.scale];
+  const isDiverging = coloring.scale === "diverging";
+  const limit = coloring.limit > 0 ? coloring.limit : 1;
+  for (let e = 0; e < model.memberCount; e++) {
+    const place = 4 * e;
+    let color = model.isBar[e] ? palette.bar : palette.cable;
+    let first = 0;
+    if (values) {
+      const part = isDiverging ? 0.5 + (0.5 * values[e]) / limit : values[e] / limit;
+      if (Number.isNaN(values[e])) color = palette.unknown;
+      else if (!isDiverging && part > 1 + 1e-9) color = palette.over;
+      else {
+        color = scale;
+        first = 3 * Math.round(255 * Math.min(Math.max(part, 0), 1));
+      }
+    }
+    if (state.slack[e]) {
+      color = palette.slack;
+      first = 0;
+    }
+    out[place] = color[first];
+    out[place + 1] = color[first + 1];
+    out[place + 2] = color[first + 2];
+    out[place + 3] = state.slack[e] ? 0 : 255;
+  }
+}

@@ -1,0 +1,63 @@
+// window.tensegrity: what tests and curious readers can ask and do. Positions are those of the scene [m].
+
+export function exposeHook(app) {
+  const { model, stage, state } = app;
+  const inScene = (nodes) => Array.from(nodes, (value, i) => value + model.origin[i % 3]);
+  window.tensegrity = {
+    ready: true,
+    app,
+    get names() {
+      return { nodes: [...model.nodeNames], members: [...model.memberNames] };
+    },
+    get frames() {
+      return model.frameCount;
+    },
+    get rounding() {
+      return model.scene.rounding;
+    },
+    get time() {
+      return app.time;
+    },
+    get state() {
+      app.refresh();
+      return {
+        time: app.time, frame: state.frame, positions: inScene(state.nodes),
+        tensions: Array.from(state.tension), lengths: Array.from(state.length), slack: Array.from(state.slack),
+      };
+    },
+    get camera() {
+      return { position: inScene(stage.camera.position.toArray()), target: inScene(stage.controls.target.toArray()) };
+    },
+    get colors() {
+      app.refresh();
+      return Array.from(app.textures.paint.subarray(0, 4 * model.memberCount));
+    },
+    get timing() {
+      return { frames: [...stage.times], work: [...stage.work], update: [...app.updates], ratio: stage.ratio };
+    },
+    get chosen() {
+      return app.chosen;
+    },
+    get coloring() {
+      return app.coloringName;
+    },
+    seekFrame: (k) => app.player.seekFrame(k),
+    seek: (time) => app.player.seek(time),
+    play: () => app.player.play(),
+    pause: () => app.player.pause(),
+    orbit: (turn, tilt, zoom) => app.orbit(turn, tilt, zoom ?? 1),
+    colorBy: (name) => app.colorBy(name),
+    showMode: (k) => app.showMode(k),
+    choose: (picked) => app.choose(picked),
+    /** Where a node stands on the screen [px]. */
+    place: (node) => {
+      const places = app.project();
+      return [places[3 * node], places[3 * node + 1]];
+    },
+    /** Spin the camera for so many frames and return the milliseconds of each. */
+    measure: (frames) => app.measure(frames),
+    /** Return what is drawn as numbers: the part of the picture that is not paper. */
+    coverage: () => app.coverage(),
+    ...app.moreHooks,
+  };
+}

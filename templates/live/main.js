@@ -1,0 +1,51 @@
+// Start: a structure or a recorded motion.
+
+import { buildDiagrams } from "live/diagrams";
+import { exposeHook } from "live/hook";
+import { listenToKeys } from "live/keyboard";
+import { buildModel, readState } from "live/model";
+import { buildPanel, showClock } from "live/panel";
+import { buildPlayer } from "live/player";
+import { listenToPointer, showChosen } from "live/pointer";
+import { buildViewer, run, update } from "live/viewer";
+
+export async function start(scene, buffers) {
+  const model = buildModel(scene, buffers);
+  const app = buildViewer(model, (viewer) => readState(model, viewer.state, viewer.time));
+  app.player = buildPlayer(model, app.changed);
+  app.moves = model.frameCount > 1;
+  app.digits = digitsOf(model);
+  Object.defineProperty(app, "time", { get: () => app.player.shown });
+  buildPanel(app);
+  listenToPointer(app);
+  const diagrams = buildDiagrams(app);
+  readState(model, app.state, app.time);
+  app.colorBy(app.coloringName);
+  app.stage.resize();
+  update(app);
+  app.reset();
+  let shown = null;
+  run(app, (seconds) => {
+    const isMoving = app.player.advance(seconds);
+    if (app.modes.chosen !== null) app.modes.advance(seconds);
+    const mark = `${app.player.shown} ${app.chosen?.member} ${app.chosen?.node} ${app.player.isPlaying} ${app.palette.isDark}`;
+    if (mark !== shown) {
+      shown = mark;
+      queueMicrotask(() => {
+        showClock(app);
+        diagrams?.show();
+        showChosen(app);
+      });
+    }
+    return isMoving || app.modes.chosen !== null;
+  });
+  listenToKeys(app);
+  exposeHook(app);
+}
+
+/** Decimals of the clock that tell samples apart. */
+function digitsOf(model) {
+  if (model.frameCount < 2) return 3;
+  const step = (model.time.at(-1) - model.time[0]) / (model.frameCount - 1);
+  return Math.min(Math.max(Math.ceil(-Math.log10(step)), 0), 6);
+}

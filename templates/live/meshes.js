@@ -1,0 +1,132 @@
+// The structure as meshes: bars, cables, nodes, supports, and the rim around what is chosen.
+
+import { THREE } from "three";
+import { capsule, pyramid, repeat, ribbon } from "live/shapes";
+import * as glsl from "live/shaders";
+
+// Sides and rings of the capsules of so many bars at most.
+const FINENESS = [[24, 20, 6], [100, 14, 4], [600, 10, 3], [Infinity, 8, 2]];
+const THINNEST = 0.75; // pixels, half of what a member has at least
+const RIM = 2.5; // pixels around what is chosen
+
+const material = (vertexShader, fragmentShader, uniforms, more = {}) =>
+  new THREE.ShaderMaterial({ glslVersion: THREE.GLSL3, vertexShader, fragmentShader, uniforms, ...more });
+
+const drawn = (geometry, shader, order = 0) => {
+  const mesh = new THREE.Mesh(geometry, shader);
+  mesh.frustumCulled = false;
+  mesh.renderOrder = order;
+  return mesh;
+};
+
+/** Radii that members are drawn with [m]: the stated ones, else some that suit the size and the number. */
+export function drawnRadii(model) {
+  const crowd = Math.min(1, Math.max(0.18, (45 / Math.max(model.memberCount, 1)) ** 0.4));
+  const usual = [
+    Math.min(0.0032 * crowd * model.size, 0.006 * model.usualLength),
+    Math.min(0.011 * crowd * model.size, 0.02 * model.usualLength),
+  ];
+  return Float32Array.from(model.radius, (radius, e) => radius || usual[model.isBar[e]]);
+}
+
+/** Build the meshes; `show(palette)` colours what is not coloured member by member. */
+export function buildMeshes(model, textures) {
+  const radii = drawnRadii(model);
+  const shared = { ...textures.uniforms, least: { value: 0 }, growth: { value: 0 } };
+  const lit = { ...shared, plain: { value: new THREE.Vector4(0, 0, 0, 0) } };
+  const rim = { ...shared, growth: { value: 0 }, plain: { value: new THREE.Vector4(0, 0, 0, 1) } };
+  const group = new THREE.Group();
+  for (const kind of [1, 0]) {
+    const chosen = Array.from({ length: model.memberCount }, (_, e) => e).filter((e) => model.isBar[e] === kind);
+    if (chosen.length) group.add(memberMesh(model, radii, chosen, kind, lit, THREE.FrontSide));
+  }
+  const { mesh: nodes, uniforms: nodeUniforms } = nodeMesh(model, shared, radii);
+  group.add(nodes);
+  const supports = supportMesh(model, shared, textures);
+  if (supports) group.add(supports.mesh);
+  let outline = null;
+
+  return {
+    group, radii, nodes,
+    show(palette) {
+      const unit = (color) => color.map((value) => value / 255);
+      rim.plain.value.set(...unit(palette.ink), 1);
+      nodeUniforms.fill.value.set(...unit(palette.node));
+      nodeUniforms.rim.value.set(...unit(palette.isDark ? palette.paper : palette.ink));
+      if (!supports) return;
+      supports.uniforms.fill.value.set(...unit(palette.muted));
+      supports.uniforms.partly.value.set(...unit(palette.grid));
+    },
+    /** pixelSize: metres of one pixel at a distance of 1 m; pixels: its inverse on the drawing buffer. */
+    resize(pixelSize, pixels) {
+      shared.least.value = THINNEST * pixelSize;
+      rim.growth.value = RIM * pixelSize;
+      nodeUniforms.pixels.value = pixels;
+    },
+    choose(member) {
+      if (outline) {
+        group.remove(outline);
+        outline.geometry.dispose();
+        outline.material.dispose();
+        outline = null;
+      }
+      if (member === null) return;
+      const side = model.isBar[member] ? THREE.BackSide : THREE.DoubleSide;
+      outline = memberMesh(model, radii, [member], model.isBar[member], rim, side);
+      outline.material.depthWrite = false;
+      outline.renderOrder = -1;
+      group.add(outline);
+    },
+  };
+}
+
+function memberMesh(model, radii, chosen, kind, uniforms, side) {
+  const base = kind ? capsule(...FINENESS.find(([most]) => chosen.length <= most).slice(1)) : ribbon();
+  const geometry = repeat(base, {
+    member: [chosen.flatMap((e) => [model.ends[2 * e], model.ends[2 * e + 1], e]), 3],
+    radius: [chosen.map((e) => radii[e]), 1],
+  }, chosen.length);
+  const shader = kind
+    ? material(glsl.BAR_VERTEX, glsl.BAR_FRAGMENT, uniforms, { side })
+    : material(glsl.CABLE_VERTEX, glsl.CABLE_FRAGMENT, uniforms, { side: THREE.DoubleSide });
+  return drawn(geometry, shader);
+}
+
+function nodeMesh(model, shared, radii) {
+  const most = radii.reduce((largest, radius, e) => Math.max(largest, model.isBar[e] ? radius : 1.6 * radius), 0);
+  const geometry = new THREE.BufferGeometry();
+  const count = model.nodeCount;
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  geometry.setAttribute("node", new THREE.BufferAttribute(Float32Array.from({ length: count }, (_, k) => k), 1));
+  const uniforms = {
+    ...shared, radius: { value: 1.12 * most }, pixels: { value: 1 },
+    fill: { value: new THREE.Vector3() }, rim: { value: new THREE.Vector3() },
+  };
+  const mesh = new THREE.Points(geometry, material(glsl.NODE_VERTEX, glsl.NODE_FRAGMENT, uniforms));
+  mesh.frustumCulled = false;
+  return { mesh, uniforms };
+}
+
+/** Height of a support [m]; many of them are smaller. */
+export function supportSize(model) {
+  const { axes } = model.scene;
+  const count = model.nodeNames.filter((_, k) => axes.some((axis) => model.anchored[3 * k + axis])).length;
+  const crowd = Math.min(1, Math.max(0.25, (24 / Math.max(count, 1)) ** 0.4));
+  return Math.min(0.042 * crowd * model.size, 0.14 * model.usualLength);
+}
+
+function supportMesh(model, shared) {
+  const axes = model.scene.axes;
+  const rows = [];
+  for (let k = 0; k < model.nodeCount; k++) {
+    const held = axes.filter((axis) => model.anchored[3 * k + axis]).length;
+    if (held) rows.push(k, held < axes.length ? 1 : 0);
+  }
+  if (!rows.length) return null;
+  const uniforms = {
+    ...shared, size: { value: supportSize(model) }, up: { value: new THREE.Vector3(...model.scene.up) },
+    fill: { value: new THREE.Vector3() }, partly: { value: new THREE.Vector3() },
+  };
+  const geometry = repeat(pyramid(), { support: [rows, 2] }, rows.length / 2);
+  return { mesh: drawn(geometry, material(glsl.SUPPORT_VERTEX, glsl.SUPPORT_FRAGMENT, uniforms)), uniforms };
+}

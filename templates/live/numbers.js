@@ -1,0 +1,32 @@
+// Numbers as people read them.
+
+const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+
+/** Return a number with a unit, its prefix chosen by size: 0.0123 m -> "12.3 mm". */
+export function withUnit(value, unit, digits = 3) {
+  if (Number.isNaN(value)) return "unknown";
+  if (!unit) return short(value, digits);
+  if (!Number.isFinite(value) || value === 0) return `${value} ${unit}`;
+  const [size, prefix] = PREFIXES.find(([least]) => Math.abs(value) >= 0.9995 * least) ?? PREFIXES.at(-1);
+  return `${short(value / size, digits)} ${prefix}${unit}`;
+}
+
+/** Return a number with so many significant digits, without an exponent where it is short. */
+export function short(value, digits = 3) {
+  if (!Number.isFinite(value)) return Number.isNaN(value) ? "unknown" : String(value);
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e5 || size < 1e-3) return value.toExponential(digits - 1).replace("e+", "e");
+  return String(Number(value.toPrecision(digits)));
+}
+
+/** Return round values between two ends, about `count` of them. */
+export function ticksBetween(low, high, count) {
+  const rough = (high - low) / Math.max(count, 1);
+  if (!(rough > 0)) return [low];
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+  return found;
+}

@@ -1,0 +1,92 @@
+// Controls beside the picture: colours and their scale, labels, modes, transport, help.
+
+import { gradient } from "live/palette";
+import { short, withUnit } from "live/numbers";
+
+const byId = (id) => document.getElementById(id);
+
+/** Connect all controls of the page with the viewer. */
+export function buildPanel(app) {
+  fillSelect(byId("color"), Object.entries(app.colorings).map(([name, { label }]) => [name, label]));
+  byId("color").onchange = (event) => app.colorBy(event.target.value);
+  byId("labels").onchange = (event) => app.labelBy(event.target.value);
+  byId("fit").onclick = () => app.fit();
+  byId("reset").onclick = () => app.reset();
+  byId("theme").onclick = () => app.toggleTheme();
+  byId("help-button").onclick = () => app.toggleHelp();
+  byId("follow").onchange = (event) => app.followBy(event.target.checked);
+  byId("arrows").onchange = (event) => app.showArrows(event.target.checked);
+  byId("arrows-row").hidden = !app.arrows;
+  byId("follow-row").hidden = !app.moves;
+  connectModes(app);
+  connectPlayer(app);
+}
+
+export function fillSelect(select, options) {
+  select.replaceChildren(...options.map(([value, text]) => new Option(text, value)));
+}
+
+function connectModes(app) {
+  const { modes } = app.model.scene;
+  byId("modes-box").hidden = !modes.length && !app.model.scene.modes_note;
+  byId("modes-note").textContent = app.model.scene.modes_note;
+  byId("mode").parentElement.hidden = byId("amplitude-row").hidden = !modes.length;
+  fillSelect(byId("mode"), [["", "none"], ...modes.map(({ label }, k) => [String(k), label])]);
+  byId("mode").onchange = ({ target }) => app.showMode(target.value === "" ? null : Number(target.value));
+  byId("amplitude").oninput = ({ target }) => app.setAmplitude(Number(target.value));
+}
+
+function connectPlayer(app) {
+  const { player } = app;
+  byId("transport").hidden = !player?.duration;
+  if (!player?.duration) return;
+  byId("play").onclick = () => player.toggle();
+  const slider = byId("time");
+  slider.oninput = () => {
+    player.pause();
+    player.seek(player.first + (Number(slider.value) / 10000) * player.duration);
+  };
+  const speed = byId("speed");
+  fillSelect(speed, player.speeds.map((value) => [value, `${short(value)} ×`]));
+  speed.value = player.speed;
+  speed.onchange = () => (player.speed = Number(speed.value));
+}
+
+/** Show the clock. */
+export function showClock(app) {
+  const { player } = app;
+  if (!player?.duration) return;
+  byId("time").value = Math.round((10000 * (player.shown - player.first)) / player.duration);
+  byId("clock").textContent = `${player.shown.toFixed(app.digits)} s`;
+  byId("play").setAttribute("aria-label", player.isPlaying ? "pause" : "play");
+  byId("play").classList.toggle("playing", player.isPlaying);
+}
+
+/** Show the scale of the present colours. */
+export function showScale(app) {
+  const { coloring, palette } = app;
+  const bar = byId("scale");
+  const signed = coloring.scale === "diverging";
+  byId("scale-box").hidden = !coloring.scale;
+  byId("kinds").hidden = Boolean(coloring.scale);
+  if (coloring.scale) bar.style.background = gradient(palette[coloring.scale]);
+  const end = (value) => (coloring.unit ? withUnit(value, coloring.unit) : `${short(100 * value)} %`);
+  byId("scale-low").textContent = signed ? `−${end(coloring.limit)}` : "0";
+  byId("scale-middle").textContent = signed ? "0" : "";
+  byId("scale-high").textContent = signed ? `+${end(coloring.limit)}` : end(coloring.limit);
+  const notes = [];
+  if (app.hasSlack) notes.push(["slack", "slack cable", true]);
+  if (app.hasUnknown && coloring.scale) notes.push(["unknown", coloring.unit ? "not known" : "no limit, or not known"]);
+  if (app.coloringName === "use") notes.push(["over", "above its limit"]);
+  if (app.arrows?.hasLoads) notes.push(["load", "load"]);
+  if (app.arrows?.hasReactions) notes.push(["reaction", "reaction"]);
+  byId("keys").replaceChildren(...notes.map(([color, text, dashed]) => {
+    const row = document.createElement("li");
+    const stroke = document.createElement("i");
+    stroke.style[dashed ? "borderTop" : "background"] = dashed ? `3px dashed ${palette.css[color]}` : palette.css[color];
+    row.append(stroke, text);
+    return row;
+  }));
+  byId("kind-bar").style.background = palette.css.bar;
+  byId("kind-cable").style.background = palette.css.cable;
+}

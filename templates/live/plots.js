@@ -1,0 +1,140 @@
+// Lines over time with a cursor: energies, and tensions of some members. A press moves the clock.
+
+import { short, ticksBetween } from "live/numbers";
+
+const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 };
+
+/** One diagram on a canvas; series: [{name, values, color}] over `times`. */
+export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
+  const plot = { canvas, legend, times, series: [], palette: null, cursor: times[0], range: null };
+  plot.set = (series) => {
+    plot.series = series;
+    plot.range = rangeOf(series);
+    plot.draw();
+  };
+  plot.draw = () => drawPlot(plot, unit);
+  plot.at = (time, k) => {
+    plot.cursor = time;
+    plot.draw();
+    plot.series.forEach((line, row) => {
+      const place = legend.children[row]?.lastElementChild;
+      if (place) place.textContent = `${short(line.values[k])} ${unit}`;
+    });
+  };
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", describe);
+  const move = (event) => {
+    const box = canvas.getBoundingClientRect();
+    const inside = box.width - MARGIN.left - MARGIN.right;
+    const part = (event.clientX - box.left - MARGIN.left) / inside;
+    seek(times[0] + Math.min(Math.max(part, 0), 1) * (times.at(-1) - times[0]));
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    move(event);
+  });
+  canvas.addEventListener("pointermove", (event) => event.buttons && move(event));
+  new ResizeObserver(plot.draw).observe(canvas);
+  return plot;
+}
+
+/** Write the legend of a plot: a stroke, a name and the value at the cursor for each line. */
+export function writeLegend(plot) {
+  plot.legend.replaceChildren(...plot.series.map((line) => {
+    const row = document.createElement("li");
+    const stroke = document.createElement("i");
+    stroke.style.background = line.color;
+    const name = document.createElement("span");
+    name.textContent = line.name;
+    row.append(stroke, name, document.createElement("b"));
+    return row;
+  }));
+}
+
+function rangeOf(series) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { values } of series) {
+    for (const value of values) {
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  if (!(low <= high)) return [0, 1];
+  if (low > 0 && low < 0.5 * high) low = 0;
+  const room = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+  return [low === 0 ? 0 : low - room, high + room];
+}
+
+function drawPlot(plot, unit) {
+  const { canvas, times, series, palette, range, cursor } = plot;
+  const { clientWidth: width, clientHeight: height } = canvas;
+  if (!width || !palette || !range) return;
+  const ratio = Math.min(window.devicePixelRatio || 1, 2);
+  if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+  if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  const [start, end] = [times[0], times.at(-1)];
+  const x = (time) => MARGIN.left + ((time - start) / (end - start || 1)) * (width - MARGIN.left - MARGIN.right);
+  const y = (value) => height - MARGIN.bottom - ((value - range[0]) / (range[1] - range[0])) * (height - MARGIN.top - MARGIN.bottom);
+  drawAxes(pen, plot, { x, y, width, height, unit });
+  for (const line of series) strokeLine(pen, line, times, x, y);
+  pen.strokeStyle = palette.css.ink;
+  pen.lineWidth = 1;
+  pen.beginPath();
+  pen.moveTo(x(cursor), MARGIN.top);
+  pen.lineTo(x(cursor), height - MARGIN.bottom);
+  pen.stroke();
+}
+
+function drawAxes(pen, { palette, range, times }, { x, y, width, height, unit }) {
+  pen.font = "11.5px system-ui, sans-serif";
+  pen.fillStyle = palette.css.muted;
+  pen.strokeStyle = palette.css.grid;
+  pen.lineWidth = 1;
+  pen.textAlign = "right";
+  pen.textBaseline = "middle";
+  for (const value of ticksBetween(range[0], range[1], 6)) {
+    pen.beginPath();
+    pen.moveTo(MARGIN.left, y(value));
+    pen.lineTo(width - MARGIN.right, y(value));
+    pen.stroke();
+    pen.fillText(`${short(value)} ${unit}`, MARGIN.left - 5, y(value));
+  }
+  pen.textBaseline = "top";
+  const ticks = ticksBetween(times[0], times.at(-1), Math.max(2, width / 90));
+  ticks.forEach((time, k) => {
+    pen.textAlign = x(time) > width - 30 ? "right" : k === 0 && x(time) < MARGIN.left + 12 ? "left" : "center";
+    pen.fillText(`${short(time)} s`, x(time), height - MARGIN.bottom + 6);
+  });
+}
+
+/** Draw a line; where samples are denser than pixels, the least and the largest of each pixel. */
+function strokeLine(pen, line, times, x, y) {
+  pen.strokeStyle = line.color;
+  pen.lineWidth = 1.7;
+  pen.setLineDash(line.dash ?? []);
+  pen.lineJoin = "round";
+  pen.beginPath();
+  let isDown = false;
+  let column = null;
+  let [low, high] = [0, 0];
+  for (let k = 0; k < times.length; k++) {
+    const value = line.values[k];
+    if (!Number.isFinite(value)) {
+      isDown = false;
+      continue;
+    }
+    const here = x(times[k]);
+    if (isDown && Math.round(here) === column && value >= low && value <= high) continue;
+    if (Math.round(here) !== column) [low, high] = [value, value];
+    column = Math.round(here);
+    [low, high] = [Math.min(low, value), Math.max(high, value)];
+    if (isDown) pen.lineTo(here, y(value));
+    else pen.moveTo(here, y(value));
+    isDown = true;
+  }
+  pen.stroke();
+  pen.setLineDash([]);
+}

@@ -1,0 +1,81 @@
+"""Live pages for verbs: three.js, motion, modes, and the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.files import replaced
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["ThreeOption", "show_live"]
+
+MOST_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
+
+ThreeOption = Annotated[
+    Path | None,
+    typer.Option("--three", help="Wheel of NiceGUI that contains three.js, where pip cannot download it."),
+]
+
+
+def show_live(
+    output: Output, scene: Path, out: Path, trajectory: Path | None, modes: int, three: Path | None
+) -> tuple[dict[str, Any], str]:
+    """Write a live page of a scene; return the result of the verb as data and as text."""
+    from tensegrity_codegen.report.live.live_scene import build_live_scene
+    from tensegrity_codegen.report.live.render_live import render_live
+    from tensegrity_codegen.report.live.three_module import find_three
+    from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
+    from tensegrity_codegen.structure.outline import outline_tendons
+
+    subject, request = output.load(scene)
+    motion = None if trajectory is None else read_trajectory(trajectory, outline_tendons(subject))
+    module, licence = find_three(three)
+    analysis, note = find_modes(output, subject, request, modes)
+    shown = build_live_scene(subject, motion, analysis, modes_note=note)
+    text = render_live(shown, module, licence)
+    with replaced(out) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    size = len(text.encode("utf-8"))
+    data = {
+        "status": "ok",
+        "out": str(out),
+        "bytes": size,
+        "n_frames": 1 if motion is None else len(motion.time),
+        "n_modes": len(shown.data["modes"]),
+        "modes_note": note,
+        "rounding": dict(shown.data["rounding"]),
+    }
+    return data, f"wrote {out} ({size / 1e6:.2g} MB)"
+
+
+def find_modes(
+    output: Output, subject: Subject, request: ModelRequest, count: int
+) -> tuple[Analysis | None, str]:
+    """Return the analysis with natural modes and mechanisms, or None and why there is none."""
+    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.runtime.analysis.analyse import analyse
+
+    if count == 0:
+        return None, ""
+    size = subject.n_coordinates
+    if size > MOST_COORDINATES:
+        return None, f"No modes: more than {MOST_COORDINATES} coordinates ({size})."
+    if size == 0:
+        return None, "No modes: no node can move."
+    try:
+        near, _ = move_near_origin(subject, request)
+        statics = with_statics(near, request)
+        wanted = find_needs("analyse", near, statics).alone(statics)
+        return analyse(build_library(near, wanted).load(), n_modes=count), ""
+    except TensegrityError as error:
+        output.warn(f"the page has no modes: {error.problem}")
+        return None, f"No modes: {error.problem}."

@@ -1,0 +1,3 @@
+"""Pages in which a structure or a motion is turned, played and asked: one file, nothing from outside."""
+
+__all__: list[str] = []

@@ -1,0 +1,51 @@
+"""The part of its limits that each member uses, over a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS, check_members
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["compute_uses"]
+
+FloatArray = NDArray[np.float64]
+
+MOST = 1000.0  # of a use that is infinite, such as a tension where none is allowed
+
+
+def compute_uses(
+    subject: Structure | BodySystem, structure: Structure, position: FloatArray, tension: FloatArray
+) -> FloatArray | None:
+    """Return the largest part of a limit that each member uses; above 1 the limit is exceeded.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        What has the limits.
+    structure : Structure
+        Its outline, whose first members are those of the subject.
+    position : ndarray, shape (n_t, n_nodes, 3) [m]
+        Positions.
+    tension : ndarray, shape (n_t, n_members) [N]
+        Tensions; NaN where unknown.
+
+    Returns
+    -------
+    ndarray, shape (n_t, n_members), or None
+        Uses, NaN for members without a limit or with an unknown tension; None where no member has a limit.
+    """
+    limits = subject.limits.for_members(subject.n_members)
+    if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
+        return None
+    ends = structure.connectivity[: subject.n_members]
+    result = np.full(tension.shape, np.nan)
+    for k in range(len(tension)):
+        length = np.linalg.norm(position[k, ends[:, 0]] - position[k, ends[:, 1]], axis=1)
+        use = check_members(subject, tension[k, : subject.n_members], length).use
+        result[k, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
+    limited: FloatArray = np.minimum(result, MOST)
+    return limited

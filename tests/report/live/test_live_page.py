@@ -1,0 +1,234 @@
+"""Live pages in a real browser: turned, scrubbed, pointed at; what they show is the motion itself."""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.report.live.live_scene import build_live_scene
+from tests.report.browser import find_browser
+from tests.report.driver import Browser, Tab, running_browser
+from tests.report.live.pages import load, sway, write_page
+
+pytestmark = pytest.mark.skipif(find_browser() is None, reason="no chromium is installed")
+PRISM = load("prism")
+MOTION = sway(PRISM)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with running_browser() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_page(build_live_scene(PRISM, MOTION), tmp_path_factory.mktemp("live") / "prism.html")
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Browser, page: Path) -> Tab:
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(page)
+    return opened
+
+
+def place_of(tab: Tab, node: str) -> tuple[float, float]:
+    """Where a node stands in the window [px]."""
+    x, y = tab.ask(f"tensegrity.place({PRISM.node_name.index(node)})")
+    box = tab.ask("(({left, top}) => [left, top])(document.getElementById('view').getBoundingClientRect())")
+    return x + box[0], y + box[1]
+
+
+def test_a_prism_of_200_samples_is_small_and_complete(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert len(text.encode()) < 1_500_000
+    assert "three.js authors" in text
+    assert "Permission is hereby granted" in text
+    assert "written by tensegrity_codegen" in text[:2000]
+
+
+def test_positions_read_back_equal_the_motion(tab: Tab) -> None:
+    found = tab.ask(
+        "(() => { const rows = []; for (let k = 0; k < tensegrity.frames; k++) {"
+        " tensegrity.seekFrame(k); tensegrity.app.read(tensegrity.app);"
+        " const { positions, tensions, time } = tensegrity.state; rows.push([positions, tensions, time]); }"
+        " return rows; })()"
+    )
+    rounding = tab.ask("tensegrity.rounding")
+    assert len(found) == len(MOTION.time) == 200
+    position = np.array([row[0] for row in found]).reshape(MOTION.node_position.shape)
+    assert np.abs(position - MOTION.node_position).max() <= rounding["node_position"] + 1e-12
+    tension = np.array([row[1] for row in found])
+    assert np.abs(tension - MOTION.member_tension).max() <= rounding["member_tension"] + 1e-12
+    assert [row[2] for row in found] == pytest.approx(MOTION.time)
+    assert rounding["node_position"] < 1e-7
+
+
+def test_the_mouse_turns_and_zooms_the_picture(tab: Tab) -> None:
+    tab.ask("tensegrity.pause(); tensegrity.seekFrame(0); tensegrity.app.reset()")
+    tab.frame()
+    before = tab.ask("tensegrity.camera")
+    tab.drag((300, 700), (520, 640))
+    tab.frame()
+    after = tab.ask("tensegrity.camera")
+    distance = [math.dist(view["position"], view["target"]) for view in (before, after)]
+    assert math.dist(before["position"], after["position"]) > 0.2 * distance[0]
+    assert distance[1] == pytest.approx(distance[0], rel=1e-3)
+    tab.mouse("Wheel", 500, 400, wheel=300)
+    far = "(({position, target}) => Math.hypot(...position.map((v, k) => v - target[k])))(tensegrity.camera)"
+    tab.wait(f"{far} > {1.05 * distance[1]}")
+    tab.press("r")
+    tab.frame()
+    assert tab.ask("tensegrity.camera")["position"] == pytest.approx(before["position"], rel=1e-6, abs=1e-9)
+    assert 0.005 < tab.ask("tensegrity.coverage()") < 0.5
+
+
+def test_the_slider_scrubs_and_keys_step(tab: Tab) -> None:
+    tab.ask("tensegrity.seekFrame(0)")
+    box = tab.ask(
+        "(({left, top, width, height}) => [left, top, width, height])"
+        "(document.getElementById('time').getBoundingClientRect())"
+    )
+    place = (box[0] + 0.75 * box[2], box[1] + box[3] / 2)
+    tab.mouse("Moved", *place)
+    tab.mouse("Pressed", *place, button="left")
+    tab.mouse("Released", *place, button="left")
+    tab.wait("Math.abs(tensegrity.time - 1.5) < 0.05")
+    tab.ask("document.activeElement.blur(); tensegrity.seekFrame(10)")
+    tab.press(".")
+    tab.frame()
+    assert tab.ask("tensegrity.state.frame") == 11
+    tab.press("Home")
+    tab.frame()
+    assert tab.ask("tensegrity.time") == 0.0
+
+
+def test_play_moves_the_clock_and_pause_stops_it(tab: Tab) -> None:
+    tab.ask("tensegrity.seekFrame(0)")
+    tab.press(" ")
+    tab.wait("tensegrity.time > 0.05")
+    tab.press(" ")
+    time = tab.ask("tensegrity.time")
+    tab.frame()
+    tab.frame()
+    assert tab.ask("tensegrity.time") == time
+
+
+def test_a_click_names_a_member_with_its_numbers(tab: Tab) -> None:
+    tab.ask("tensegrity.seekFrame(0); tensegrity.app.reset()")
+    tab.frame()
+    member = PRISM.member_name.index("vertical1")
+    first, second = (PRISM.node_name[k] for k in PRISM.connectivity[member])
+    a, b = place_of(tab, first), place_of(tab, second)
+    place = (0.6 * a[0] + 0.4 * b[0], 0.6 * a[1] + 0.4 * b[1])
+    tab.mouse("Moved", *place)
+    tab.wait("!document.getElementById('tip').hidden")
+    assert "vertical1" in tab.ask("document.getElementById('tip').innerText")
+    tab.mouse("Pressed", *place, button="left")
+    tab.mouse("Released", *place, button="left")
+    tab.wait("tensegrity.chosen !== null")
+    assert tab.ask("tensegrity.chosen") == {"member": member}
+    text = tab.ask("document.getElementById('chosen').innerText")
+    for word in ("vertical1", "length", "tension", "force density"):
+        assert word in text
+    tension = float(MOTION.member_tension[0, member])
+    assert f"{tension:.4g}".rstrip("0") in text
+    tab.press("Escape")
+    assert tab.ask("tensegrity.chosen") is None
+
+
+def test_colours_follow_tensions_and_slack_cables_are_told_apart(tab: Tab) -> None:
+    tab.ask("tensegrity.colorBy('tension'); tensegrity.seekFrame(0)")
+    tab.frame()
+    slack = np.array(tab.ask("tensegrity.state.slack"), dtype=bool)
+    lengths = np.array(tab.ask("tensegrity.state.lengths"))
+    loose = PRISM.tension_only & (MOTION.member_tension[0] <= 0) & (lengths < 0.999 * PRISM.rest_length)
+    assert slack[loose].all()
+    assert not slack[MOTION.member_tension[0] > 0].any()
+    colors = np.array(tab.ask("tensegrity.colors")).reshape(-1, 4)
+    assert set(colors[slack, 3]) <= {0}
+    assert set(colors[~slack, 3]) == {255}
+    pressed = PRISM.is_bar & (MOTION.member_tension[0] < 0)
+    pulled = ~slack & (MOTION.member_tension[0] > 0.2 * MOTION.member_tension.max())
+    assert (colors[pressed, 2] >= colors[pressed, 0]).all()  # blue
+    assert (colors[pulled, 0] > colors[pulled, 2]).all()  # vermilion
+    tab.ask("tensegrity.colorBy('kind')")
+    tab.frame()
+    kinds = np.array(tab.ask("tensegrity.colors")).reshape(-1, 4)[:, :3]
+    assert len(np.unique(kinds[PRISM.is_bar & ~slack], axis=0)) == 1
+    tab.ask("tensegrity.colorBy('tension')")
+
+
+def test_the_page_asks_for_nothing_and_does_not_complain(tab: Tab) -> None:
+    assert tab.complaints() == []
+    assert tab.requests() == []
+
+
+@pytest.mark.parametrize(("width", "height"), [(400, 800), (1400, 860)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_width_and_theme(browser: Browser, page: Path, width: int, height: int, scheme: str) -> None:
+    opened = Tab(browser, width, height, scheme)
+    opened.open(page)
+    opened.frame()
+    assert opened.ask("document.documentElement.scrollWidth") <= width
+    paper = opened.ask("getComputedStyle(document.body).backgroundColor")
+    assert paper == ("rgb(255, 255, 255)" if scheme == "light" else "rgb(20, 24, 29)")
+    assert 0.005 < opened.ask("tensegrity.coverage()") < 0.6
+    assert opened.complaints() == []
+    opened.send("Page.close")
+
+
+@pytest.mark.parametrize("name", ["planar", "svd_tower", "two_nodes", "prism12"])
+def test_other_structures_stand_still(browser: Browser, tmp_path: Path, name: str) -> None:
+    path = write_page(build_live_scene(load(name)), tmp_path / f"{name}.html")
+    opened = Tab(browser, 1000, 700, "light")
+    opened.open(path)
+    opened.frame()
+    assert opened.ask("document.getElementById('transport').hidden") is True
+    assert opened.ask("tensegrity.coverage()") > 0.0005
+    unknown = opened.ask("tensegrity.state.tensions.filter(value => Number.isNaN(value)).length")
+    assert unknown == (9 if name == "svd_tower" else 0)
+    assert opened.complaints() == []
+    opened.send("Page.close")
+
+
+def test_frame_times_of_ten_thousand_members(
+    browser: Browser, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    side = 71
+    names = [f"n{k}" for k in range(side * side)]
+    place = np.array([(k // side, k % side, 0.0) for k in range(side * side)], dtype=float)
+    pairs = [(k, k + 1) for k in range(side * side) if (k + 1) % side]
+    pairs += [(k, k + side) for k in range(side * (side - 1))]
+    count = len(pairs)
+    structure = load("prism").with_changes(
+        node_name=tuple(names), node_position=place, node_velocity=np.zeros_like(place),
+        node_mass=np.ones(len(names)), node_anchored=np.zeros(place.shape, dtype=bool),
+        node_load=np.zeros_like(place), member_name=tuple(f"m{k}" for k in range(count)),
+        member_class=("rope",) * count, connectivity=np.array(pairs), is_bar=np.zeros(count, dtype=bool),
+        tension_only=np.ones(count, dtype=bool), rest_length=np.full(count, 0.9),
+        spring_constant=np.full(count, 10.0), axial_stiffness=np.zeros(count), damping=np.zeros(count),
+        member_mass=np.zeros(count), radius=np.zeros(count), inner_radius=None, groups={}, inputs=(),
+        law_parameter={}, interference=None,
+    )  # fmt: skip
+    motion = sway(structure, 40)
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(write_page(build_live_scene(structure, motion), tmp_path / "net.html"))
+    found = opened.ask("tensegrity.measure(20)")
+    with capsys.disabled():
+        total, script = (statistics.median(found[key][3:]) for key in ("total", "script"))
+        print(json.dumps({"members": count, "frame_ms": round(total, 1), "script_ms": round(script, 1)}))
+    assert count > 9900
+    assert opened.ask("tensegrity.coverage()") > 0.01
+    position = np.array(opened.ask("tensegrity.state.positions")).reshape(-1, 3)
+    rounding = opened.ask("tensegrity.rounding.node_position")
+    assert np.abs(position - motion.node_position[0]).max() <= rounding + 1e-12
+    assert opened.complaints() == []
+    opened.send("Page.close")
