@@ -34,7 +34,8 @@ export class Mast {
     this.memberNames = manifest.member_name;
     this.coordinateNames = manifest.coordinate_name;
     this.connectivity = manifest.connectivity;
-    this.nodeNames = manifest.node_name;
+    this.nodePosition = manifest.node_position; // [m], of all nodes in the scene
+    this.coordinateNodeAxis = manifest.coordinate_node_axis; // node and axis of each free coordinate
     this.workOf = Object.fromEntries(
       [...manifest.integrators, ...manifest.solvers].map((item) => [item.name, item.work_size]),
     );

@@ -2,7 +2,7 @@
 
 Commands run in the folder of the example. In them {mast}, {tower} and {wasm} are folders that `build --out`
 wrote, {out} is the folder of what the example builds, {motor} the argument of the program, {python} a Python
-with the package ament_package, if there is one.
+with the package ament_package, if there is one, {runner} the Python that runs the examples.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.errors import CompilerMissingError
+from trial.browser import find_browser
 
 __all__ = ["BUNDLES", "EXAMPLES", "RECIPES", "Bundle", "Recipe", "Tool", "find_ament_python", "find_missing"]
 
@@ -39,6 +40,7 @@ CARGO = Tool("cargo", "apt-get install cargo")
 MKOCTFILE = Tool("mkoctfile", "apt-get install octave-dev")
 OCTAVE = Tool("octave", "apt-get install octave")
 NODE = Tool("node", "apt-get install nodejs")
+BROWSER = Tool("chromium", "apt-get install chromium")
 JULIA = Tool("julia", "see julialang.org")
 CXX = Tool("c++", "apt-get install g++")
 
@@ -157,6 +159,17 @@ RECIPES = (
         run="node main.mjs {wasm} {motor}",
     ),
     Recipe(
+        name="browser",
+        folder="javascript",
+        tools=(BROWSER, ZIG),
+        bundles=("wasm",),
+        build=(
+            "mkdir -p {out}",
+            "cp index.html page.mjs rows.mjs mast.mjs {wasm}/mast.wasm {wasm}/manifest.json {out}",
+        ),
+        run="{runner} ../trial/browser.py {out} {motor}",
+    ),
+    Recipe(
         name="ros2",
         folder="ros2/mast_simulation",
         tools=(CMAKE, MAKE, CXX),
@@ -191,4 +204,6 @@ def find_missing(tool: Tool) -> bool:
         except CompilerMissingError:
             return True
         return False
+    if tool is BROWSER:
+        return find_browser() is None
     return shutil.which(tool.program) is None

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -90,7 +91,7 @@ def _try_example(recipe: Recipe, libraries: Libraries) -> tuple[str, dict[str, f
     own = libraries.out / "build" / recipe.name
     own.mkdir(parents=True, exist_ok=True)
     folders = {name: str(libraries.folder(name)) for name in recipe.bundles}
-    folders |= {"out": str(own), "python": find_ament_python()}
+    folders |= {"out": str(own), "python": find_ament_python(), "runner": sys.executable}
     folder = EXAMPLES / recipe.folder
     printed = "".join(_succeed(command, folder) for command in recipe.commands(**folders))
     remark = re.search(recipe.remark, printed) if recipe.remark else None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import run
+from trial.browser import find_browser, read_page, read_text, serve
 from trial.recipes import RECIPES, Recipe, Tool
 from trial.rows import compare_rows, parse_rows
 from trial.trial import Libraries, Outcome, run_examples
@@ -71,9 +72,44 @@ def test_the_example_in_c_prints_the_numbers_of_python(libraries: Libraries) -> 
 
 @pytest.mark.thorough
 @pytest.mark.optimised
+@pytest.mark.timeout(1800)  # zig compiles parts of its C library once
 @pytest.mark.parametrize("name", OTHERS)
 def test_an_example_prints_the_numbers_of_python(name: str, libraries_of_users: Libraries) -> None:
     check_numbers(name, libraries_of_users)
+
+
+# Shows the page at a width, and measures it when it has computed.
+FRAME = """<!doctype html>
+<iframe id="frame" style="border:0;width:{width}px" src="index.html"></iframe>
+<script>
+const timer = setInterval(() => {{
+  const page = document.getElementById("frame").contentDocument;
+  if (page.getElementById("done")?.hidden !== false) return;
+  clearInterval(timer);
+  const root = page.documentElement, found = document.createElement("pre");
+  found.id = "found";
+  found.textContent = [root.clientWidth, root.scrollWidth, page.querySelectorAll("#picture line").length,
+    page.querySelectorAll("#tensions tr").length, page.getElementById("value").textContent].join(" ");
+  document.body.append(found);
+}}, 50);
+</script>"""
+
+
+@pytest.mark.thorough
+@pytest.mark.optimised
+@pytest.mark.timeout(1800)
+def test_the_page_shows_all_members_and_fits_its_width(libraries_of_users: Libraries) -> None:
+    browser = find_browser()
+    assert try_recipe(BY_NAME["browser"], libraries_of_users).status == "same numbers"
+    assert browser is not None
+    folder = libraries_of_users.out / "build" / "browser"
+    for width in (400, 1400):
+        (folder / f"frame{width}.html").write_text(FRAME.format(width=width), encoding="utf-8")
+        with serve(folder) as address:
+            document = read_page(browser, f"{address}/frame{width}.html")
+        shown, content, *others = read_text(document, "found").split()
+        assert width - 30 < int(content) <= int(shown) <= width  # less a scroll bar
+        assert others == ["9", "9", "30", "mm"]
 
 
 def test_the_numbers_of_the_page_are_those_of_python(libraries: Libraries) -> None:

@@ -16,7 +16,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def page_of(recipe: Recipe) -> str:
-    return PAGES[recipe.name.partition("-")[0]]
+    return PAGES[recipe.folder.partition("/")[0]]
 
 
 def quote(word: str) -> str:
@@ -28,7 +28,7 @@ def quote(word: str) -> str:
 def list_commands(recipe: Recipe) -> str:
     """Return the commands of a recipe as typed at the top of the checkout."""
     folders = {name: f"$out/{name}" for name in recipe.bundles}
-    folders |= {"out": f"$out/build/{recipe.name}", "python": "/usr/bin/python3"}
+    folders |= {"out": f"$out/build/{recipe.name}", "python": "/usr/bin/python3", "runner": "python3"}
     builds = [BUNDLES[name].command(f"$out/{name}") for name in recipe.bundles]
     move = ("cd", f"examples/{recipe.folder}")
     commands = [*builds, move, *recipe.commands(**folders), recipe.program("0.03", **folders)]
