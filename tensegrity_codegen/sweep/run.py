@@ -23,7 +23,7 @@ from tensegrity_codegen.sweep.store.folder import check_store_folder, find_finis
 from tensegrity_codegen.sweep.store.identity import check_same_sweep
 from tensegrity_codegen.sweep.store.store import SweepStore
 
-__all__ = ["run_sweep"]
+__all__ = ["check_zarr", "run_sweep"]
 
 
 def run_sweep(
@@ -69,7 +69,7 @@ def run_sweep(
         Zarr is not installed.
     """
     _check_stop_after(stop_after)
-    _check_zarr()
+    check_zarr()
     started = time.monotonic()
     with locked_store(out):
         stored = check_store_folder(out)
@@ -150,7 +150,7 @@ class _Run:
         return False
 
 
-def _check_zarr() -> None:
+def check_zarr() -> None:
     """Raise MissingExtraError if results could not be stored; nothing is loaded yet."""
     import importlib.util
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.extras import SWEEP, import_extra
+from tensegrity_codegen.sweep.store.contents import RECORD
 from tensegrity_codegen.sweep.store.folder import read_stored_sweep
 
 __all__ = ["open_sweep"]
@@ -35,4 +36,5 @@ def open_sweep(path: str | Path) -> Any:
     stored = read_stored_sweep(path)
     import_extra("zarr", SWEEP)
     xarray = import_extra("xarray", SWEEP)
-    return xarray.open_zarr(str(stored.path), chunks=None, consolidated=True, zarr_format=3)
+    found = xarray.open_zarr(str(stored.path), chunks=None, consolidated=True, zarr_format=3)
+    return found.drop_vars(RECORD)
