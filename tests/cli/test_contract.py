@@ -41,6 +41,7 @@ VERBS += [
     "show",
     "simulate",
     "stability",
+    "sweep",
 ]
 # A good call of each verb.
 GOOD_CALLS = {

@@ -88,7 +88,7 @@ class CaseAssembler:
             The values are no scene.
         """
         with np.errstate(all="ignore"):
-            subject, request = assemble_scene(self._write(values), self.where)
+            subject, request = assemble_scene(parse_scene(self.write(values), self.where), self.where)
             return self._set_arrays(subject, request, values)
 
     @cached_property
@@ -103,7 +103,11 @@ class CaseAssembler:
             inside &= bounds.contain(column)
         return inside
 
-    def _write(self, values: Sequence[float] | FloatArray) -> Scene:
+    def write(self, values: Sequence[float] | FloatArray) -> Mapping[str, Any]:
+        """Return the scene with these values (n_keys,) of the numbers that stand in it, not checked.
+
+        Keys of arrays of the structure, as ``rest_length.s1``, are not in it.
+        """
         pairs = [(key, float(value)) for key, value in zip(self.keys, values, strict=True)]
         document: Mapping[str, Any] = self.document
         for key, value in pairs:
@@ -114,7 +118,7 @@ class CaseAssembler:
             document = expand_document(document, self.where)
             for key, value in late:
                 document = key.path.write(document, value)
-        return parse_scene(document, self.where)
+        return document
 
     def _set_arrays(
         self, subject: Subject, request: ModelRequest, values: Sequence[float] | FloatArray

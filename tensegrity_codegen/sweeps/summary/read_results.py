@@ -49,6 +49,7 @@ def read_results(path: str | Path) -> SweepResults:
         scene=_find_name(stored),
         operation=str(operation.pop("do", "")),
         options={name: value for name, value in operation.items() if name != "keep"},
+        keep=tuple(operation.get("keep", ())),
         keys=tuple(keys),
         axes=tuple(zip(list(keys)[:n_axes], columns[:n_axes], strict=True)),
         method=str(cases.get("method", "")),

@@ -59,6 +59,8 @@ class SweepResults:
         Name of the scene; what was done with each case.
     options : mapping
         Options of the operation, by the names of Python arguments.
+    keep : tuple of str
+        What was kept, as on the command line.
     keys : tuple of str
         What varies.
     axes : tuple of (key, values)
@@ -85,6 +87,7 @@ class SweepResults:
     scene: str
     operation: str
     options: Mapping[str, Any]
+    keep: tuple[str, ...]
     keys: tuple[str, ...]
     axes: tuple[tuple[str, FloatArray], ...]
     method: str

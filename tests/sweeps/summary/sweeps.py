@@ -49,11 +49,12 @@ def make_sweep(
     operation: str = "equilibrium",
     message: Callable[[int], str] = lambda case: "",
     options: Mapping[str, Any] | None = None,
+    kept_names: Sequence[str] = (),
 ) -> SweepResults:
     """Return a sweep of which all cases converged unless `status` states otherwise."""
     codes = np.full(len(key_values), 1) if status is None else np.asarray(status)
     return SweepResults(
-        Path("made.zarr"), "prism", operation, options or {}, tuple(keys),
+        Path("made.zarr"), "prism", operation, options or {}, tuple(kept_names), tuple(keys),
         tuple((axes or {}).items()), method, {key: f"range of {key}" for key in keys},
         7, key_values, codes.astype(np.int64), WORDS, message, {item.name: item for item in kept},
     )  # fmt: skip
