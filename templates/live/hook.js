@@ -58,6 +58,6 @@ export function exposeHook(app) {
     measure: (frames) => app.measure(frames),
     /** Return what is drawn as numbers: the part of the picture that is not paper. */
     coverage: () => app.coverage(),
-    ...app.moreHooks,
   };
+  Object.defineProperties(window.tensegrity, Object.getOwnPropertyDescriptors(app.moreHooks));
 }

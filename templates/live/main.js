@@ -1,4 +1,4 @@
-// Start: a structure or a recorded motion.
+// Start: a structure, a recorded motion, or a running model.
 
 import { buildDiagrams } from "live/diagrams";
 import { exposeHook } from "live/hook";
@@ -10,6 +10,10 @@ import { listenToPointer, showChosen } from "live/pointer";
 import { buildViewer, run, update } from "live/viewer";
 
 export async function start(scene, buffers) {
+  if (scene.engine) {
+    const { startPlay } = await import("live/play");
+    return startPlay(scene, buffers);
+  }
   const model = buildModel(scene, buffers);
   const app = buildViewer(model, (viewer) => readState(model, viewer.state, viewer.time));
   app.player = buildPlayer(model, app.changed);

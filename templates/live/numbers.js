@@ -1,5 +1,6 @@
 // Numbers as people read them.
 
+const FLAT = 1e-9; // part of the values below which a range has no ticks of its own
 const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
 
 /** Return a number with a unit, its prefix chosen by size: 0.0123 m -> "12.3 mm". */
@@ -23,7 +24,7 @@ export function short(value, digits = 3) {
 /** Return round values between two ends, about `count` of them. */
 export function ticksBetween(low, high, count) {
   const rough = (high - low) / Math.max(count, 1);
-  if (!(rough > 0)) return [low];
+  if (!(rough > FLAT * Math.max(Math.abs(low), Math.abs(high)))) return [low];
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
   const found = [];

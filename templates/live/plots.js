@@ -61,7 +61,8 @@ function rangeOf(series) {
   }
   if (!(low <= high)) return [0, 1];
   if (low > 0 && low < 0.5 * high) low = 0;
-  const room = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  const room = high - low > 1e-6 * size ? 0.06 * (high - low) : 0.1 * size || 1;
   return [low === 0 ? 0 : low - room, high + room];
 }
 

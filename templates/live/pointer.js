@@ -17,7 +17,8 @@ export function listenToPointer(app) {
   const hover = () => {
     const place = pending;
     pending = null;
-    if (!place) return;
+    if (app.pull) tip.hidden = true;
+    if (!place || app.pull) return;
     app.hovered = app.picker.pick(app.state.nodes, ...place);
     tip.hidden = !app.hovered;
     canvas.style.cursor = app.hovered ? "pointer" : "";

@@ -33,6 +33,7 @@ VERBS += [
     "load-path",
     "new",
     "plan",
+    "play",
     "reconfigure",
     "report",
     "reproduce",
@@ -41,7 +42,6 @@ VERBS += [
     "show",
     "simulate",
     "stability",
-    "sweep",
 ]
 # A good call of each verb.
 GOOD_CALLS = {

@@ -17,7 +17,9 @@ from tensegrity_codegen.report.live.live_scene import LiveScene
 
 __all__ = ["live_folder", "render_live"]
 
-FIRST = "boot"  # the one script that is no module
+FIRST, WORKER = "boot", "worker"  # scripts that are no modules
+HINT = "Point at a member or node; click to keep it here."
+PULL_HINT = "Drag a node to pull it; click a member to keep its numbers here."
 
 
 def live_folder() -> Path:
@@ -44,6 +46,7 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
     texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.js"))}
     channels = [{"name": name, "data": channel.data} for name, channel in scene.channels.items()]
     data = {**scene.data, "channels": {name: item.describe() for name, item in scene.channels.items()}}
+    is_running = "engine" in scene.data
     return _template().render(
         title=scene.title,
         headline=scene.headline,
@@ -51,7 +54,11 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
         style=_raw((folder / "style.css").read_text(encoding="utf-8")),
         scene=_raw(_as_json(data)),
         channels=channels,
-        modules=[{"name": name, "text": _raw(text)} for name, text in texts.items() if name != FIRST],
+        modules=[
+            {"name": name, "text": _raw(text)} for name, text in texts.items() if name not in (FIRST, WORKER)
+        ],
+        worker=_raw(texts[WORKER]) if is_running else "",
+        hint=PULL_HINT if is_running else HINT,
         boot=_raw(texts[FIRST]),
         three=pack_text(three),
         licence=licence,

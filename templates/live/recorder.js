@@ -1,0 +1,80 @@
+// The last seconds of a running model, for the diagrams.
+
+import { buildPlot, writeLegend } from "live/plots";
+
+const SPAN = 12; // seconds
+const LINES = 4;
+
+export function buildRecorder(app) {
+  const { model } = app;
+  const byId = (id) => document.getElementById(id);
+  const times = [0];
+  const rows = { kinetic: [], potential: [], total: [] };
+  const tensions = [];
+  const options = (unit, describe) => ({ times, unit, describe, seek: () => {} });
+  const energy = buildPlot(byId("energy"), byId("energy-legend"), options("J", "energy of the last seconds"));
+  const tension = buildPlot(byId("tension"), byId("tension-legend"), options("N", "tension of the last seconds"));
+  let members = chooseMembers(app, app.engine.last);
+  const series = () => {
+    const { lines, css } = app.palette;
+    energy.palette = tension.palette = app.palette;
+    energy.series = [
+      { name: "kinetic", values: rows.kinetic, color: lines[0] },
+      { name: "potential", values: rows.potential, color: lines[1] },
+      { name: "total", values: rows.total, color: css.ink, dash: [6, 3] },
+    ];
+    tension.series = members.map((e, k) => ({
+      name: model.memberNames[e], values: tensions.map((row) => row[e]), color: lines[k],
+    }));
+  };
+  const legends = () => {
+    series();
+    writeLegend(energy);
+    writeLegend(tension);
+  };
+  const recorder = {
+    add(state) {
+      if (state.time <= times.at(-1) && times.length > 1) {
+        if (state.time === times.at(-1)) return;
+        for (const list of [times, ...Object.values(rows), tensions]) list.length = 0;
+      }
+      if (!rows.kinetic.length) times.length = 0;
+      recorder.start ??= state.total - state.kinetic;
+      times.push(state.time);
+      rows.kinetic.push(state.kinetic);
+      rows.potential.push(state.total - state.kinetic - recorder.start);
+      rows.total.push(state.total - recorder.start);
+      tensions.push(state.tension);
+      while (state.time - times[0] > SPAN) for (const list of [times, ...Object.values(rows), tensions]) list.shift();
+    },
+    show() {
+      if (times.length < 2) return;
+      series();
+      for (const plot of [energy, tension]) {
+        plot.set(plot.series);
+        plot.at(times.at(-1), times.length - 1);
+      }
+    },
+  };
+  app.choiceChanged = () => {
+    members = chooseMembers(app, app.engine.last);
+    legends();
+    recorder.show();
+  };
+  app.paletteChanged = () => {
+    legends();
+    recorder.show();
+  };
+  legends();
+  recorder.add(app.engine.last);
+  return recorder;
+}
+
+/** The members with the largest tensions, a chosen one first. */
+function chooseMembers(app, { tension }) {
+  const chosen = app.chosen?.member;
+  const order = Array.from(tension.keys()).filter((e) => Number.isFinite(tension[e]) && e !== chosen);
+  order.sort((a, b) => Math.abs(tension[b]) - Math.abs(tension[a]) || a - b);
+  const first = chosen === undefined || chosen >= tension.length ? [] : [chosen];
+  return [...first, ...order].slice(0, LINES);
+}

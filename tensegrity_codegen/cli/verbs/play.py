@@ -1,0 +1,40 @@
+"""`tensegrity-codegen play`: a page in which the compiled model runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensegrity_codegen.cli.live_page import ThreeOption, play_live
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.verb import Verb
+from tensegrity_codegen.files import check_ending, check_output
+
+__all__ = ["VERB"]
+
+
+def play(
+    scene: SceneArgument,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Live page (.html).")],
+    overwrite: OverwriteOption = False,
+    rtol: Annotated[float, typer.Option("--rtol", help="Relative tolerance of each step.")] = 1e-6,
+    three: ThreeOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Write a page in which the compiled model runs: drag nodes, move sliders, at real time.
+
+    The generated C is compiled to WebAssembly by zig and stands in the page, one HTML file without requests.
+
+    Example: tensegrity-codegen play prism.toml --out prism.html
+    """
+    output = Output(json)
+    with output.guard(scene):
+        check_ending(out, ".html")
+        check_output(out, inputs=[scene], overwrite=overwrite)
+        output.result(*play_live(output, scene, out, rtol, three))
+
+
+VERB = Verb(play, order=82)

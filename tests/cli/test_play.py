@@ -1,0 +1,38 @@
+"""The verb play: what is refused before anything is compiled."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Run
+
+
+@pytest.mark.parametrize(
+    ("words", "where"),
+    [(("--out", "a.png"), "a.png"), (("--out", "missing/a.html"), "missing/a.html"),
+     (("--out", "a.html", "--rtol", "0.5"), "--rtol"), (("--out", "a.html", "--rtol", "nan"), "--rtol")],
+)  # fmt: skip
+def test_bad_input_is_refused(words: tuple[str, ...], where: str, run: Run, two_nodes: Path) -> None:
+    ended = run("play", two_nodes, *words, "--json")
+    assert ended.code == 2
+    assert ended.data["where"] == where
+    assert list(two_nodes.parent.iterdir()) == [two_nodes]
+
+
+def test_a_scene_without_masses_is_refused(run: Run, folder: Path, two_nodes: Path) -> None:
+    text = two_nodes.read_text(encoding="utf-8")
+    light = folder / "light.toml"
+    light.write_text("\n".join(line for line in text.splitlines() if not line.startswith("node_mass")) + "\n")
+    ended = run("play", light, "--out", "a.html", "--json")
+    assert ended.code == 2
+    assert "mass" in ended.data["problem"]
+    assert not Path("a.html").exists()
+
+
+def test_an_input_is_not_replaced(run: Run, two_nodes: Path) -> None:
+    page = two_nodes.with_suffix(".html")
+    page.write_bytes(two_nodes.read_bytes())
+    assert run("play", page, "--out", page, "--json").code == 2
+    assert page.read_bytes() == two_nodes.read_bytes()

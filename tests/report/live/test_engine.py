@@ -1,0 +1,62 @@
+"""Models that run in pages: what the library is asked for, and the sliders of the page."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.report.live.engine import PULLED, add_engine
+from tensegrity_codegen.report.live.live_scene import build_live_scene
+from tensegrity_codegen.report.live.render_live import live_folder
+from tests.report.live.pages import EXAMPLES
+from tests.report.live.test_channels import unpack
+
+
+def describe(name: str):
+    subject, request = load_scene(EXAMPLES / f"{name}.toml")
+    manifest = emit(subject, request_play(subject, request)).manifest
+    scene = add_engine(build_live_scene(subject), subject, manifest, b"\0asm", rtol=1e-6)
+    return subject, manifest, scene
+
+
+@pytest.mark.parametrize("name", ["prism12", "tower", "svd_tower", "planar", "two_nodes"])
+def test_everything_that_the_page_calls_is_there(name: str) -> None:
+    subject, manifest, scene = describe(name)
+    engine = scene.data["engine"]
+    assert {"node_load", "gravity"} <= set(engine["sizes"])
+    assert engine["sizes"]["node_load"] == subject.n_nodes * len(manifest.axes)
+    assert {"member_tension", "acceleration", "kinetic_energy", "total_energy"} <= set(engine["functions"])
+    in_nodes = bool(manifest.coordinate_node_axis)
+    assert in_nodes == ("node_position" not in engine["functions"])
+    for argument in manifest.arguments:
+        assert len(unpack(scene.channels[f"nominal_{argument.name}"])) == engine["sizes"][argument.name]
+    places = unpack(scene.channels["coordinate_place"]).astype(int)
+    if in_nodes:
+        stated = unpack(scene.channels["stated_position"])
+        assert stated[places] == pytest.approx(np.array(manifest.arguments[0].nominal))
+    assert not {"reaction", "use"} & set(scene.channels)
+    assert 0 < engine["pull"]["stiffness"] * PULLED**2 <= 0.02 * engine["pull"]["mass"] * (1 + 1e-9)
+
+
+def test_sliders_have_the_ranges_of_actuators_and_the_values_of_the_scene() -> None:
+    subject, manifest, scene = describe("prism12")
+    sliders = {slider["label"]: slider for slider in scene.data["engine"]["sliders"]}
+    actuator = subject.actuators[0]
+    rest = subject.rest_length[list(subject.inputs[0].targets)][0]
+    found = sliders[actuator.name]
+    assert (found["low"] + rest, found["high"] + rest) == pytest.approx(actuator.range)
+    for slider in sliders.values():
+        assert slider["low"] <= slider["value"] <= slider["high"]
+        assert slider["low"] < slider["high"]
+        nominal = next(item for item in manifest.arguments if item.name == slider["argument"]).nominal
+        assert set(slider["places"]) <= set(range(len(nominal)))
+        if not slider["is_factor"]:
+            assert {nominal[place] for place in slider["places"]} == {slider["value"]}
+
+
+def test_the_worker_and_the_description_agree_on_the_pull() -> None:
+    worker = (live_folder() / "worker.js").read_text(encoding="utf-8")
+    assert f"const PULLED = 1 / {round(1 / PULLED)};" in worker

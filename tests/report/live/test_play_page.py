@@ -1,0 +1,198 @@
+"""Pages with the compiled model inside, in a real browser: numbers, pulled nodes, sliders, clock."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.pipeline import build_library, load_scene
+from tensegrity_codegen.report.live.engine import add_engine
+from tensegrity_codegen.report.live.live_scene import build_live_scene
+from tests.codegen.compilers import require_compiler
+from tests.report.browser import find_browser
+from tests.report.driver import Browser, Tab, running_browser
+from tests.report.live.pages import EXAMPLES, write_page
+
+# Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.optimised,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(find_browser() is None, reason="no chromium is installed"),
+]
+RTOL = 1e-7
+SLICE = 1 / 120  # s, as in worker.js
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    require_compiler("zig")
+    with running_browser() as running:
+        yield running
+
+
+def open_page(browser: Browser, name: str, folder: Path, width: int = 1400) -> Tab:
+    subject, request = load_scene(EXAMPLES / f"{name}.toml")
+    built = build_library(subject, request_play(subject, request), target="wasm32")
+    scene = add_engine(build_live_scene(subject), subject, built.manifest, built.path.read_bytes(), rtol=RTOL)
+    tab = Tab(browser, width, 860, "light")
+    tab.open(write_page(scene, folder / f"{name}.html"))
+    return tab
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Tab:
+    return open_page(browser, "tower", tmp_path_factory.mktemp("play"))
+
+
+@pytest.fixture(autouse=True)
+def start(tab: Tab) -> None:
+    tab.ask("tensegrity.order('pull', { pull: null })")
+    tab.ask("tensegrity.order('reset')")
+
+
+def run_native(name: str, t_end: float, atol: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return coordinates and tensions of native C after the same calls as in the page."""
+    subject, request = load_scene(EXAMPLES / f"{name}.toml")
+    built = build_library(subject, request_play(subject, request))
+    library, manifest = ctypes.CDLL(str(built.path)), built.manifest
+    nominal = {item.name: np.array(item.nominal, dtype=float) for item in manifest.arguments}
+    state = np.concatenate([nominal["coordinate"], nominal["velocity"]])
+    spec = manifest.integrators[0]
+    clock, step, work = np.zeros(1), np.zeros(1), np.zeros(spec.work_size)
+    counts = np.zeros((3, 1), dtype=np.int64)
+
+    def at(array: np.ndarray) -> ctypes.c_void_p:
+        return ctypes.c_void_p(array.ctypes.data)
+
+    integrate, double, whole = getattr(library, spec.symbol), ctypes.c_double, ctypes.c_longlong
+    while clock[0] < t_end:
+        status = integrate(
+            double(min(t_end, clock[0] + SLICE)), double(RTOL), double(atol), whole(20000),
+            at(clock), at(step), at(state), *(at(nominal[key]) for key in spec.arguments),
+            whole(0), None, None, *(at(count) for count in counts), at(work),
+        )  # fmt: skip
+        assert status == 0
+    n = len(nominal["coordinate"])
+    nominal |= {"coordinate": state[:n].copy(), "velocity": state[n:].copy()}
+    function = next(item for item in manifest.functions if item.quantity == "member_tension")
+    tension = np.zeros(function.shape)
+    assert (
+        getattr(library, function.symbol)(*(at(nominal[key]) for key in function.arguments), at(tension)) == 0
+    )
+    return state[:n], tension
+
+
+def test_the_page_computes_the_numbers_of_native_c(tab: Tab) -> None:
+    found = tab.ask("tensegrity.advance(0.25).then(({ nodes, tension, time, status }) =>"
+                    " [Array.from(nodes), Array.from(tension), time, status])")  # fmt: skip
+    assert found[2:] == [0.25, 0]
+    atol = tab.ask("tensegrity.app.engine.described.atol")
+    coordinate, tension = run_native("tower", 0.25, atol)
+    subject, _ = load_scene(EXAMPLES / "tower.toml")
+    position = subject.node_position.ravel().copy()
+    places = subject.coordinate_node_axis
+    position[3 * places[:, 0] + places[:, 1]] = coordinate
+    moved = np.abs(position - subject.node_position.ravel()).max()
+    assert moved > 1e-4
+    assert np.abs(np.array(found[0]) - position).max() < 1e-6 * moved
+    assert np.abs(np.array(found[1]) - tension).max() < 1e-6 * np.abs(tension).max()
+
+
+def test_pause_step_and_reset_move_the_clock(tab: Tab) -> None:
+    tab.ask("tensegrity.play()")
+    tab.wait("tensegrity.run.time > 0.05")
+    tab.press(" ")
+    tab.wait("!tensegrity.run.running")
+    before = tab.ask("tensegrity.run.time")
+    tab.press("n")
+    tab.wait(f"tensegrity.run.time > {before}")
+    assert tab.ask("tensegrity.run.time") == pytest.approx(before + 1 / 60)
+    tab.press("Backspace")
+    tab.wait("tensegrity.run.time === 0")
+    tab.wait("document.getElementById('run-facts').innerText === 'paused'")
+
+
+def test_a_node_follows_the_pointer_and_its_energy_stays_bounded(tab: Tab) -> None:
+    tab.frame()
+    node = tab.ask("tensegrity.names.nodes.indexOf('t3_3')")
+    x, y = tab.ask(f"tensegrity.place({node})")
+    top = tab.ask("document.getElementById('view').getBoundingClientRect().top")
+    tab.mouse("Moved", x, y + top)
+    tab.mouse("Pressed", x, y + top, button="left")
+    tab.wait("tensegrity.app.pull !== null")
+    tab.mouse("Moved", x + 90, y + top, button="left")
+    tab.wait(f"tensegrity.place({node})[0] > {x + 20}")
+    tab.wait("document.getElementById('run-facts').innerText.includes('pulled by')")
+    tab.mouse("Released", x + 90, y + top, button="left")
+    tab.wait("tensegrity.app.pull === null")
+    assert tab.ask("tensegrity.app.stage.controls.enabled")
+    tab.press(" ")
+    tab.wait("!tensegrity.run.running")
+    assert tab.ask("tensegrity.run.status") == 0
+
+
+def test_a_pull_at_rest_takes_energy_out_of_vibrations(tab: Tab) -> None:
+    # Pulled towards where it stands for 2 s of the model: the total energy must not grow.
+    start = tab.ask("tensegrity.order('advance', { time: 0.2 }).then(({ total }) => total)")
+    tab.ask(
+        "(({ nodes }) => tensegrity.order('pull', { pull:"
+        " { node: 15, target: Array.from(nodes.slice(45, 48)), stiffness: 30, damping: 1 } }))"
+        "(tensegrity.run)"
+    )
+    end = tab.ask("tensegrity.order('advance', { time: 2.2 }).then(({ total }) => total)")
+    assert end < start + 1e-3 * abs(start)
+
+
+def test_a_slider_changes_the_model(tab: Tab) -> None:
+    tab.ask("tensegrity.order('reset')")
+    plain = tab.ask("tensegrity.advance(0.1).then(({ nodes }) => Array.from(nodes))")
+    tab.ask("tensegrity.order('reset')")
+    tab.ask("(() => { const slider = document.querySelector('[data-name=\"gravity z\"]'); slider.value = 9;"
+            " slider.dispatchEvent(new Event('input')); })()")  # fmt: skip
+    lifted = tab.ask("tensegrity.advance(0.1).then(({ nodes }) => Array.from(nodes))")
+    assert np.mean(lifted[2::3]) > np.mean(plain[2::3]) + 1e-3
+    slider = "document.querySelector('[data-name=\"gravity z\"]')"
+    tab.ask(f"{slider}.parentElement.dispatchEvent(new Event('dblclick'))")
+    tab.ask("tensegrity.order('reset')")
+    again = tab.ask("tensegrity.advance(0.1).then(({ nodes }) => Array.from(nodes))")
+    assert again == plain
+
+
+def test_a_run_that_stops_says_why(tab: Tab) -> None:
+    tab.ask("tensegrity.order('set', { name: 'gravity', values: [0, 0, NaN] })")
+    assert tab.ask("tensegrity.advance(0.1).then(({ status }) => status)") != 0
+    tab.wait("document.getElementById('run-facts').innerText.startsWith('stopped at')")
+    tab.ask("tensegrity.order('set', { name: 'gravity', values: [0, 0, -9.81] })")
+    tab.ask("tensegrity.order('reset')")
+    assert tab.ask("tensegrity.advance(0.1).then(({ status }) => status)") == 0
+
+
+@pytest.mark.parametrize("name", ["prism", "icosahedron", "tower", "svd_tower"])
+def test_the_clock_is_honest(
+    name: str, browser: Browser, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    opened = open_page(browser, name, tmp_path, width=400)
+    opened.ask("tensegrity.play()")
+    opened.wait("tensegrity.run.speed !== null && tensegrity.run.time > 0.2")
+    began, first = time.monotonic(), opened.ask("tensegrity.run.time")
+    opened.wait(f"tensegrity.run.time > {first} + 0.5")
+    last, wall = opened.ask("tensegrity.run.time"), time.monotonic() - began
+    speed = opened.ask("tensegrity.run.speed")
+    with capsys.disabled():
+        print(json.dumps({"scene": name, "speed": round(speed, 3), "wall": round(wall, 2)}))
+    assert 0 < speed < 1.5
+    assert last - first <= 1.1 * wall + 0.2
+    assert math.isfinite(opened.ask("tensegrity.run.total"))
+    assert opened.ask("document.documentElement.scrollWidth") <= 400
+    assert opened.complaints() == []
+    assert opened.requests() == []
+    opened.send("Page.close")
