@@ -103,4 +103,5 @@ format: $(STAMP) ## let ruff lay out the code and mend what it can
 
 clean: ## remove what the verbs have made, .venv included
 	rm -rf $(VENV) .cache $(OUTPUT) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf examples/rust/Cargo.lock examples/rust/target
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

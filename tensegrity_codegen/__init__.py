@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.sweeps.sweep import sweep
 
 __all__ = [
     "Analysis",
@@ -120,6 +121,7 @@ __all__ = [
     "simulate_control",
     "simulate_control_batch",
     "study_control",
+    "sweep",
     "symbolic_functions",
     "time_motion",
 ]
@@ -170,6 +172,7 @@ _HOME = {
     "read_profile": "runtime.profiles.read_profile",
     "simulate": "runtime.simulate.simulate",
     "simulate_batch": "runtime.simulate.simulate_batch",
+    "sweep": "sweeps.sweep",
     "symbolic_functions": "scene_functions",
     "time_motion": "runtime.control.time_motion",
     "simulate_control": "runtime.control.closed_loop",

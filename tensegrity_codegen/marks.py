@@ -18,6 +18,7 @@ WINDOW = 2**16  # bytes at either end of a file in which the mark is looked for
 TABLE_HEADS = (
     *(b"load_factor,smallest_eigenvalue,residual", b"scene,t_end,"),
     b"matrix,row,column,value",
+    b"case,status,",  # of a sweep
 )
 # The first columns of a motion's table: time, and the position of a node along x.
 MOTION_HEAD = re.compile(rb"(motion,)?time \[s\],[A-Za-z][\w.]*\.x \[m\],")

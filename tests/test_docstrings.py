@@ -77,7 +77,7 @@ INTERNAL = {
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
     *("stop_at_contact", "simulation_quantities", "Pattern", "Method", "outline_motion"),
-    *("EXPORTER", "NUMBERS", "WORDS", "build_equilibria", "check_search_options"),
+    *("EXPORTER", "NUMBERS", "WORDS", "EquilibriaTable", "check_search_options"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")
 

@@ -94,4 +94,8 @@ def deliver(folder: Path, results: dict[str, object]) -> dict[str, object]:
     loaded: tc.LoadedController = tc.load_controller(bundle.folder)
     graphs: tc.SymbolicFunctions = tc.symbolic_functions(SCENE)
     fmu = tc.export_fmu(folder / "lift.toml", folder / "lift.fmu")
+    stored = tc.sweep(
+        SCENE, do="evaluate", over={"gravity[2]": "-10:0:3"}, out=folder / "sweep.zarr", workers=1
+    )
+    assert stored["member_tension"].shape[0] == 3
     return {"tuning": tuning, "study": study, "runs": runs, "loaded": loaded, "graphs": graphs, "fmu": fmu}

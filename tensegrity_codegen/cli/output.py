@@ -155,6 +155,11 @@ class Output:
         bar.title = title
         yield bar.move
 
+    def entitle(self, title: str) -> None:
+        """Change what the command's bar says of the work."""
+        if self._bar is not None:
+            self._bar.title = title
+
     def _end_bar(self) -> None:
         if self._bar is not None:
             self._bar.stop()

@@ -42,6 +42,7 @@ VERBS += [
     "show",
     "simulate",
     "stability",
+    "sweep",
 ]
 # A good call of each verb.
 GOOD_CALLS = {

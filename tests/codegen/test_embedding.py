@@ -254,13 +254,16 @@ def test_forces_in_a_program_of_one_s_own(models: Any, tmp_path: Path) -> None:
 
 
 @each
+@pytest.mark.parametrize("options", [("-std=c99",), *thorough((REFERENCE,))])
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of ELF objects")
-def test_it_allocates_nothing_and_has_no_writable_data(sources: Any, subject: str, tmp_path: Path) -> None:
+def test_it_allocates_nothing_and_has_no_writable_data(
+    sources: Any, subject: str, options: tuple[str, ...], tmp_path: Path
+) -> None:
     if shutil.which("nm") is None:
         pytest.skip("nm is not installed")
     compiler, name = find_compiler(), sources[subject].manifest.name
     folder = write_files(tmp_path / "source", sources[subject].files)
-    run([*compiler.command, *REFERENCE, "-c", f"{name}.c", "-o", "scene.o"], folder, compiler)
+    run([*compiler.command, *options, "-c", f"{name}.c", "-o", "scene.o"], folder, compiler)
     rows = [line.split()[-2:] for line in run(["nm", "scene.o"], folder).stdout.splitlines()]
     assert [symbol for kind, symbol in rows if kind in "dDbBcC"] == []
     needed = {symbol for kind, symbol in rows if kind == "U"}

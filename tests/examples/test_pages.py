@@ -79,3 +79,5 @@ def test_each_example_has_a_page_and_every_page_is_listed() -> None:
     folders = {path.name for path in EXAMPLES.iterdir() if path.is_dir()} - {"trial", "__pycache__"}
     assert folders == set(PAGES) - {"README"}
     assert sorted(re.findall(r"\]\((\w+)\.md\)", PAGES["README"])) == sorted(folders)
+    listed = re.findall(r"^\| `(\w+)` \|", (EXAMPLES / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(folders)

@@ -1,6 +1,8 @@
 //! Equilibria and a motion of the mast, by the functions of its library.
 //!
 //! Usage: mast [MOTOR]     MOTOR [m] is added to the rest length of the cable with the motor; default 0.03
+#![deny(unsafe_op_in_unsafe_fn)]
+
 mod library;
 mod mast;
 

@@ -50,6 +50,8 @@ from tensegrity_codegen.work_folder import sweep_folders, work_folder
 __all__ = ["CACHE_VARIABLE", "SIZE_LIMIT", "Cache", "CacheEntry", "find_cache_root"]
 
 SIZE_LIMIT = 2 * 2**30  # byte
+COUNT_AFTER = 0.01  # of the limit: bytes that one process adds before it counts all entries again
+COUNTED: dict[Path, tuple[int, int]] = {}  # root -> bytes when they were counted, bytes added since
 LOCK_TIMEOUT = 900.0  # s; longer than the time limit of any compilation
 KEY = re.compile(r"[0-9a-f]{16,128}")
 
@@ -117,7 +119,7 @@ class Cache:
                 entry = read_entry(folder, key)
             if entry is None:
                 raise self._unusable(folder, "the written files differ when they are read back")
-        self._prune(keep=folder)
+        self._prune(keep=folder, added=sum(map(len, files.values())))
         return entry
 
     def lookup_request(self, key: str) -> str | None:
@@ -224,9 +226,18 @@ class Cache:
         with self._explain(path), self._temporary() as temporary, suppress(FileNotFoundError):
             path.rename(temporary / path.name)
 
-    def _prune(self, keep: Path) -> None:
-        """Remove the least recently used entries, and requests that lead nowhere, while above the limit."""
+    def _prune(self, keep: Path, added: int) -> None:
+        """Remove the least recently used entries, and requests that lead nowhere, while above the limit.
+
+        added: bytes of the new entry. All entries are counted once a process, and again when this process
+        has added a hundredth of the limit: counting reads every folder of the cache.
+        """
+        counted, since = COUNTED.get(self.root, (self.limit, self.limit))
+        COUNTED[self.root] = (counted, since + added)
+        if since + added <= COUNT_AFTER * self.limit and counted + since + added <= self.limit:
+            return
         size = self.size()
+        COUNTED[self.root] = (size, 0)
         if size <= self.limit:
             return
         for folder in self._entries():

@@ -66,8 +66,10 @@ class NeutralMotions:
         """Return the start moved as one rigid body along the neutral motions, nearest to what was found."""
         if not len(self.twist):
             return start
+        # Combined so that turns are apart from slides: a slide with a tiny turn would be carried far away.
+        left, _, _ = np.linalg.svd(self.twist[:, :3])
         begins = [np.zeros(6)]
-        for row in self.twist:
+        for row in left.T @ self.twist:
             turn = float(np.linalg.norm(row[:3]))
             if turn > RANK:
                 begins += [row * (FURTHER / turn), -row * (FURTHER / turn)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import Manifest
 
-__all__ = ["build_rigid_motions", "find_neutral_motions"]
+__all__ = ["build_all_motions", "build_rigid_motions", "find_neutral_motions"]
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def build_rigid_motions(
     """
     axes = manifest.axes
     moved = list(range(len(position)) if nodes is None else nodes)
-    motions = _all_motions(axes, position[moved])
+    motions, _ = build_all_motions(axes, position[moved])
     free = np.zeros((len(position), 3), dtype=bool)
     for node, axis in manifest.coordinate_node_axis:
         free[node, axis] = True
@@ -64,23 +64,29 @@ def find_neutral_motions(stiffness: Any, motions: FloatArray, force_noise: float
     return neutral
 
 
-def _all_motions(axes: tuple[int, ...], position: FloatArray) -> FloatArray:
-    """Translations and rotations about the middle, each of unit size, (n_nodes * n_axes, k)."""
-    local = position[:, list(axes)]
-    local = local - local.mean(axis=0)
-    columns = []
-    for axis in range(len(axes)):
-        shift = np.zeros_like(local)
-        shift[:, axis] = 1.0
-        columns.append(shift.ravel())
+def build_all_motions(axes: Sequence[int], position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return translations and rotations about the middle, each of unit size, and their twists.
+
+    position: (..., n_nodes, 3) [m]. Motions (..., n_nodes * n_axes, k); twists (..., 6, k): turn, and
+    translation of the middle.
+    """
+    local = position[..., list(axes)]
+    local = local - local.mean(axis=-2, keepdims=True)
+    columns, twists = [], []
+    for number, axis in enumerate(axes):
+        shift, twist = np.zeros_like(local), np.zeros(6)
+        shift[..., number], twist[3 + axis] = 1.0, 1.0
+        columns.append(shift)
+        twists.append(twist)
     for first, second in combinations(range(len(axes)), 2):
         turn = np.zeros_like(local)
-        turn[:, first], turn[:, second] = -local[:, second], local[:, first]
-        columns.append(turn.ravel())
-    motions = np.array(columns).T
-    norm = np.linalg.norm(motions, axis=0)
-    scaled: FloatArray = motions / np.where(norm > 0, norm, 1.0)
-    return scaled
+        turn[..., first], turn[..., second] = -local[..., second], local[..., first]
+        columns.append(turn)
+        twists.append(np.append(np.cross(np.eye(3)[axes[first]], np.eye(3)[axes[second]]), np.zeros(3)))
+    motions = np.stack([column.reshape(*position.shape[:-2], -1) for column in columns], axis=-1)
+    norm = np.linalg.norm(motions, axis=-2, keepdims=True)
+    norm = np.where(norm > 0, norm, 1.0)
+    return motions / norm, np.stack(twists, axis=-1) / norm
 
 
 def _null_space(matrix: FloatArray) -> FloatArray:

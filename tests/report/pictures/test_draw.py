@@ -13,9 +13,10 @@ from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene
 from tensegrity_codegen.cli.scene_files import read_example
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tests.cases import thorough
 
 
-@pytest.fixture(scope="module", params=["planar", "svd_tower"])
+@pytest.fixture(scope="module", params=["planar", "lin_prism", *thorough("svd_tower")])
 def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("scene") / f"{request.param}.toml"
     path.write_text(read_example(request.param), encoding="utf-8")

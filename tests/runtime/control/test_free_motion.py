@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.control.motion import Motion
@@ -29,6 +30,7 @@ def follow(model: Any, motion: Motion) -> float:
     return float(np.abs(run.coordinate - motion.coordinate).max())
 
 
+@pytest.mark.thorough
 def test_a_free_prism_of_unequal_masses_turns_as_it_must() -> None:
     prism = build_prism(rigid=True)
     structure = prism.with_changes(

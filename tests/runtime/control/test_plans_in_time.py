@@ -42,7 +42,7 @@ def build(name: str) -> tuple[Any, str]:
 @pytest.mark.parametrize(
     "name",
     [
-        "prism12 twist=165",
+        pytest.param("prism12 twist=165", marks=pytest.mark.thorough),  # as the verb plan's test of motions
         pytest.param("prism9 tilt=10", marks=pytest.mark.thorough),
         pytest.param("prism9 height=0.25", marks=pytest.mark.thorough),
         pytest.param("icosahedron", marks=pytest.mark.thorough),

@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.planning.plan_point import PlanModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
+from tests.cases import thorough
 from tests.papers.scs.subjects import paper_motion, tower
 from tests.runtime.control.structures import compile_motion
 
@@ -80,7 +81,7 @@ def test_inverse_dynamics_of_its_motion_are_the_rest_lengths_of_reconfigure(name
         np.testing.assert_allclose(drive.tension, tension, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["zero_torque", *thorough("with_torque")])
 def test_the_tower_ends_at_the_plan_without_torque(name: str) -> None:
     model, path, force = compile_motion(build(0.05), "bodies"), trace(name), paper_motion(name).force
     shortest = time_motion(model, path, arguments={"F3": force}, samples=51).duration

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["NUMBERS", "WORDS", "Equilibria", "build_equilibria"]
+__all__ = ["NUMBERS", "WORDS", "Equilibria", "EquilibriaTable"]
 
 FloatArray = NDArray[np.float64]
 
@@ -129,35 +129,51 @@ class Equilibria(ByName, Summarised):
         ]
 
 
-def build_equilibria(
-    model: Model, coordinate: FloatArray, rows: Sequence[Equilibrium | tuple[str, str]]
-) -> Equilibria:
-    """Return the records of cases as one; a case without a record has its status and message instead.
+class EquilibriaTable:
+    """Rows of results, filled one by one or many at a time.
 
-    coordinate: starts (n_batch, n_coordinates), which the latter cases keep.
+    coordinate: starts (n_batch, n_coordinates), which cases keep that are never filled.
     """
-    manifest, count = model.manifest, len(rows)
-    nodes, members = len(manifest.node_name), len(manifest.member_name)
-    shapes = {"node_position": (nodes, 3), "member_length": (members,), "member_tension": (members,)}
-    arrays: dict[str, Any] = {name: np.full((count, *shape), np.nan) for name, shape in shapes.items()}
-    arrays["coordinate"] = np.array(coordinate, dtype=np.float64)
-    for name, empty in NUMBERS.items():
-        kind = np.int64 if type(empty) is int else type(empty)
-        arrays[name] = np.full(count, empty, dtype=kind)
-    words: dict[str, Any] = {name: [""] * count for name in WORDS}
-    for k, row in enumerate(rows):
+
+    def __init__(self, model: Model, coordinate: FloatArray) -> None:
+        self.model, manifest, count = model, model.manifest, len(coordinate)
+        nodes, members = len(manifest.node_name), len(manifest.member_name)
+        shapes = {"node_position": (nodes, 3), "member_length": (members,), "member_tension": (members,)}
+        self.arrays: dict[str, Any] = {
+            name: np.full((count, *shape), np.nan) for name, shape in shapes.items()
+        }
+        self.arrays["coordinate"] = np.array(coordinate, dtype=np.float64)
+        for name, empty in NUMBERS.items():
+            kind = np.int64 if type(empty) is int else type(empty)
+            self.arrays[name] = np.full(count, empty, dtype=kind)
+        self.words: dict[str, Any] = {name: [""] * count for name in WORDS}
+
+    def put(self, k: int, row: Equilibrium | tuple[str, str]) -> None:
+        """Fill one row from its record, or from status and message where there is none."""
         if not isinstance(row, Equilibrium):
-            words["status"][k], words["message"][k] = row
-            continue
-        for name, array in arrays.items():
+            self.words["status"][k], self.words["message"][k] = row
+            return
+        for name, array in self.arrays.items():
             array[k] = getattr(row, name)
-        for name, column in words.items():
+        for name, column in self.words.items():
             column[k] = getattr(row, name)
-    texts: dict[str, Any] = {name: tuple(column) for name, column in words.items()}
-    return Equilibria(
-        **arrays,
-        **texts,
-        node_name=manifest.node_name,
-        member_name=manifest.member_name,
-        structure=getattr(model, "structure", None),
-    )
+
+    def put_many(self, rows: NDArray[np.int64], arrays: Mapping[str, Any], words: Mapping[str, Any]) -> None:
+        """Fill rows from arrays and lists of words by name."""
+        for name, array in arrays.items():
+            self.arrays[name][rows] = array
+        for name, column in words.items():
+            for k, word in zip(rows.tolist(), column, strict=True):
+                self.words[name][k] = word
+
+    def build(self) -> Equilibria:
+        """Return the results."""
+        manifest = self.model.manifest
+        texts: dict[str, Any] = {name: tuple(column) for name, column in self.words.items()}
+        return Equilibria(
+            **self.arrays,
+            **texts,
+            node_name=manifest.node_name,
+            member_name=manifest.member_name,
+            structure=getattr(self.model, "structure", None),
+        )

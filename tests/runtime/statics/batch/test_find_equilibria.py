@@ -13,7 +13,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tests.sweep.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
+from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 8
 

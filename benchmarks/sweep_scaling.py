@@ -1,0 +1,288 @@
+"""How a sweep scales to 1,000 workers: measured overhead, measured tasks, and a simulation of the queue.
+
+python benchmarks/sweep_scaling.py [--quick]
+
+Measured on this machine: processor time of Dask's scheduler (and of the client, in the same process) for an
+empty task on a LocalCluster; processor time of tasks of several sizes on one core, fitted by a + b n; time to
+write the results of a task to the store. The simulation has one queue for the scheduler, one for the writing
+of results, and any number of workers; it prints the overhead of each batch size, and the least batch size
+whose overhead is below 5 %. Written for docs/sweep.md.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import numpy as np
+
+from tensegrity_codegen.long_work.processor import name_processor
+from tensegrity_codegen.pipeline import build_library, load_scene
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.sweeps.cases.axis import Axis
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.sweeps.store.contents import StoreContents
+from tensegrity_codegen.sweeps.store.create import create_store
+from tensegrity_codegen.sweeps.store.store import SweepStore
+from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
+from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
+from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
+from tensegrity_codegen.sweeps.tasks.simulate import Simulate
+
+ROOT = Path(__file__).resolve().parent.parent
+WORKERS = (1, 10, 100, 1000)
+SIZES = (64, 256, 1024, 4096, 16384)
+TASKS_OF_A_WORKER = 50
+LONGEST = 1.0  # [s] of a task that is measured
+LIMIT = 0.05  # of the overhead
+AHEAD = 2  # tasks under way for each worker, as in the engine
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Times [s]: of the scheduler and of writing for each task, of a task as fixed + per_case * n.
+
+    latency: from the order to the start of a task; spread: standard deviation of a task's time over its mean.
+    """
+
+    scheduler: float
+    write: float
+    write_per_case: float
+    fixed: float
+    per_case: float
+    latency: float = 0.0
+    spread: float = 0.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """Measured times [s] of a task with so many cases: on a core, and to write its results."""
+
+    size: int
+    seconds: float
+    write: float
+
+
+def simulate_queue(
+    costs: Costs, workers: int, size: int, tasks: int, *, ahead: int = AHEAD, seed: int = 0
+) -> float:
+    """Return the time [s] from the first order to the last result that is written.
+
+    As the engine works: at most `ahead` tasks for each worker are under way; the scheduler passes on one
+    after the other; the client writes one result after the other, and orders another task after each. Task
+    times scatter as a gamma distribution.
+    """
+    durations = _draw_durations(costs, size, tasks, seed)
+    writing = costs.write + costs.write_per_case * size
+    free = [0.0] * workers  # when each worker is free; a heap
+    ends: list[float] = []  # of the tasks under way; a heap
+    scheduler = written = 0.0
+    ordered = 0
+
+    def order(now: float) -> None:
+        nonlocal scheduler, ordered
+        scheduler = max(scheduler, now) + costs.scheduler
+        start = max(scheduler + costs.latency, heapq.heappop(free))
+        heapq.heappush(free, start + durations[ordered])
+        heapq.heappush(ends, start + durations[ordered])
+        ordered += 1
+
+    for _ in range(min(tasks, ahead * workers)):
+        order(0.0)
+    while ends:
+        written = max(written, heapq.heappop(ends)) + writing
+        if ordered < tasks:
+            order(written)
+    return written
+
+
+def _draw_durations(costs: Costs, size: int, tasks: int, seed: int) -> list[float]:
+    mean = costs.fixed + costs.per_case * size
+    if costs.spread <= 0.0:
+        return [mean] * tasks
+    shape = costs.spread**-2
+    return [float(value) for value in np.random.default_rng(seed).gamma(shape, mean / shape, tasks)]
+
+
+def compute_overhead(
+    costs: Costs, workers: int, size: int, tasks_of_a_worker: int = TASKS_OF_A_WORKER
+) -> float:
+    """Return the part of the workers' time in which they compute no cases, 0 to 1."""
+    tasks = workers * tasks_of_a_worker
+    spent = workers * simulate_queue(costs, workers, size, tasks)
+    return 1.0 - tasks * size * costs.per_case / spent
+
+
+def find_least_size(costs: Costs, workers: int, limit: float = LIMIT) -> int | None:
+    """Return the least of the sizes 8, 16, 32, ... whose overhead is below the limit; None up to 2^24."""
+    for power in range(3, 25):
+        if compute_overhead(costs, workers, 2**power) < limit:
+            return int(2**power)
+    return None
+
+
+def fit_line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
+    """Return (a, b) >= 0 of y = a + b x, each point weighted by 1/y^2."""
+    from scipy.optimize import nnls
+
+    weight = 1.0 / np.asarray(y)
+    table = np.stack([weight, weight * np.asarray(x)], axis=1)
+    (a, b), _ = nnls(table, np.ones(len(weight)))
+    return float(a), float(b)
+
+
+# --- measurements ------------------------------------------------------------------------------------
+
+
+def do_nothing(number: int) -> int:
+    """Return the number: an empty task."""
+    return number
+
+
+def measure_scheduler(counts: Sequence[int]) -> tuple[float, float, float]:
+    """Return processor and wall time of scheduler and client for a task [s], and latency of one task [s]."""
+    from distributed import Client, LocalCluster
+
+    rows = []
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, memory_limit=0) as cluster,
+        Client(cluster) as client,
+    ):
+        client.gather(client.map(do_nothing, range(500), pure=False))
+        for count in counts:
+            wall, cpu = time.perf_counter(), time.process_time()
+            client.gather(client.map(do_nothing, range(count), pure=False))
+            rows.append((count, time.perf_counter() - wall, time.process_time() - cpu))
+        latency = statistics.median(_time_one(client) for _ in range(50))
+    _, wall_each = fit_line([row[0] for row in rows], [row[1] for row in rows])
+    _, cpu_each = fit_line([row[0] for row in rows], [row[2] for row in rows])
+    return cpu_each, wall_each, latency
+
+
+def _time_one(client: Any) -> float:
+    start = time.perf_counter()
+    client.submit(do_nothing, 1, pure=False).result()
+    return time.perf_counter() - start
+
+
+def measure_calls(run: Callable[[], object], rounds: int) -> tuple[float, float]:
+    """Return median processor time of a call [s], and the deviation of its times over it."""
+    run()
+    times = []
+    for _ in range(rounds):
+        start = time.process_time()
+        run()
+        times.append(time.process_time() - start)
+    return statistics.median(times), float(np.std(times) / np.mean(times))
+
+
+def prepare_operations() -> Iterator[tuple[str, Operation, CompiledModel]]:
+    """Yield name, operation and library of the example prism."""
+    structure, request = load_scene(ROOT / "tensegrity_codegen" / "scene" / "examples" / "prism.toml")
+    for name, operation in (
+        ("evaluate, tensions", Evaluate(keep=("member_tension",))),
+        ("equilibrium, largest tension", FindEquilibrium(keep=("max(member_tension)",))),
+        ("equilibrium, usual results", FindEquilibrium()),
+        ("simulate 1 s, largest tension", Simulate(t_end=1.0, keep=("max(member_tension).max",))),
+    ):
+        wanted = operation.needs(structure, request).alone(request)
+        yield name, operation, build_library(structure, wanted).load()
+
+
+def measure_operation(
+    operation: Operation, model: CompiledModel, sizes: Sequence[int], rounds: int, folder: Path
+) -> tuple[list[Row], float]:
+    """Return a row of times for each size of a task, and the relative scatter of the largest task's times."""
+    start = model.nominal("coordinate")
+    rng = np.random.default_rng(0)
+    rows, scatter = [], 0.0
+    for size in sizes:
+        if rows and rows[-1].seconds * size > LONGEST * rows[-1].size:
+            break
+        arguments = {"coordinate": start + 1e-3 * rng.normal(size=(size, len(start)))}
+        result = operation.run(model, arguments, size)
+        run = partial(operation.run, model, arguments, size)
+        seconds, scatter = measure_calls(run, rounds)
+        written = measure_write(
+            operation, model, result, size, rounds, folder / f"{operation.name}{size}.zarr"
+        )
+        rows.append(Row(size, seconds, written))
+    return rows, scatter
+
+
+def measure_write(
+    operation: Operation, model: CompiledModel, result: TaskResult, size: int, rounds: int, path: Path
+) -> float:
+    """Return the median wall time [s] to write the results of a task of this size to a new store."""
+    cases = Cases((Axis("number", np.arange(float(size * rounds))),))
+    layout = CaseLayout.of(cases.shape, size)
+    create_store(path, StoreContents(cases, layout, operation.outputs(model.manifest), {}))
+    store = SweepStore(path)
+    times = []
+    for task in range(layout.n_tasks):
+        start = time.perf_counter()
+        store.write(task, result, {})
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def describe_operation(name: str, rows: Sequence[Row], scatter: float, cpu: float, latency: float) -> Costs:
+    """Print the measured times of an operation, and return what the simulation uses of them."""
+    sizes = [row.size for row in rows]
+    fixed, per_case = fit_line(sizes, [row.seconds for row in rows])
+    write, write_per_case = fit_line(sizes, [row.write for row in rows])
+    costs = Costs(cpu, write, write_per_case, fixed, per_case, latency, scatter)
+    print(f"### {name}\n")
+    print("| cases a task | task [ms] | a case [us] | writing [ms] |\n|---|---|---|---|")
+    for row in rows:
+        each = 1e6 * row.seconds / row.size
+        print(f"| {row.size} | {1e3 * row.seconds:.3g} | {each:.3g} | {1e3 * row.write:.3g} |")
+    print(
+        f"\nfit: {1e3 * fixed:.3g} ms + {1e6 * per_case:.3g} us a case; writing {1e3 * write:.3g} ms + "
+        f"{1e6 * write_per_case:.3g} us a case; times of equal tasks scatter by {100 * scatter:.0f} %\n"
+    )
+    return costs
+
+
+def print_overheads(costs: Costs, sizes: Sequence[int]) -> None:
+    """Print the overhead of each size for each number of workers, and the least size below the limit."""
+    print("| cases a task | " + " | ".join(f"{workers:,} workers" for workers in WORKERS) + " |")
+    print("|---" * (len(WORKERS) + 1) + "|")
+    for size in sizes:
+        cells = [f"{100 * compute_overhead(costs, workers, size):.0f} %" for workers in WORKERS]
+        print(f"| {size:,} | " + " | ".join(cells) + " |")
+    least = [find_least_size(costs, workers) for workers in WORKERS]
+    words = ["none" if size is None else f"{size:,}" for size in least]
+    print("| **least below 5 %** | " + " | ".join(words) + " |\n")
+
+
+def main(quick: bool) -> None:
+    """Measure, simulate, and print the tables."""
+    print(f"{name_processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}\n")
+    cpu, wall, latency = measure_scheduler((500, 1000) if quick else (2000, 4000, 8000))
+    print(
+        f"Dask, empty tasks: {1e6 * cpu:.0f} us of processor time, {1e6 * wall:.0f} us of wall time a task;"
+    )
+    print(f"{1e3 * latency:.1f} ms from the order of a single task to its result\n")
+    sizes, rounds = (SIZES[:3], 3) if quick else (SIZES, 7)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, operation, model in prepare_operations():
+            rows, scatter = measure_operation(operation, model, sizes, rounds, Path(folder))
+            costs = describe_operation(name, rows, scatter, cpu, latency)
+            print_overheads(costs, (64, 1024, 16384))
+
+
+if __name__ == "__main__":
+    main("--quick" in sys.argv[1:])

@@ -1,0 +1,205 @@
+"""What `sweep` does with its options: plan, run, report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import InvalidValueError, check_choice
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.sweeps.cases.cases import Cases
+    from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
+    from tensegrity_codegen.sweeps.sweep import PreparedSweep
+    from tensegrity_codegen.sweeps.tasks.operation import Operation
+
+__all__ = ["SweepCall"]
+
+# How messages of the cases name their options.
+NAMES = {"over": "--over", "sample": "--sample", "table": "--table", "n": "--n", "yes": "--yes"}
+
+
+@dataclass(frozen=True)
+class SweepCall:
+    """One call of the verb.
+
+    options: of the operation, None for its defaults; cases: what states the cases, by the names of options.
+    """
+
+    scene: Path
+    do: str
+    keep: tuple[str, ...]
+    options: Mapping[str, Any]
+    cases: Mapping[str, Any]
+    out: Path | None
+    format: str | None
+    workers: int | None
+    scheduler: str | None
+    wait: float
+    task_size: int | None
+    stop_after: int | None
+    yes: bool
+    overwrite: bool
+
+    def run(self, output: Output, *, dry_run: bool) -> bool:
+        """Plan and run the sweep, and print how it ended; return whether some cases are good."""
+        from tensegrity_codegen.sweeps.cases.build_cases import build_cases
+        from tensegrity_codegen.sweeps.tasks.operations import build_operation
+
+        self._check(dry_run)
+        cases = build_cases(**self.cases, yes=self.yes, options=NAMES)
+        self._check_options()
+        operation = build_operation(self.do, self.keep, **self.options)
+        output.load(self.scene, settles=self.do == "equilibrium")
+        prepared = self._prepare(cases, operation)
+        if dry_run:
+            planned = prepared.planned
+            output.result({"status": "ok", **planned.describe()}, str(planned))
+            return True
+        output.aside.print(str(prepared.planned), markup=False, soft_wrap=True)
+        with output.progress("sweeping") as move:
+            outcome = self._run(output, prepared, move)
+        table = self._write_table(output)
+        data = _describe_outcome(prepared, outcome) | {"table": None if table is None else str(table)}
+        written = [] if table is None else [f"wrote {table}"]
+        output.result(data, *_list_lines(outcome, operation.name), *written)
+        return outcome.good > 0
+
+    def _check(self, dry_run: bool) -> None:
+        """Check the options of files and engines before any work."""
+        if self.out is None and not dry_run:
+            raise InvalidValueError(
+                "the folder of results is missing",
+                where="--out",
+                allowed="a name that ends in .zarr; or --dry-run",
+            )
+        if self.workers is not None and self.scheduler is not None:
+            raise InvalidValueError(
+                "workers of this machine beside those of a cluster",
+                where="--workers",
+                given=self.workers,
+                allowed="--workers or --scheduler",
+            )
+        if self.stop_after is not None and self.stop_after < 1:
+            raise InvalidValueError(
+                "not a number of cases",
+                where="--stop-after",
+                given=self.stop_after,
+                allowed="a whole number from 1 on",
+            )
+        if self.format is not None:
+            from tensegrity_codegen.sweeps.store.table import check_table
+
+            check_table(self._table, self.format, overwrite=self.overwrite)
+
+    def _check_options(self) -> None:
+        """Raise InvalidValueError for an option of another operation."""
+        from dataclasses import fields
+
+        from tensegrity_codegen.sweeps.tasks.operations import OPERATIONS
+
+        check_choice(self.do, OPERATIONS, "operation", "--do")
+        known = [item.name for item in fields(OPERATIONS[self.do]) if item.name in self.options]
+        for name, value in self.options.items():
+            if value is not None and name not in known:
+                raise InvalidValueError(
+                    f"not an option of {self.do}",
+                    where=_name_option(name),
+                    given=value,
+                    allowed=", ".join(map(_name_option, known)) or "no options of this kind",
+                )
+
+    @property
+    def _table(self) -> Path:
+        """The file of --format: the folder's name with another ending, beside it."""
+        return (self.out or Path("sweep.zarr")).with_suffix(f".{self.format}")
+
+    def _prepare(self, cases: Cases, operation: Operation) -> PreparedSweep:
+        from tensegrity_codegen.sweeps.sweep import prepare_sweep
+
+        return prepare_sweep(
+            self.scene, cases, operation, out=self.out, workers=self.workers, task_size=self.task_size,
+            yes=self.yes, option="--yes",
+        )  # fmt: skip
+
+    def _run(self, output: Output, prepared: PreparedSweep, move: Callable[[float], None]) -> SweepOutcome:
+        assert self.out is not None
+        try:
+            return prepared.run(
+                self.out, scheduler=self.scheduler, wait=self.wait, stop_after=self.stop_after,
+                on_progress=_follow(output, move),
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            text = f"{self.out} keeps what is finished; the same command goes on where it stopped"
+            output.aside.print(text, markup=False, soft_wrap=True)
+            raise
+
+    def _write_table(self, output: Output) -> Path | None:
+        if self.format is None or self.out is None:
+            return None
+        from tensegrity_codegen.sweeps.store.table import write_sweep_table
+
+        absent = write_sweep_table(self.out, self._table, self.format, overwrite=self.overwrite)
+        if absent:
+            output.warn(f"{self._table} has no columns for {', '.join(absent)}, which are no single numbers")
+        return self._table
+
+
+def _name_option(argument: str) -> str:
+    return "--settle" if argument == "about" else "--" + argument.replace("_", "-")
+
+
+def _follow(output: Output, move: Callable[[float], None]) -> Callable[[SweepProgress], None]:
+    """Return a function that shows how far a sweep has come, with its rate and the cases that failed."""
+
+    def show(state: SweepProgress) -> None:
+        failed = f", {state.failed:,} not good" if state.failed else ""
+        rate = f", {state.rate:,.0f} cases/s" if state.computed else ""
+        output.entitle(f"{state.finished:,} of {state.cases:,} cases{failed}{rate}")
+        move(state.fraction)
+
+    return show
+
+
+def _describe_outcome(prepared: PreparedSweep, outcome: SweepOutcome) -> dict[str, Any]:
+    """Return how a sweep ended, for JSON."""
+    return {
+        "status": "ok" if outcome.good else "failed",
+        "out": str(outcome.path),
+        "n_cases": outcome.cases,
+        "n_finished": outcome.finished,
+        "n_good": outcome.good,
+        "n_not_good": outcome.failed,
+        "n_computed": outcome.computed,
+        "counts": dict(outcome.counts),
+        "first_messages": dict(outcome.first_message),
+        "stopped": outcome.stopped,
+        "cases_per_second": outcome.computed / outcome.seconds if outcome.seconds > 0.0 else 0.0,
+        "plan": prepared.planned.describe(),
+    }
+
+
+def _list_lines(outcome: SweepOutcome, operation: str) -> list[str]:
+    """Return how a sweep ended, for people."""
+    rows = [
+        f"  {count:,} {word}{_first(outcome, word)}"
+        for word, count in sorted(outcome.counts.items(), key=lambda item: -item[1])
+    ]
+    rate = f", {outcome.computed / outcome.seconds:,.0f} cases/s" if outcome.computed else ""
+    lines = [
+        f"{outcome.good:,} of {outcome.cases:,} cases are good ({operation}{rate})",
+        *rows,
+        f"wrote {outcome.path}; see: tensegrity-codegen sweep summary {outcome.path} -o page.html",
+    ]
+    left = outcome.cases - outcome.finished
+    if left:
+        lines.insert(1, f"  {left:,} not computed: the same command goes on")
+    return lines
+
+
+def _first(outcome: SweepOutcome, word: str) -> str:
+    message = outcome.first_message.get(word)
+    return f", first: {message}" if message else ""

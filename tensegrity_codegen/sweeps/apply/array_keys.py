@@ -1,0 +1,159 @@
+"""Keys that name values of the assembled structure: `rest_length.vertical1`, `node_velocity.t1[2]`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.sweeps.key_schema import Bounds
+from tensegrity_codegen.sweeps.keys import Steps
+
+__all__ = ["ARRAYS", "INPUT", "ArrayKey", "find_array_key"]
+
+INPUT = "input"
+POSITIVE, NOT_NEGATIVE = Bounds(0.0, lower_is_open=True), Bounds(0.0)
+OF_MEMBERS = {
+    "rest_length": POSITIVE,
+    "spring_constant": POSITIVE,
+    "axial_stiffness": POSITIVE,
+    "damping": NOT_NEGATIVE,
+}
+OF_NODES = {
+    "node_mass": POSITIVE,
+    "node_load": Bounds(),
+    "node_position": Bounds(),
+    "anchor_position": Bounds(),
+    "node_velocity": Bounds(),
+}
+OF_COORDINATES = {"coordinate": Bounds(), "velocity": Bounds()}  # of bodies, by the names of coordinates
+ARRAYS = (INPUT, *OF_MEMBERS, *OF_NODES, *OF_COORDINATES)
+VECTORS = ("node_load", "node_position", "anchor_position", "node_velocity")
+
+
+@dataclass(frozen=True)
+class ArrayKey:
+    """Some entries of one array of the structure, which all take the value of the key.
+
+    Attributes
+    ----------
+    text : str
+        The key as it was given.
+    array : str
+        Field of the structure, or ``"input"``.
+    rows : tuple of int
+        Members, nodes, coordinates or inputs.
+    axis : int
+        Column of a vector; -1 of a scalar.
+    bounds : Bounds
+        Which numbers are allowed.
+    """
+
+    text: str
+    array: str
+    rows: tuple[int, ...]
+    axis: int
+    bounds: Bounds
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """What the key is in its canonical form: equal for two spellings of one number."""
+        return ("array", self.array, self.rows, self.axis)
+
+    def write(self, arrays: Mapping[str, NDArray[np.float64]], value: float) -> None:
+        """Write the value into arrays of the structure that can be written to."""
+        target = arrays[self.array]
+        if self.axis < 0:
+            target[list(self.rows)] = value
+        else:
+            target[list(self.rows), self.axis] = value
+
+
+def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> ArrayKey:
+    """Return the entries that a key names.
+
+    Raises UnknownKeyError (no such name), InvalidValueError (an axis too few or too many, a value that the
+    member, node or axis does not have).
+    """
+    array = str(steps[0])
+    known = _known(array, subject)
+    if not known:
+        words = "a scene of bodies" if isinstance(subject, BodySystem) else "a scene of nodes"
+        raise InvalidValueError(f"{words} has no such values", where=key_path(where, array), given=text)
+    if len(steps) < 2 or steps[1] not in known:
+        given = str(steps[1]) if len(steps) > 1 else ""
+        raise UnknownKeyError(
+            "unknown name" if given else "the name is missing",
+            where=key_path(where, *steps),
+            given=text,
+            allowed=f"{array}.NAME" + ("[axis]" if array in VECTORS else ""),
+            hint=suggest(given, known),
+        )
+    rows = known[str(steps[1])]
+    axis = _find_axis(text, steps, array, where)
+    bounds = {**OF_MEMBERS, **OF_NODES, **OF_COORDINATES}.get(array, Bounds())
+    field = "node_position" if array == "anchor_position" else array
+    _check_has(text, field, rows, axis, subject, where)
+    return ArrayKey(text, field, rows, axis, bounds)
+
+
+def _known(array: str, subject: Subject) -> Mapping[str, tuple[int, ...]]:
+    """Return what may be named of an array, with its rows; nothing if the structure has no such array."""
+    if array == INPUT:
+        names = [item.name for item in subject.inputs]
+        return {name: (row,) for row, name in enumerate(names)}
+    if array in OF_MEMBERS:
+        classes = dict.fromkeys(subject.member_class)
+        of_class = {
+            word: tuple(e for e, other in enumerate(subject.member_class) if other == word)
+            for word in classes
+        }
+        single = {name: (row,) for row, name in enumerate(subject.member_name)}
+        return {**{name: rows for name, rows in of_class.items() if name}, **subject.groups, **single}
+    if isinstance(subject, BodySystem):
+        if array in OF_COORDINATES:
+            return {name: (row,) for row, name in enumerate(subject.coordinate_name)}
+        return {name: (row,) for row, name in enumerate(subject.node_name)} if array == "node_load" else {}
+    return {name: (row,) for row, name in enumerate(subject.node_name)} if array in OF_NODES else {}
+
+
+def _find_axis(text: str, steps: Steps, array: str, where: str) -> int:
+    axis = steps[2] if len(steps) > 2 else None
+    if array not in VECTORS and len(steps) == 2:
+        return -1
+    if array in VECTORS and len(steps) == 3 and axis in (0, 1, 2):
+        return int(axis)
+    allowed = f"{array}.{steps[1]}" + ("[0], [1] or [2]" if array in VECTORS else "")
+    raise InvalidValueError(
+        "not the path of a number", where=key_path(where, *steps), given=text, allowed=allowed
+    )
+
+
+def _check_has(text: str, field: str, rows: tuple[int, ...], axis: int, subject: Subject, where: str) -> None:
+    """Raise InvalidValueError for a stiffness that a member does not have, an axis that a node cannot use."""
+    if field in ("spring_constant", "axial_stiffness"):
+        lacking = [e for e in rows if not getattr(subject, field)[e] > 0]
+        names, problem = subject.member_name, f"the member has no {field}"
+    elif field == "rest_length":
+        lacking = [e for e in rows if not subject.mu[e] > 0]
+        names, problem = subject.member_name, "a rigid bar has no rest length"
+    elif isinstance(subject, Structure) and axis >= 0:
+        held = subject.node_anchored[:, axis] if field == "node_velocity" else np.zeros(subject.n_nodes, bool)
+        lacking = [k for k in rows if axis not in subject.axes or held[k]]
+        names, problem = subject.node_name, "the node cannot move or be loaded along this axis"
+    else:
+        return
+    if lacking:
+        raise InvalidValueError(
+            f"{problem}: {names[lacking[0]]}",
+            where=key_path(where, field),
+            given=text,
+            allowed="one that has it",
+        )

@@ -1,0 +1,213 @@
+"""The structure of one case: the scene with the values of its keys, assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import DuplicateNameError, TensegrityError, UnknownKeyError
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.checks.check import check_structure
+from tensegrity_codegen.scene.checks.check_laws import check_laws
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import Subject, assemble_scene
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, find_array_key
+from tensegrity_codegen.sweeps.apply.scene_document import expand_document, read_scene_document
+from tensegrity_codegen.sweeps.key_schema import Bounds
+from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
+
+__all__ = ["AssembledCase", "CaseAssembler", "FileKey", "build_assembler"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FileKey:
+    """A number of the scene; is_late: of nodes or members that the scene's shape makes."""
+
+    path: KeyPath
+    is_late: bool = False
+
+    @property
+    def text(self) -> str:
+        """The key as it was given."""
+        return self.path.text
+
+    @property
+    def bounds(self) -> Bounds:
+        """Which numbers are allowed."""
+        return self.path.bounds
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """What the key is in its canonical form: equal for two spellings of one number."""
+        return ("scene", *self.path.steps)
+
+
+@dataclass(frozen=True)
+class AssembledCase:
+    """The structure of one case, its request, and the values of its inputs (n_inputs,)."""
+
+    subject: Subject
+    request: ModelRequest
+    inputs: FloatArray
+
+
+@dataclass(frozen=True)
+class CaseAssembler:
+    """A scene and the keys that vary in it.
+
+    Attributes
+    ----------
+    document : dict
+        The scene.
+    where : str
+        Its source, for messages.
+    keys : tuple of FileKey and ArrayKey
+        What varies.
+    """
+
+    document: dict[str, Any] = field(repr=False)
+    where: str
+    keys: tuple[FileKey | ArrayKey, ...]
+
+    def assemble(self, values: Sequence[float] | FloatArray) -> AssembledCase:
+        """Return the structure of the case with these values (n_keys,).
+
+        Raises
+        ------
+        TensegrityError
+            The values are no scene.
+        """
+        with np.errstate(all="ignore"):
+            subject, request = assemble_scene(parse_scene(self.write(values), self.where), self.where)
+            return self._set_arrays(subject, request, values)
+
+    @cached_property
+    def bounds(self) -> tuple[Bounds, ...]:
+        """Which numbers each key may be."""
+        return tuple(key.bounds for key in self.keys)
+
+    def in_bounds(self, values: FloatArray) -> NDArray[np.bool_]:
+        """Return which cases (n, n_keys) have numbers that the scene's schema allows, (n,)."""
+        inside = np.ones(len(values), dtype=np.bool_)
+        for column, bounds in zip(values.T, self.bounds, strict=True):
+            inside &= bounds.contain(column)
+        return inside
+
+    def write(self, values: Sequence[float] | FloatArray) -> Mapping[str, Any]:
+        """Return the scene with these values (n_keys,) of the numbers that stand in it, not checked.
+
+        Keys of arrays of the structure, as ``rest_length.s1``, are not in it.
+        """
+        pairs = [(key, float(value)) for key, value in zip(self.keys, values, strict=True)]
+        document: Mapping[str, Any] = self.document
+        for key, value in pairs:
+            if isinstance(key, FileKey) and not key.is_late:
+                document = key.path.write(document, value)
+        late = [(key, value) for key, value in pairs if isinstance(key, FileKey) and key.is_late]
+        if late:
+            document = expand_document(document, self.where)
+            for key, value in late:
+                document = key.path.write(document, value)
+        return document
+
+    def _set_arrays(
+        self, subject: Subject, request: ModelRequest, values: Sequence[float] | FloatArray
+    ) -> AssembledCase:
+        chosen = [
+            (key, float(value))
+            for key, value in zip(self.keys, values, strict=True)
+            if isinstance(key, ArrayKey)
+        ]
+        names = {key.array for key, _ in chosen}
+        arrays = {name: np.array(getattr(subject, name)) for name in names - {INPUT}}
+        arrays[INPUT] = np.zeros(len(subject.inputs))
+        for key, value in chosen:
+            key.write(arrays, value)
+        inputs = arrays.pop(INPUT)
+        if arrays:
+            subject = subject.with_changes(**arrays)
+            if isinstance(subject, Structure):
+                check_structure(subject, self.where)
+            else:
+                check_laws(subject, self.where)
+        return AssembledCase(subject, request, inputs)
+
+
+def build_assembler(
+    scene: str | Path | Mapping[str, Any] | Scene, keys: Sequence[str], *, source: str = ""
+) -> CaseAssembler:
+    """Return the scene with the keys that vary in it.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`.
+    keys : sequence of str
+        Paths of numbers of the scene, see `KeyPath`; of nodes and members that its shape makes, as
+        ``nodes.t1.position[2]``; of its inputs and actuators, as ``input.motor``; of the assembled structure:
+        ``rest_length.NAME`` (a member, group or class), ``node_load.NAME[axis]``,
+        ``node_velocity.NAME[axis]`` and others of ARRAYS.
+    source : str
+        Where the keys come from, for errors, if not from the command: a table with its line.
+
+    Returns
+    -------
+    CaseAssembler
+        The scene and its keys.
+
+    Raises
+    ------
+    UnknownKeyError, InvalidValueError
+        A key that is no number of the scene; the message lists near ones.
+    DuplicateNameError
+        Two keys that are one number.
+    SceneError
+        The scene cannot be read.
+    """
+    document, where = read_scene_document(scene)
+    subject, _ = assemble_scene(parse_scene(document, where), where)
+    found: list[FileKey | ArrayKey] = []
+    for text in keys:
+        try:
+            found.append(_find_key(text, document, subject, where))
+        except TensegrityError as error:
+            if source:
+                error.where = f"{source}: column {text}"
+            raise
+    _check_different(found, source or where)
+    return CaseAssembler(document, where, tuple(found))
+
+
+def _find_key(text: str, document: dict[str, Any], subject: Subject, where: str) -> FileKey | ArrayKey:
+    steps = parse_path(text)
+    if steps[0] in ARRAYS:
+        return find_array_key(text, steps, subject, where)
+    try:
+        return FileKey(KeyPath.find(text, document, where))
+    except UnknownKeyError:
+        if "shape" not in document or steps[0] not in ("nodes", "members"):
+            raise
+    return FileKey(KeyPath.find(text, expand_document(document, where), where), is_late=True)
+
+
+def _check_different(keys: Sequence[FileKey | ArrayKey], where: str) -> None:
+    first: dict[tuple[object, ...], str] = {}
+    for key in keys:
+        other = first.setdefault(key.place, key.text)
+        if other != key.text:
+            raise DuplicateNameError(
+                "two keys are the same number",
+                where=where,
+                given=f"{other}, {key.text}",
+                allowed="one of them",
+            )

@@ -1,0 +1,313 @@
+"""Which cases share a library: some of them are assembled, and compared in all that is constant in code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, TensegrityError
+from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
+from tensegrity_codegen.sweeps.apply.group import CaseGroup
+from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
+from tensegrity_codegen.sweeps.apply.relations import find_relations
+from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.sweeps.cases.cases import Cases
+
+__all__ = ["MOST_LIBRARIES", "find_groups"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MOST_LIBRARIES = 50  # without an express yes
+MOST_TRIED = 300  # cases that are tried before a sweep without a good one is given up
+BLOCK = 65_536  # cases that are looked at together
+MIXED = 6  # probes with values between those of cases
+MOST_KEYS_ALONE = 60  # keys that are changed one by one to find which an entry depends on
+
+
+@dataclass(frozen=True, eq=False)
+class _Probe:
+    """One set of values (n_keys,), the structure that they make, and the hash of its constants."""
+
+    values: FloatArray
+    case: AssembledCase
+    constants: str
+
+    @property
+    def entries(self) -> FloatArray:
+        """All slots in one row."""
+        return np.concatenate([part.ravel() for part in list_slots(self.case).values()])
+
+
+def find_groups(
+    assembler: CaseAssembler, cases: Cases, *, yes: bool = False, option: str = "yes"
+) -> tuple[CaseGroup, ...]:
+    """Return the cases by the library that they share.
+
+    Parameters
+    ----------
+    assembler : CaseAssembler
+        The scene and the keys, in the order of those of the cases.
+    cases : Cases
+        The cases.
+    yes : bool
+        Whether more than MOST_LIBRARIES libraries are meant.
+    option : str
+        How messages name `yes`.
+
+    Returns
+    -------
+    tuple of CaseGroup
+        Every case is in one group; cases that are no scene are in that of their neighbours, and get a message
+        when they are applied.
+
+    Raises
+    ------
+    TensegrityError
+        No case is a scene: the error of the first one.
+    InvalidValueError
+        Keys that change the library take too many values.
+    """
+    finder = _GroupFinder(assembler, cases)
+    probes = finder.try_cases()
+    keys = finder.find_code_keys(probes)
+    if not keys:
+        return (finder.build_group(0, probes, range(cases.count)),)
+    parts = finder.divide(keys, yes, option)
+    return tuple(
+        finder.build_group(number, finder.try_rows(rows), rows, keys) for number, rows in enumerate(parts)
+    )
+
+
+class _GroupFinder:
+    def __init__(self, assembler: CaseAssembler, cases: Cases) -> None:
+        self.assembler, self.cases = assembler, cases
+        self.random = np.random.default_rng(20)
+        self.first_error: TensegrityError | None = None
+
+    def probe(self, values: FloatArray) -> _Probe | None:
+        """Return what values make, None if they are no scene."""
+        try:
+            case = self.assembler.assemble(values)
+        except TensegrityError as error:
+            self.first_error = self.first_error or error
+            return None
+        return _Probe(np.array(values), case, hash_constants(case))
+
+    def try_cases(self) -> list[_Probe]:
+        """Return some cases that are scenes, from all over the sweep; raises the first error if none is."""
+        return self.try_rows(range(self.cases.count))
+
+    def try_rows(self, rows: range | IntArray) -> list[_Probe]:
+        """Return probes of some of these cases, and of values between them."""
+        count = len(rows)
+        spread = [0, count - 1, *self.random.integers(0, count, MOST_TRIED).tolist()]
+        tried = list(dict.fromkeys(spread))
+        good: list[_Probe] = []
+        for place in tried:
+            number = int(rows[place])
+            found = self.probe(self.cases.values(number, number + 1)[0])
+            if found is not None:
+                good.append(found)
+            if len(good) == 4:
+                break
+        if not good:
+            self._raise_nothing_good(len(tried))
+        return good + self._mixed(good)
+
+    def _raise_nothing_good(self, tried: int) -> None:
+        assert self.first_error is not None
+        count = f"none of {tried} cases" if tried < self.cases.count else "no case"
+        self.first_error.problem = (
+            f"{count} of the sweep is a scene; the first one: {self.first_error.problem}"
+        )
+        raise self.first_error
+
+    def _mixed(self, good: Sequence[_Probe]) -> list[_Probe]:
+        """Return probes with values between those of good cases, each key for itself."""
+        values = np.array([item.values for item in good])
+        low, high = values.min(axis=0), values.max(axis=0)
+        whole = np.array([bounds.is_whole for bounds in self.assembler.bounds])
+        found = []
+        for _ in range(MIXED):
+            part = self.random.random(values.shape[1])
+            row = np.where(whole, values[self.random.integers(len(values))], low + part * (high - low))
+            probe = self.probe(row)
+            if probe is not None:
+                found.append(probe)
+        return found
+
+    def find_code_keys(self, probes: Sequence[_Probe]) -> tuple[int, ...]:
+        """Return the keys of which the constants of the library depend, () where all probes share one."""
+        if len({item.constants for item in probes}) == 1:
+            return ()
+        base = probes[0]
+        found = [
+            key
+            for key in range(len(self.assembler.keys))
+            if any(
+                other.values[key] != base.values[key] and self._differs(base, key, other.values[key])
+                for other in probes[1:]
+            )
+        ]
+        return tuple(found) or tuple(range(len(self.assembler.keys)))
+
+    def _differs(self, base: _Probe, key: int, value: float) -> bool:
+        values = base.values.copy()
+        values[key] = value
+        probe = self.probe(values)
+        return probe is not None and probe.constants != base.constants
+
+    def divide(self, keys: tuple[int, ...], yes: bool, option: str) -> list[range | IntArray]:
+        """Return the cases of each library, those that are no scene with the cases of the first one."""
+        labels, sets = self._label_sets(keys, None if yes else 20 * MOST_LIBRARIES)
+        hashes = [self._hash_set(labels, number) for number in range(len(sets))]
+        distinct = list(dict.fromkeys(item for item in hashes if item))
+        if not distinct:
+            self._raise_nothing_good(min(MOST_TRIED, self.cases.count))
+        if len(distinct) > MOST_LIBRARIES and not yes:
+            self._refuse(keys, len(distinct), option)
+        group = np.array([distinct.index(item) if item else 0 for item in hashes], dtype=np.int64)
+        chosen = group[labels]
+        return [_as_range(np.flatnonzero(chosen == number)) for number in range(len(distinct))]
+
+    def _label_sets(self, keys: tuple[int, ...], most: int | None) -> tuple[IntArray, dict[bytes, int]]:
+        """Return the number of each case's set of values of these keys, and the sets."""
+        sets: dict[bytes, int] = {}
+        labels = np.empty(self.cases.count, dtype=np.int64)
+        for first in range(0, self.cases.count, BLOCK):
+            last = min(first + BLOCK, self.cases.count)
+            values = np.ascontiguousarray(self.cases.values(first, last)[:, keys])
+            unique, inverse = np.unique(values, axis=0, return_inverse=True)
+            numbers = [sets.setdefault(row.tobytes(), len(sets)) for row in unique]
+            labels[first:last] = np.array(numbers, dtype=np.int64)[inverse.ravel()]
+            if most is not None and len(sets) > most:
+                self._refuse(keys, len(sets), "yes", at_least=True)
+        return labels, sets
+
+    def _hash_set(self, labels: IntArray, number: int) -> str:
+        """Return the hash of the constants of a set of values, "" if no case with it is a scene."""
+        rows = np.flatnonzero(labels == number)
+        for row in rows[:: max(len(rows) // 8, 1)][:8].tolist():
+            probe = self.probe(self.cases.values(row, row + 1)[0])
+            if probe is not None:
+                return probe.constants
+        return ""
+
+    def _refuse(self, keys: tuple[int, ...], count: int, option: str, at_least: bool = False) -> None:
+        names = ", ".join(self.assembler.keys[key].text for key in keys)
+        raise InvalidValueError(
+            f"{'more than ' if at_least else ''}{count:,} libraries: {names} cannot change at run time",
+            where=self.assembler.where,
+            given=f"{count:,} values",
+            allowed=f"up to {MOST_LIBRARIES} libraries; more with {option}",
+            hint=f"fewer values, as {self.assembler.keys[keys[0]].text}=a,b,c",
+        )
+
+    def build_group(
+        self, number: int, probes: Sequence[_Probe], rows: range | IntArray, keys: tuple[int, ...] = ()
+    ) -> CaseGroup:
+        """Return the group of some cases; keys: those that other groups differ in."""
+        base = probes[0]
+        same = [item for item in probes if item.constants == base.constants]
+        x, y = np.array([item.values for item in same]), np.array([item.entries for item in same])
+        varying = np.flatnonzero((y != y[0]).any(axis=0))
+        relations = find_relations(x, y[:, varying])
+        indirect = np.setdiff1d(np.arange(len(varying)), relations.entries)
+        slots = list_slots(base.case)
+        parameters = _choose_parameters(base.case, slots, varying)
+        mapper = CaseMapper(
+            assembler=self.assembler,
+            base=base.values,
+            template=slots,
+            constants=base.constants,
+            varying=varying,
+            relations=relations,
+            indirect=indirect,
+            indirect_keys=tuple(sorted({*keys, *self._influences(same, varying[indirect])})),
+            parameters=parameters,
+        )
+        is_sure = len(same) > 2 and self._ends_are_scenes(mapper, rows)
+        request = replace(base.case.request, parameters=parameters)
+        return CaseGroup(
+            number,
+            base.constants,
+            base.case.subject,
+            request,
+            rows,
+            replace(mapper, assembles_all=not is_sure),
+        )
+
+    def _influences(self, probes: Sequence[_Probe], entries: IntArray) -> tuple[int, ...]:
+        """Return the keys that these entries depend on, found by changing one key at a time."""
+        count = len(self.assembler.keys)
+        if not len(entries) or count > MOST_KEYS_ALONE:
+            return tuple(range(count)) if len(entries) else ()
+        return tuple(key for key in range(count) if self._influence(probes, key, entries))
+
+    def _influence(self, probes: Sequence[_Probe], key: int, entries: IntArray) -> bool:
+        for base, other in ((probes[0], probes[-1]), (probes[-1], probes[0]), (probes[-1], probes[1])):
+            values = base.values.copy()
+            values[key] = other.values[key]
+            probe = self.probe(values)
+            if probe is None or probe.constants != base.constants:
+                continue
+            if (probe.entries[entries] != base.entries[entries]).any():
+                return True
+        return False
+
+    def _ends_are_scenes(self, mapper: CaseMapper, rows: range | IntArray) -> bool:
+        """Return whether cases at the ends of keys are scenes, or fail by keys that are always assembled."""
+        for row in self._find_ends(rows):
+            values = self.cases.values(row, row + 1)
+            if mapper.explain(values[0]) and not mapper.fails_alone(values[0]):
+                return False
+        return True
+
+    def _find_ends(self, rows: range | IntArray) -> list[int]:
+        """Return the allowed cases with the least and the largest value of each key."""
+        least = np.full(len(self.cases.keys), np.inf)
+        largest, at = -least, np.full((2, len(least)), -1)
+        for first in range(0, len(rows), BLOCK):
+            numbers = np.asarray(rows[first : first + BLOCK], dtype=np.int64)
+            values = self.cases.select(numbers)
+            inside = self.assembler.in_bounds(values)
+            if not inside.any():
+                continue
+            values, numbers = values[inside], numbers[inside]
+            for sign, best in ((1, least), (-1, largest)):
+                place = (sign * values).argmin(axis=0)
+                found = values[place, np.arange(values.shape[1])]
+                better = sign * found < sign * best
+                best[better] = found[better]
+                at[(1 - sign) // 2, better] = numbers[place][better]
+        ends = at[:, :MOST_KEYS_ALONE]
+        return list(dict.fromkeys(ends[ends >= 0].tolist()))
+
+
+def _choose_parameters(
+    case: AssembledCase, slots: Mapping[str, FloatArray], varying: IntArray
+) -> dict[str, tuple[int, ...]]:
+    """Return the run-time parameters of the scene, and those that hold entries that vary."""
+    parameters = dict(case.request.parameters)
+    start = 0
+    for name, array in slots.items():
+        inside = varying[(varying >= start) & (varying < start + array.size)] - start
+        start += array.size
+        if name in STATE or not len(inside):
+            continue
+        if name == "gravity":
+            parameters[name] = ()
+        else:
+            rows = set((inside // (array.size // len(array))).tolist())
+            parameters[name] = tuple(sorted({*parameters.get(name, ()), *rows}))
+    return parameters
+
+
+def _as_range(rows: IntArray) -> range | IntArray:
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        return range(int(rows[0]), int(rows[-1]) + 1)
+    return rows

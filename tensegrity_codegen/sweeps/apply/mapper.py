@@ -1,0 +1,183 @@
+"""From the values of cases to the arguments of the library that they share.
+
+Entries that equal a key, or a multiple of it, are filled for all cases at once. Others, such as rest lengths
+that follow from a height, are taken from the assembled structure of each case; cases that agree in the keys
+that matter for them share one assembly. In every call one case is assembled as a whole and compared bit by
+bit; were it to differ, all cases of the call would be assembled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
+from tensegrity_codegen.sweeps.apply.group import AppliedCases
+from tensegrity_codegen.sweeps.apply.relations import Relations
+from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+
+__all__ = ["CaseMapper"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+MOST_KEPT = 50_000  # assemblies that a process remembers
+OTHER_LIBRARY = "the values of this case need another library than those of its group; run it alone"
+
+
+@dataclass(frozen=True, eq=False)
+class CaseMapper:
+    """From values to arguments; picklable.
+
+    Attributes
+    ----------
+    assembler : CaseAssembler
+        The scene and its keys.
+    base : ndarray, shape (n_keys,)
+        Values of a case of the group that is a scene.
+    template : mapping of str to ndarray
+        All slots of a case of the group, see `list_slots`.
+    constants : str
+        Hash of what the cases of the group have in common.
+    varying : ndarray of int, shape (n_varying,)
+        Entries, of all slots in one row, that differ between cases.
+    relations : Relations
+        Those of `varying` that follow from one key each, by their places in it.
+    indirect : ndarray of int
+        The other places of `varying`.
+    indirect_keys : tuple of int
+        Keys that those depend on, and keys in which groups differ; values of these are always assembled.
+    parameters : mapping of str to tuple of int
+        Rows of the run-time parameters of the library, in its order.
+    assembles_all : bool
+        Whether every case has to be assembled, since its values may be no scene although each is allowed.
+    """
+
+    assembler: CaseAssembler
+    base: FloatArray
+    template: Mapping[str, FloatArray]
+    constants: str
+    varying: IntArray
+    relations: Relations
+    indirect: IntArray
+    indirect_keys: tuple[int, ...]
+    parameters: Mapping[str, tuple[int, ...]]
+    assembles_all: bool = False
+    kept: dict[bytes, tuple[FloatArray, str]] = field(default_factory=dict, repr=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"kept": {}}
+
+    def __call__(self, values: FloatArray) -> AppliedCases:
+        """Return the arguments of cases with these values (n_cases, n_keys)."""
+        values = np.ascontiguousarray(values, dtype=np.float64)
+        if self.assembles_all:
+            return self._assemble_all(values)
+        entries = np.full((len(values), len(self.varying)), np.nan)
+        messages = [""] * len(values)
+        inside = self.assembler.in_bounds(values)
+        for row in np.flatnonzero(~inside).tolist():
+            entries[row], messages[row] = self._assemble(values[row])
+        good = np.flatnonzero(inside)
+        entries[np.ix_(good, self.relations.entries)] = self.relations.compute(values[good])
+        self._fill_indirect(values, good, entries, messages)
+        if not self._is_confirmed(values, entries, messages):
+            return replace(self, assembles_all=True)(values)
+        return AppliedCases(self._spread(entries), tuple(messages))
+
+    def explain(self, values: FloatArray) -> str:
+        """Return why a case with these values (n_keys,) is not served by the library, "" if it is."""
+        return self._assemble(values)[1]
+
+    def find_used_keys(self, arguments: Collection[str]) -> set[int]:
+        """Return the keys that change one of these arguments, or the library."""
+        names = [name for name, array in self.template.items() for _ in range(array.size)]
+        related = zip(
+            self.relations.keys.tolist(), self.varying[self.relations.entries].tolist(), strict=True
+        )
+        return {key for key, entry in related if names[entry] in arguments} | set(self.indirect_keys)
+
+    def fails_alone(self, values: FloatArray) -> bool:
+        """Return whether the keys that are always assembled make a case fail, whatever the others are."""
+        rest = self.base.copy()
+        chosen = list(self.indirect_keys)
+        rest[chosen] = values[chosen]
+        return bool(chosen) and bool(self.explain(rest))
+
+    def _assemble_all(self, values: FloatArray) -> AppliedCases:
+        found = [self._assemble(row) for row in values]
+        entries = np.array([part for part, _ in found]).reshape(len(values), len(self.varying))
+        return AppliedCases(self._spread(entries), tuple(text for _, text in found))
+
+    def _assemble(self, values: FloatArray) -> tuple[FloatArray, str]:
+        """Return the varying entries of one case, and "" or why it has none."""
+        nothing = np.full(len(self.varying), np.nan)
+        try:
+            case = self.assembler.assemble(values)
+        except TensegrityError as error:
+            return nothing, str(error)
+        if hash_constants(case) != self.constants:
+            return nothing, OTHER_LIBRARY
+        whole = np.concatenate([part.ravel() for part in list_slots(case).values()])
+        is_constant = np.ones(len(whole), dtype=np.bool_)
+        is_constant[self.varying] = False
+        if not np.array_equal(whole[is_constant], self._flat_template[is_constant]):
+            return nothing, OTHER_LIBRARY
+        return whole[self.varying], ""
+
+    def _fill_indirect(
+        self, values: FloatArray, rows: IntArray, entries: FloatArray, messages: list[str]
+    ) -> None:
+        """Fill the entries that follow from structures; cases of equal values share one."""
+        if not self.indirect_keys:
+            return
+        chosen = np.ascontiguousarray(values[:, list(self.indirect_keys)])
+        for row in rows.tolist():
+            name = chosen[row].tobytes()
+            if name not in self.kept:
+                found, text = self._assemble(values[row])
+                if text and not self.fails_alone(values[row]):
+                    entries[row], messages[row] = np.nan, text
+                    continue
+                if len(self.kept) >= MOST_KEPT:
+                    self.kept.clear()
+                self.kept[name] = found[self.indirect], text
+            entries[row, self.indirect], messages[row] = self.kept[name]
+            if messages[row]:
+                entries[row] = np.nan
+
+    def _is_confirmed(self, values: FloatArray, entries: FloatArray, messages: list[str]) -> bool:
+        """Return whether one of the cases, assembled, has just these entries."""
+        good = [row for row, text in enumerate(messages) if not text]
+        if not good:
+            return True
+        row = good[len(good) * 5 // 8]
+        alone, text = self._assemble(values[row])
+        return not text and bool(np.array_equal(alone, entries[row]))
+
+    @property
+    def _flat_template(self) -> FloatArray:
+        return np.concatenate([part.ravel() for part in self.template.values()])
+
+    def _spread(self, entries: FloatArray) -> dict[str, FloatArray]:
+        """Return the arguments of which some entry varies, (n_cases, ...) each."""
+        arguments: dict[str, FloatArray] = {}
+        start = 0
+        bad = np.isnan(entries).any(axis=1) if entries.shape[1] else np.zeros(len(entries), bool)
+        for name, nominal in self.template.items():
+            inside = (self.varying >= start) & (self.varying < start + nominal.size)
+            if inside.any():
+                array = np.tile(nominal.ravel(), (len(entries), 1))
+                array[:, self.varying[inside] - start] = entries[:, inside]
+                array[bad] = np.nan
+                array = array.reshape(len(entries), *nominal.shape)
+                if name not in STATE and name != "gravity":
+                    array = array[:, list(self.parameters[name])]
+                arguments[name] = np.ascontiguousarray(array)
+            start += nominal.size
+        return arguments

@@ -1,0 +1,118 @@
+"""What may differ between cases of one library: initial state, inputs and run-time parameters, as arrays.
+
+Everything else of a structure is constant in the code; its hash says whether two cases can share a library.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
+from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.request import ModelRequest, complete_options
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
+
+__all__ = ["STATE", "hash_constants", "list_slots"]
+
+FloatArray = NDArray[np.float64]
+
+STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
+OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
+# Parts by which lengths of rigid bars differ that are the same but for rounding.
+DIGITS = 12
+
+
+def list_slots(case: AssembledCase) -> dict[str, FloatArray]:
+    """Return the values that can differ between cases of one library, by argument.
+
+    Parameters take all rows here, (n_members,), (n_nodes,) or (n_nodes, n_axes); zero where a row has no
+    meaning.
+    """
+    subject = case.subject
+    slots = {"input": case.inputs}
+    if isinstance(subject, BodySystem):
+        slots |= {"coordinate": subject.coordinate, "velocity": subject.velocity, "gravity": subject.gravity}
+        slots |= {name: getattr(subject, name) for name in (*OF_MEMBERS, "node_load")}
+    else:
+        slots |= _slots_of_nodes(subject, case.request)
+    return {name: np.asarray(slots[name], dtype=np.float64) for name in sorted(slots)}
+
+
+def hash_constants(case: AssembledCase) -> str:
+    """Return the hash of all that no argument of the library can change: equal hashes, one library."""
+    subject, request = case.subject, case.request
+    blank = {name: np.zeros_like(getattr(subject, name)) for name in (*OF_MEMBERS, "node_load")}
+    blank |= {"gravity": np.zeros(3)}
+    patterns = [subject.spring_constant > 0, subject.axial_stiffness > 0]
+    extra: list[Any] = []
+    if isinstance(subject, BodySystem):
+        blank |= {"coordinate": np.zeros(subject.n_coordinates), "velocity": np.zeros(subject.n_coordinates)}
+    else:
+        position = np.zeros_like(subject.node_position)
+        if not _moves_anchors(request.formulation):
+            position[subject.node_anchored] = subject.node_position[subject.node_anchored]
+        blank |= {"node_position": position, "node_velocity": np.zeros_like(subject.node_velocity)}
+        blank |= {"node_mass": np.zeros(subject.n_nodes)}
+        patterns.append(subject.node_mass > 0)
+        rigid = _find_rigid(subject, request)
+        extra = [f"{length:.{DIGITS}g}" for length in subject.member_length()[rigid]]
+    shape = hash_structure(subject.with_changes(**blank))
+    masks = ["".join("01"[int(x)] for x in pattern) for pattern in patterns]
+    return hash_text(shape, hash_request(request), *masks, *extra)
+
+
+def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:
+    axes = list(structure.axes)
+    elastic = ~_find_rigid(structure, request)
+    slots = {name: np.where(elastic, getattr(structure, name), 0.0) for name in OF_MEMBERS}
+    slots |= {"gravity": structure.gravity[axes], "node_mass": structure.node_mass}
+    slots |= {"node_load": structure.node_load[:, axes]}
+    if _moves_anchors(request.formulation):
+        held = structure.node_anchored[:, axes]
+        slots["anchor_position"] = np.where(held, structure.node_position[:, axes], 0.0)
+    if find_formulation(request.formulation).in_nodes:
+        node, axis = structure.coordinate_node_axis.T
+        slots |= {
+            "coordinate": structure.node_position[node, axis],
+            "velocity": structure.node_velocity[node, axis],
+        }
+    else:
+        slots |= _distances(structure, request)
+    return slots
+
+
+def _moves_anchors(formulation: str) -> bool:
+    """Return whether positions of anchored nodes can be run-time parameters."""
+    return find_formulation(formulation).in_nodes
+
+
+def _find_rigid(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
+    """Return which members are rigid, whose stiffness and rest length are in no expression, (n_members,)."""
+    if not find_formulation(request.formulation).has_rigid_bars:
+        return np.zeros(structure.n_members, dtype=np.bool_)
+    which = complete_options(request.formulation, request.options)["bars"]
+    rigid: NDArray[np.bool_] = structure.is_rigid | (structure.is_bar & (which == "all"))
+    return rigid
+
+
+def _distances(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:
+    """Return the state in differences of node positions and centres of mass."""
+    import casadi as ca  # which this formulation alone needs here
+
+    from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
+    from tensegrity_codegen.symbolic.inertia import Inertia
+
+    options = complete_options(request.formulation, request.options)
+    inertia = Inertia(structure, [ca.SX(float(value)) for value in structure.node_mass])
+    masses = inertia.weight_mass()
+    layout = PairCoordinates(structure, options["pairs"], options["order"], masses)
+    weight = np.array([float(value) for value in masses])
+    return {
+        "coordinate": layout.compute(structure.node_position, weight),
+        "velocity": layout.compute(structure.node_velocity, weight),
+    }

@@ -1,0 +1,150 @@
+"""Cases from what a user states: ranges, distributions, a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.points import Points
+from tensegrity_codegen.sweeps.cases.ranges import RANGE_RULE, read_axis
+from tensegrity_codegen.sweeps.cases.sampled import build_sample
+from tensegrity_codegen.sweeps.cases.table import columns_of
+
+__all__ = ["LARGEST_SAMPLE", "MOST_CASES", "build_cases"]
+
+MOST_CASES = 100_000  # without an express yes
+LARGEST_SAMPLE = 2**30  # rows, that a Sobol' sequence can have
+
+# KEY=RANGE texts of the command line, or a mapping of key to range.
+Stated = Mapping[str, Any] | Iterable[str]
+
+
+def build_cases(
+    over: Stated = (),
+    sample: Stated = (),
+    table: str | Path | Mapping[str, Any] | None = None,
+    *,
+    n: int | None = None,
+    seed: int = 0,
+    method: str = "random",
+    yes: bool = False,
+    options: Mapping[str, str] | None = None,
+) -> Cases:
+    """Return the cases that ranges, distributions and a table state.
+
+    Parameters
+    ----------
+    over : mapping or texts
+        Axes of a grid: key -> ``"0:1:11"``, ``"1:1000:4:log"``, ``"1,2,5"`` or numbers; or texts
+        ``"KEY=0:1:11"``.
+    sample : mapping or texts
+        Distributions: key -> ``"normal(1,0.1)"`` or ``("normal", 1, 0.1)``; or texts ``"KEY=normal(1,0.1)"``.
+    table : str, Path, mapping or DataFrame, optional
+        A CSV file with a column for each key and a row for each case, or such columns.
+    n : int, optional
+        Number of samples; of method ``"saltelli"`` the base number, which gives n (D + 2) cases of D keys.
+    seed : int
+        Seed of the sample.
+    method : str
+        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
+    yes : bool
+        Whether more than MOST_CASES cases are meant.
+    options : mapping, optional
+        How messages name over, sample, table, n and yes; by default as here.
+
+    Returns
+    -------
+    Cases
+        Each point of the grid with each row of the sample or table.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError, DuplicateNameError, SceneError
+        Nothing varies, an impossible range, distribution or table, a key stated twice, too many cases.
+    """
+    words = {name: name for name in ("over", "sample", "table", "n", "yes")} | dict(options or {})
+    axes = [(key, given) for key, given in _pairs(over, words["over"], RANGE_RULE)]
+    drawn = _pairs(sample, words["sample"], "normal(m,s), uniform(a,b), lognormal(m,s)")
+    points = _build_points(drawn, table, n, seed, method, words)
+    keys = [*(key for key, _ in axes), *(points.keys if points else ())]
+    _check_keys(keys, words)
+    cases = Cases(tuple(read_axis(key, given, f"{words['over']} {key}") for key, given in axes), points)
+    _check_count(cases, yes, words)
+    return cases
+
+
+def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
+    """Return pairs of key and what is stated for it, from texts KEY=... or a mapping."""
+    if isinstance(given, Mapping):
+        return [(str(key), item) for key, item in given.items()]
+    pairs = []
+    for text in [given] if isinstance(given, str) else given:
+        key, equals, value = str(text).partition("=")
+        if not (equals and key.strip() and value.strip()):
+            raise InvalidValueError(
+                "not of the form KEY=VALUES", where=where, given=text, allowed=f"KEY={rule}"
+            )
+        pairs.append((key.strip(), value.strip()))
+    return pairs
+
+
+def _build_points(
+    drawn: list[tuple[str, Any]], table: Any, n: Any, seed: Any, method: str, words: Mapping[str, str]
+) -> Points | None:
+    if drawn and table is not None:
+        raise InvalidValueError(
+            "a sample and a table together",
+            where=words["sample"],
+            given=drawn[0][0],
+            allowed=f"{words['sample']} or {words['table']}, each also with {words['over']}",
+        )
+    if not drawn:
+        if n is not None:
+            raise InvalidValueError(
+                "a number of samples without distributions",
+                where=words["n"],
+                given=n,
+                allowed=f"with {words['sample']} KEY=normal(m,s), for example",
+            )
+        return None if table is None else columns_of(table, words["table"])
+    if n is None:
+        raise InvalidValueError(
+            "the number of samples is missing", where=words["n"], allowed="a whole number from 1 on"
+        )
+    return build_sample(drawn, n, seed, method, words["sample"])
+
+
+def _check_keys(keys: list[str], words: Mapping[str, str]) -> None:
+    if not keys:
+        raise InvalidValueError(
+            "nothing varies",
+            where=f"{words['over']}, {words['sample']}, {words['table']}",
+            allowed="at least one key",
+            hint=f"{words['over']} shape.height=0.2:0.4:11",
+        )
+    for key in keys:
+        if keys.count(key) > 1:
+            raise DuplicateNameError(
+                "a key varies twice", where=words["over"], given=key, allowed="each key once"
+            )
+
+
+def _check_count(cases: Cases, yes: bool, words: Mapping[str, str]) -> None:
+    if cases.points is not None and cases.points.count > LARGEST_SAMPLE:
+        raise InvalidValueError(
+            "too many samples",
+            where=words["n"],
+            given=cases.points.count,
+            allowed=f"up to {LARGEST_SAMPLE:,}",
+        )
+    if cases.count > MOST_CASES and not yes:
+        sizes = " x ".join(f"{size:,}" for size in cases.shape)
+        raise InvalidValueError(
+            f"{cases.count:,} cases ({sizes})",
+            where=f"{words['over']}, {words['sample']}, {words['table']}",
+            given=cases.count,
+            allowed=f"up to {MOST_CASES:,}; more with {words['yes']}",
+        )

@@ -1,0 +1,113 @@
+"""Samples: rows of values drawn from distributions, by plain random numbers or by sequences that fill evenly.
+
+Rows are functions of seed and row number alone, so that any process computes any rows and gets the same ones.
+
+random            independent numbers of a counter-based generator (Philox)
+latin_hypercube   each key has one value in each of n equal parts of its distribution
+sobol             Sobol' sequence, scrambled; balanced for n = 2, 4, 8, ...
+saltelli          n pairs (A, B) of rows of a Sobol' sequence in 2 D dimensions, each of which gives D + 2
+                  rows: A; A with key 1 from B; ...; A with key D from B; B. This is the layout of SALib's
+                  `sobol.sample(problem, n, calc_second_order=False)`, which `SALib.analyze.sobol` reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import check_choice
+from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_distribution
+from tensegrity_codegen.sweeps.cases.numbers import read_count
+from tensegrity_codegen.sweeps.cases.unit_points import LatinHypercube, PlainRandom, SobolPoints, UnitPoints
+
+__all__ = ["METHODS", "Sample", "build_sample"]
+
+METHODS = ("random", "latin_hypercube", "sobol", "saltelli")
+SMALLEST = 2.0**-54  # probabilities are kept from 0 and 1, where a normal distribution has no value
+LARGEST = 1.0 - 2.0**-53
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample of some keys.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        Keys that vary.
+    distributions : tuple of Distribution
+        Distribution of each key; the keys are independent.
+    n : int
+        Number of rows; of method ``"saltelli"`` the number of base rows.
+    method : str
+        One of METHODS.
+    seed : int
+        Seed: the same seed gives the same rows.
+    """
+
+    keys: tuple[str, ...]
+    distributions: tuple[Distribution, ...]
+    n: int
+    method: str
+    seed: int
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return self.n * (len(self.keys) + 2) if self.method == "saltelli" else self.n
+
+    def values(self, first: int, last: int) -> NDArray[np.float64]:
+        """Return rows first to last - 1, (last - first, n_keys)."""
+        unit = self._crossed(first, last) if self.method == "saltelli" else self._unit.rows(first, last)
+        columns = zip(self.distributions, np.clip(unit, SMALLEST, LARGEST).T, strict=True)
+        return np.stack([item.compute_quantile(column) for item, column in columns], axis=1)
+
+    def describe(self) -> dict[str, Any]:
+        """Return all that the rows follow from, as plain values."""
+        distributions = {key: str(item) for key, item in zip(self.keys, self.distributions, strict=True)}
+        return {"method": self.method, "n": self.n, "seed": self.seed, "distributions": distributions}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "_unit"}
+
+    @cached_property
+    def _unit(self) -> UnitPoints:
+        width = len(self.keys)
+        if self.method == "random":
+            return PlainRandom(width, self.seed)
+        if self.method == "latin_hypercube":
+            return LatinHypercube(width, self.n, self.seed)
+        return SobolPoints(2 * width if self.method == "saltelli" else width, self.n, self.seed)
+
+    def _crossed(self, first: int, last: int) -> NDArray[np.float64]:
+        """Return rows of the layout of method saltelli."""
+        width = len(self.keys)
+        base, place = np.divmod(np.arange(first, last), width + 2)
+        start = first // (width + 2)
+        pairs = self._unit.rows(start, -(-last // (width + 2)))[base - start]
+        is_b = (place[:, None] - 1 == np.arange(width)) | (place[:, None] == width + 1)
+        crossed: NDArray[np.float64] = np.where(is_b, pairs[:, width:], pairs[:, :width])
+        return crossed
+
+
+def build_sample(
+    given: Mapping[str, Any] | Sequence[tuple[str, Any]], n: Any, seed: Any, method: str, where: str
+) -> Sample:
+    """Return the sample of keys with their distributions, as texts or sequences.
+
+    Raises what `read_distribution` raises, UnknownNameError for a method, InvalidValueError for n or seed.
+    """
+    check_choice(method, METHODS, "method", "method")
+    pairs = list(given.items() if isinstance(given, Mapping) else given)
+    return Sample(
+        tuple(key for key, _ in pairs),
+        tuple(read_distribution(item, f"{where} {key}") for key, item in pairs),
+        read_count(n, "n", "number of samples"),
+        method,
+        read_count(seed, "seed", "seed", least=0),
+    )

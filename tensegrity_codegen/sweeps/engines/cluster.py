@@ -1,0 +1,94 @@
+"""A connection to a Dask scheduler: that it is there, that it has workers, and that these can do the work."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from tensegrity_codegen.errors import ClusterError, InvalidValueError
+from tensegrity_codegen.extras import CLUSTER, import_extra
+from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_versions
+
+__all__ = ["connect", "count_threads"]
+
+LOOK = 0.2  # [s] between two looks for workers
+LEAST_WAIT = 1.0  # [s] for an answer of the scheduler
+
+
+@contextmanager
+def connect(address: str, wait: float) -> Iterator[Any]:
+    """Give a client of the scheduler at an address, once it has a worker.
+
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, for example ``"tcp://10.0.0.1:8786"``.
+    wait : float
+        Longest time to wait for the scheduler and for a worker [s].
+
+    Raises
+    ------
+    MissingExtraError
+        Dask is not installed.
+    ClusterError
+        There is no scheduler, it has no workers, or a worker has other versions.
+    """
+    if isinstance(wait, bool) or not 0.0 <= wait < 1e7:
+        raise InvalidValueError("not a time", where="wait", given=wait, allowed="seconds, from 0 on")
+    distributed = import_extra("distributed", CLUSTER)
+    deadline = time.monotonic() + wait
+    client = _open(distributed, address, wait)
+    try:
+        _wait_for_workers(client, address, wait, deadline)
+        _check_workers(client)
+        yield client
+    finally:
+        with suppress(Exception):
+            client.close(timeout=2.0)
+
+
+def count_threads(client: Any) -> int:
+    """Return how many tasks the workers compute at a time."""
+    workers = client.scheduler_info()["workers"]
+    return sum(int(worker["nthreads"]) for worker in workers.values())
+
+
+def _open(distributed: Any, address: str, wait: float) -> Any:
+    try:
+        return distributed.Client(address, timeout=max(wait, LEAST_WAIT), set_as_default=False)
+    except (OSError, TimeoutError, ValueError, TypeError) as error:
+        raise ClusterError(
+            f"no scheduler answered within {max(wait, LEAST_WAIT):g} s",
+            where="scheduler",
+            given=address,
+            allowed="the address of a Dask scheduler, such as tcp://10.0.0.1:8786",
+            hint="start one with `dask scheduler`, and workers with `dask worker ADDRESS`",
+        ) from error
+
+
+def _wait_for_workers(client: Any, address: str, wait: float, deadline: float) -> None:
+    while not count_threads(client):
+        if time.monotonic() >= deadline:
+            raise ClusterError(
+                f"the scheduler has no workers after {wait:g} s",
+                where="scheduler",
+                given=address,
+                allowed="a scheduler with one worker or more",
+                hint=f"start workers with `dask worker {address}`, or wait longer (--wait)",
+            )
+        time.sleep(LOOK)
+
+
+def _check_workers(client: Any) -> None:
+    """Raise ClusterError for the first worker that cannot do the work."""
+    found = client.run(describe_versions, on_error="return")
+    for worker, versions in sorted(found.items()):
+        if isinstance(versions, ImportError):
+            versions = {}
+        if isinstance(versions, BaseException):
+            raise ClusterError(
+                "a worker does not answer", where=f"worker {worker}", given=str(versions)
+            ) from versions
+        check_versions(describe_versions(), versions, worker)

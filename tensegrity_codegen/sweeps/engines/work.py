@@ -1,0 +1,95 @@
+"""What workers do: libraries by group, and the results of one task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.quantities import PARAMETERS
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
+from tensegrity_codegen.sweeps.plan import SweepPlan, Task
+from tensegrity_codegen.sweeps.statuses import encode_status
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
+
+__all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_arguments", "set_task_aside"]
+
+LoadModel = Callable[[CaseGroup], CompiledModel]
+
+
+@dataclass(frozen=True, eq=False)
+class SweepWork:
+    """All that a worker needs besides the libraries; processes hand it on by pickling.
+
+    Attributes
+    ----------
+    plan : SweepPlan
+        Cases, groups and tasks.
+    operation : Operation
+        What is computed for each case.
+    outputs : tuple of Output
+        The arrays of results.
+    """
+
+    plan: SweepPlan
+    operation: Operation
+    outputs: tuple[Output, ...]
+
+
+def library_request(group: CaseGroup, operation: Operation) -> ModelRequest:
+    """Return the request for the library of a group: what the operation needs and no more."""
+    alone = operation.needs(group.structure, group.request).alone(group.request)
+    return replace(alone, solvers=group.request.solvers)
+
+
+def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
+    """Return the results of a task, cases in order; cases whose values are no scene are "bad_input"."""
+    arrays = {output.name: output.full_of_nan(task.count) for output in work.outputs}
+    status = np.full(task.count, encode_status("bad_input"), dtype=np.int8)
+    messages = [""] * task.count
+    for group, numbers in work.plan.find_rows(task):
+        applied = group.arguments(work.plan.cases.select(numbers))
+        places, good = numbers - task.first, applied.good
+        for place, message in zip(places.tolist(), applied.messages, strict=True):
+            messages[place] = message
+        if not good.any():
+            continue
+        model = load(group)
+        found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
+        _insert(arrays, status, messages, places[good], found)
+    return TaskResult(arrays, status, tuple(messages))
+
+
+def select_arguments(model: CompiledModel, applied: AppliedCases) -> dict[str, NDArray[Any]]:
+    """Return the arguments of the good cases without parameters on which nothing in the library depends."""
+    arguments = {name: array[applied.good] for name, array in applied.arguments.items()}
+    if not any(name in PARAMETERS for name in arguments):
+        return arguments
+    known = {item.name for item in model.manifest.arguments}
+    return {name: array for name, array in arguments.items() if name in known or name not in PARAMETERS}
+
+
+def set_task_aside(work: SweepWork, task: Task, message: str) -> TaskResult:
+    """Return the results of a task that cannot be computed."""
+    arrays = {output.name: output.full_of_nan(task.count) for output in work.outputs}
+    status = np.full(task.count, encode_status("set_aside"), dtype=np.int8)
+    return TaskResult(arrays, status, (message,) * task.count)
+
+
+def _insert(
+    arrays: dict[str, NDArray[Any]],
+    status: NDArray[np.int8],
+    messages: list[str],
+    places: NDArray[np.int64],
+    found: TaskResult,
+) -> None:
+    for name, values in arrays.items():
+        values[places] = found.arrays[name]
+    status[places] = found.status
+    for place, message in zip(places.tolist(), found.messages, strict=True):
+        messages[place] = message

@@ -1,0 +1,165 @@
+"""Run a plan: compute what is not finished yet, and store each task once."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.extras import SWEEP, import_extra
+from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
+from tensegrity_codegen.sweeps.engines.work import SweepWork
+from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome, SweepProgress
+from tensegrity_codegen.sweeps.statuses import STATUSES
+from tensegrity_codegen.sweeps.store.contents import StoreContents
+from tensegrity_codegen.sweeps.store.create import create_store
+from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_finished, locked_store
+from tensegrity_codegen.sweeps.store.identity import check_same_sweep
+from tensegrity_codegen.sweeps.store.store import SweepStore
+
+__all__ = ["check_zarr", "run_sweep"]
+
+
+def run_sweep(
+    work: SweepWork,
+    out: str | Path,
+    engine: Engine,
+    *,
+    identity: Mapping[str, Any],
+    facts: Mapping[str, Any],
+    stop_after: int | None = None,
+    on_progress: ShowProgress | None = None,
+) -> SweepOutcome:
+    """Compute the tasks of a plan that are not finished in a folder, and store them there.
+
+    Parameters
+    ----------
+    work : SweepWork
+        Plan, operation and outputs.
+    out : str or Path
+        Folder of the results; made if it does not exist.
+    engine : Engine
+        Where the tasks run.
+    identity : mapping
+        What the results follow from; a folder of another identity is refused.
+    facts : mapping
+        Attributes of the data set.
+    stop_after : int, optional
+        Stop once so many cases have failed, those of earlier runs included.
+    on_progress : callable, optional
+        Called after every task.
+
+    Returns
+    -------
+    SweepOutcome
+        Numbers of cases by status.
+
+    Raises
+    ------
+    OutputError
+        The folder holds something else, another sweep is writing to it, or the disk is full. What is
+        finished stays, also after Ctrl-C.
+    MissingExtraError
+        Zarr is not installed.
+    """
+    _check_stop_after(stop_after)
+    check_zarr()
+    started = time.monotonic()
+    with locked_store(out):
+        stored = check_store_folder(out)
+        if stored is not None:
+            check_same_sweep(out, stored.identity, identity)
+        finished = find_finished(out)
+        todo = [task for task in work.plan.tasks if task.number not in finished]
+        # Processes are forked before Zarr is loaded, which starts threads.
+        with engine.run(work, todo) as stream:
+            if stored is None:
+                layout = work.plan.layout
+                create_store(out, StoreContents(work.plan.cases, layout, work.outputs, identity, facts))
+            run = _Run(work.plan.cases.count, SweepStore(out), stop_after, on_progress)
+            run.consume(stream)
+    return run.outcome(Path(out), time.monotonic() - started)
+
+
+@dataclass(eq=False)
+class _Run:
+    """One run of a sweep: what is counted while its tasks are stored."""
+
+    cases: int
+    store: SweepStore
+    stop_after: int | None
+    on_progress: ShowProgress | None
+    counts: Counter[str] = field(default_factory=Counter)
+    first_message: dict[str, str] = field(default_factory=dict)
+    computed: int = 0
+    stopped: bool = False
+
+    def __post_init__(self) -> None:
+        for code, count in self.store.count_statuses().items():
+            self.counts[STATUSES[code]] += count
+
+    def consume(self, stream: Iterator[FinishedTask]) -> None:
+        """Store tasks until all are finished, or too many cases have failed."""
+        started = time.monotonic()
+        self._show(0.0)
+        if self._has_failed_enough():
+            return
+        for item in stream:
+            self._store(item)
+            self._show(time.monotonic() - started)
+            if self._has_failed_enough():
+                return
+
+    def outcome(self, path: Path, seconds: float) -> SweepOutcome:
+        """Return how the run ended."""
+        counts = dict(sorted(self.counts.items()))
+        return SweepOutcome(
+            path, self.cases, counts, self.first_message, self.computed, seconds, self.stopped
+        )
+
+    def _store(self, item: FinishedTask) -> None:
+        result = item.result
+        self.store.write(item.task.number, result, {"seconds": item.seconds, **item.facts})
+        self.computed += item.task.count
+        codes, places, numbers = np.unique(result.status, return_index=True, return_counts=True)
+        for code, place, number in zip(codes.tolist(), places.tolist(), numbers.tolist(), strict=True):
+            word = STATUSES[code]
+            self.counts[word] += number
+            if not result.is_good[place]:
+                self.first_message.setdefault(word, result.messages[place])
+
+    def _progress(self, seconds: float) -> SweepProgress:
+        state = self.outcome(self.store.path, seconds)
+        return SweepProgress(self.cases, state.finished, self.computed, state.failed, seconds)
+
+    def _show(self, seconds: float) -> None:
+        if self.on_progress is not None:
+            self.on_progress(self._progress(seconds))
+
+    def _has_failed_enough(self) -> bool:
+        state = self._progress(0.0)
+        if self.stop_after is not None and state.failed >= self.stop_after:
+            self.stopped = state.finished < self.cases
+            return self.stopped
+        return False
+
+
+def check_zarr() -> None:
+    """Raise MissingExtraError if results could not be stored; nothing is loaded yet."""
+    import importlib.util
+
+    if importlib.util.find_spec("zarr") is None:
+        import_extra("zarr", SWEEP)
+
+
+def _check_stop_after(stop_after: int | None) -> None:
+    if stop_after is not None and (isinstance(stop_after, bool) or stop_after < 1):
+        raise InvalidValueError(
+            "not a number of cases", where="stop_after", given=stop_after, allowed="a whole number from 1 on"
+        )

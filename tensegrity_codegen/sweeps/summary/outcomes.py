@@ -1,0 +1,80 @@
+"""How the cases of a sweep ended: counts, first messages, and the keys that tell failures apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensegrity_codegen.sweeps.statuses import GOOD
+from tensegrity_codegen.sweeps.summary.results import NOT_RUN, SweepResults
+
+__all__ = ["Ending", "KeyDifference", "count_endings", "describe_count", "find_failing_keys"]
+
+VERBS = {"equilibrium": "converged", "evaluate": "were evaluated", "linearize": "were linearized"}
+
+
+@dataclass(frozen=True)
+class Ending:
+    """A status: word, whether it is good, number of cases, the first case with it and its message."""
+
+    status: str
+    good: bool
+    count: int
+    first: int
+    message: str
+
+
+@dataclass(frozen=True)
+class KeyDifference:
+    """How differently a key is distributed in failed cases.
+
+    distance: the largest difference of the two distribution functions, 0 to 1; failed, good: medians.
+    """
+
+    key: str
+    distance: float
+    failed: float
+    good: float
+
+
+def count_endings(results: SweepResults) -> tuple[Ending, ...]:
+    """Return the statuses that occur, the good ones first, then the most frequent first."""
+    endings = []
+    for place, word in enumerate(results.words):
+        cases = np.flatnonzero(results.status == place)
+        if len(cases):
+            first = int(cases[0])
+            endings.append(Ending(word, word in GOOD, len(cases), first, results.message(first)))
+    return tuple(sorted(endings, key=lambda item: (not item.good, item.status == NOT_RUN, -item.count)))
+
+
+def describe_count(results: SweepResults) -> str:
+    """Return the finding in a few words: "9,987 of 10,000 cases converged"."""
+    good, left = int(results.is_good.sum()), int((~results.is_run).sum())
+    verb = VERBS.get(results.operation, "are ok")
+    text = f"{good:,} of {results.count:,} cases {verb}"
+    return f"{text}, {left:,} not run yet" if left else text
+
+
+def find_failing_keys(results: SweepResults) -> tuple[KeyDifference, ...]:
+    """Return how each key differs between failed and good cases, the largest difference first.
+
+    Notes
+    -----
+    The distance is that of Kolmogorov and Smirnov between the two empirical distributions. Empty unless some
+    cases failed and some are good.
+    """
+    good = results.is_good
+    failed = results.is_run & ~good
+    if not (good.any() and failed.any()):
+        return ()
+    rows = []
+    for place, key in enumerate(results.keys):
+        values = results.key_values[:, place]
+        bad, fine = np.sort(values[failed]), np.sort(values[good])
+        points = np.concatenate([bad, fine])
+        steps = [np.searchsorted(part, points, side="right") / len(part) for part in (bad, fine)]
+        distance = float(np.abs(steps[0] - steps[1]).max())
+        rows.append(KeyDifference(key, distance, float(np.median(bad)), float(np.median(fine))))
+    return tuple(sorted(rows, key=lambda row: -row.distance))

@@ -1,0 +1,141 @@
+"""Read a stored sweep for its summary: cases and statuses at once, quantities piece by piece."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.extras import SWEEP, import_extra
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.sweeps.statuses import STATUSES
+from tensegrity_codegen.sweeps.store.contents import MESSAGE, NOT_COMPUTED, RECORD, STATUS
+from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, StoredSweep, read_stored_sweep
+from tensegrity_codegen.sweeps.summary.results import NOT_RUN, KeptQuantity, SweepResults
+
+__all__ = ["read_results"]
+
+FloatArray = NDArray[np.float64]
+
+
+def read_results(path: str | Path) -> SweepResults:
+    """Return a stored sweep, finished or not.
+
+    Raises
+    ------
+    OutputError
+        The folder is not a sweep.
+    MissingExtraError
+        Zarr is not installed.
+    """
+    stored = read_stored_sweep(path)
+    zarr = import_extra("zarr", SWEEP)
+    group = zarr.open_group(str(stored.path), mode="r", zarr_format=3, use_consolidated=False)
+    own = stored.attributes[ATTRIBUTE]
+    status = group[STATUS]
+    layout = CaseLayout(tuple(status.shape), tuple(status.chunks))
+    cases = stored.identity.get("cases", {})
+    keys: Mapping[str, str] = own["keys"]
+    columns = [np.asarray(group[name][...], dtype=np.float64) for name in keys.values()]
+    n_axes = len(cases.get("axes", ()))
+    codes = np.asarray(status[...]).ravel().astype(np.int64)
+    operation = dict(stored.identity.get("operation", {}))
+    return SweepResults(
+        path=stored.path,
+        scene=_find_name(stored),
+        operation=str(operation.pop("do", "")),
+        options={name: value for name, value in operation.items() if name != "keep"},
+        keep=tuple(operation.get("keep", ())),
+        keys=tuple(keys),
+        axes=tuple(zip(list(keys)[:n_axes], columns[:n_axes], strict=True)),
+        method=str(cases.get("method", "")),
+        ranges=_describe_ranges(cases),
+        seed=cases.get("points", {}).get("seed"),
+        key_values=_spread(columns, n_axes, layout),
+        status=np.where(codes == NOT_COMPUTED, len(STATUSES), codes),
+        words=(*STATUSES, NOT_RUN),
+        message=lambda case: _read_message(group, layout, case),
+        kept=_find_kept(group, set(keys.values()), layout),
+    )
+
+
+def _find_name(stored: StoredSweep) -> str:
+    """Return the name of the scene, else that of the folder."""
+    scene = stored.identity.get("scene")
+    name = scene.get("name") if isinstance(scene, Mapping) else None
+    return str(name or stored.path.stem)
+
+
+def _describe_ranges(cases: Mapping[str, Any]) -> dict[str, str]:
+    """Return how each key varies, as on the command line."""
+    ranges = {}
+    for axis in cases.get("axes", ()):
+        values = axis.get("values")
+        short = values is not None and len(values) <= 6
+        ends = (values[0], values[-1]) if values else (axis.get("first", 0.0), axis.get("last", 0.0))
+        ranges[axis["key"]] = (
+            ", ".join(f"{value:g}" for value in values)
+            if short
+            else f"{axis['count']} values from {ends[0]:g} to {ends[1]:g}"
+        )
+    return ranges | dict(cases.get("points", {}).get("distributions", {}))
+
+
+def _spread(columns: list[FloatArray], n_axes: int, layout: CaseLayout) -> FloatArray:
+    """Return the values of all keys for all cases, (count, n_keys)."""
+    values = np.empty((layout.count, len(columns)))
+    for place, column in enumerate(columns):
+        dim = place if place < n_axes else len(layout.shape) - 1
+        inner = math.prod(layout.shape[dim + 1 :])
+        values[:, place] = np.tile(np.repeat(column, inner), layout.count // max(inner * len(column), 1))
+    return values
+
+
+def _read_message(group: Any, layout: CaseLayout, case: int) -> str:
+    return str(group[MESSAGE][np.unravel_index(case, layout.shape)])
+
+
+def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[str, KeptQuantity]:
+    """Return the arrays whose first dimensions are those of the cases."""
+    lead = len(layout.shape)
+    dims = tuple(group[STATUS].metadata.dimension_names)
+    kept = {}
+    for name, array in sorted(group.arrays()):
+        names = tuple(array.metadata.dimension_names or ())
+        if name in coordinates or name in (STATUS, MESSAGE, RECORD) or names[:lead] != dims:
+            continue
+        shape = tuple(array.shape[lead:])
+        kept[name] = KeptQuantity(
+            name=name,
+            dims=names[lead:],
+            shape=shape,
+            unit=str(array.attrs.get("units", "")),
+            sentence=str(array.attrs.get("long_name", "")),
+            labels=tuple(
+                _read_labels(group, dim, size) for dim, size in zip(names[lead:], shape, strict=True)
+            ),
+            blocks=_Blocks(array, layout),
+        )
+    return kept
+
+
+def _read_labels(group: Any, dim: str, size: int) -> list[Any]:
+    """Return what stands along a dimension; places from 0 where nothing does."""
+    return list(group[dim][...].tolist()) if dim in group else list(range(size))
+
+
+class _Blocks:
+    """The blocks of an array, one a task: consecutive cases."""
+
+    def __init__(self, array: Any, layout: CaseLayout) -> None:
+        self._array, self._layout = array, layout
+
+    def __call__(self) -> Iterator[tuple[int, FloatArray]]:
+        for task in range(self._layout.n_tasks):
+            first, last = self._layout.cases_of(task)
+            values = np.asarray(self._array[self._layout.box_of(task)], dtype=np.float64)
+            yield first, values.reshape(last - first, *values.shape[len(self._layout.shape) :])

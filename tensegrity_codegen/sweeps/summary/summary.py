@@ -1,0 +1,160 @@
+"""The summary of a sweep as data: how cases ended, distributions, indices, worst cases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import UnknownNameError, suggest
+from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
+from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
+from tensegrity_codegen.sweeps.summary.outcomes import (
+    Ending,
+    KeyDifference,
+    count_endings,
+    describe_count,
+    find_failing_keys,
+)
+from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.sweeps.summary.statistics import (
+    Distribution,
+    compute_rank_correlation,
+    describe_distribution,
+)
+from tensegrity_codegen.sweeps.summary.worst import WorstCase, find_worst_cases
+
+__all__ = ["ResultSummary", "SweepSummary", "summarize"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ResultSummary:
+    """One result: values, distribution, rank correlation with each key, and indices or why there are none."""
+
+    result: ChosenResult
+    distribution: Distribution
+    correlation: FloatArray
+    indices: Indices | str
+
+    @property
+    def strength(self) -> FloatArray:
+        """How much each key matters, (n_keys,), for the order of figures: total indices or correlations."""
+        if isinstance(self.indices, Indices):
+            return self.indices.total
+        return np.nan_to_num(np.abs(self.correlation))
+
+
+@dataclass(frozen=True)
+class SweepSummary:
+    """All that is found of a sweep; `over`: places of the keys that the user chose, () if none."""
+
+    results: SweepResults
+    endings: tuple[Ending, ...]
+    failing: tuple[KeyDifference, ...]
+    chosen: tuple[ResultSummary, ...]
+    worst: tuple[WorstCase, ...]
+    over: tuple[int, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """The finding: how many cases converged."""
+        return describe_count(self.results)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the summary in plain types."""
+        results = self.results
+        return {
+            "scene": results.scene,
+            "do": results.operation,
+            "headline": self.headline,
+            "n_cases": results.count,
+            "n_good": int(results.is_good.sum()),
+            "n_not_run": int((~results.is_run).sum()),
+            "method": results.method,
+            "seed": results.seed,
+            "keys": [_describe_key(results, place) for place in range(len(results.keys))],
+            "endings": [asdict(item) for item in self.endings],
+            "failing_keys": [asdict(item) for item in self.failing],
+            "results": [_describe_result(item, results.keys) for item in self.chosen],
+            "worst": [asdict(item) for item in self.worst],
+        }
+
+
+def summarize(results: SweepResults, names: Sequence[str] = (), over: Sequence[str] = ()) -> SweepSummary:
+    """Return the summary of a sweep.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Results, as in `choose_results`; by default the first few.
+    over : sequence of str
+        Keys that results are drawn over; by default those that matter most.
+
+    Raises
+    ------
+    UnknownNameError, InvalidValueError
+        For a result or key that the sweep does not have.
+    """
+    places = tuple(dict.fromkeys(_find_key(results, key) for key in over))
+    chosen = choose_results(results, names)
+    summaries = tuple(
+        ResultSummary(
+            item,
+            describe_distribution(item.values),
+            compute_rank_correlation(results.key_values, item.values),
+            compute_indices(results, item.values),
+        )
+        for item in chosen
+    )
+    return SweepSummary(
+        results,
+        count_endings(results),
+        find_failing_keys(results),
+        summaries,
+        find_worst_cases(results, chosen),
+        places,
+    )
+
+
+def _find_key(results: SweepResults, key: str) -> int:
+    if key not in results.keys:
+        raise UnknownNameError(
+            "this key does not vary",
+            where="`over`",
+            given=key,
+            allowed=", ".join(results.keys) or "the sweep varies no key",
+            hint=suggest(key, results.keys),
+        )
+    return results.keys.index(key)
+
+
+def _describe_key(results: SweepResults, place: int) -> dict[str, Any]:
+    values = results.key_values[:, place]
+    key = results.keys[place]
+    return {
+        "key": key,
+        "range": results.ranges.get(key, ""),
+        "is_axis": key in dict(results.axes),
+        "n_values": len(np.unique(values)),
+        **describe_distribution(values).as_dict(),
+    }
+
+
+def _describe_result(item: ResultSummary, keys: tuple[str, ...]) -> dict[str, Any]:
+    indices = item.indices
+    found: dict[str, Any] = {"indices": None, "no_indices": indices} if isinstance(indices, str) else {
+        "indices": asdict(indices), "no_indices": ""
+    }  # fmt: skip
+    return {
+        "name": item.result.name,
+        "unit": item.result.unit,
+        "sentence": item.result.sentence,
+        "distribution": item.distribution.as_dict(),
+        "rank_correlation": dict(zip(keys, item.correlation.tolist(), strict=True)),
+        **found,
+    }

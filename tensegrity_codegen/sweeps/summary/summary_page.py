@@ -1,0 +1,300 @@
+"""The summary of a sweep as a page: outcome, what varied, results, what they follow from, worst cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tensegrity_codegen.report.number_text import format_number
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Command,
+    Figure,
+    Page,
+    Paragraph,
+    Remark,
+    Section,
+)
+from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.sweeps.summary.figures import (
+    draw_curve,
+    draw_failures,
+    draw_heat_map,
+    draw_histogram,
+    draw_indices,
+    draw_scatter,
+)
+from tensegrity_codegen.sweeps.summary.indices import Indices
+from tensegrity_codegen.sweeps.summary.statistics import describe_distribution
+from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
+from tensegrity_codegen.version import VERSION
+
+__all__ = ["build_summary_page"]
+
+MOST_KEYS = 2  # over which each result is drawn, unless keys are chosen
+METHODS = {
+    "grid": "all points of a grid",
+    "random": "a random sample",
+    "latin_hypercube": "a Latin hypercube sample",
+    "sobol": "a sample by a scrambled Sobol' sequence",
+    "saltelli": "a sample for Sobol' indices (Saltelli)",
+    "table": "the rows of a table",
+}
+
+
+def build_summary_page(summary: SweepSummary, command: str) -> Page:
+    """Return the page of a summary; command: the command line that makes the page."""
+    results = summary.results
+    sections = (
+        _outcome(summary),
+        *_failures(summary),
+        _varied(summary),
+        *_distributions(summary),
+        *_over_keys(summary),
+        *_causes(summary),
+        *_worst(summary),
+        Section("command", "again", "Command", "plain", "makes this page", (Command(command),)),
+    )
+    method = METHODS.get(results.method, results.method)
+    count = f"{_count(results.count, 'case')}, {_count(len(results.keys), 'key')}, {method}."
+    return Page(
+        title=f"{results.scene}: {summary.headline}",
+        lead=_lead(summary),
+        chapters=(Chapter("sweep", results.scene, results.operation, count, sections),),
+        facts=(f"tensegrity_codegen {VERSION}.", "Words and equations: docs/sweep.md."),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def _lead(summary: SweepSummary) -> str:
+    """Return the main findings in two or three sentences."""
+    keys = summary.results.keys
+    texts = [f"Varied: {', '.join(keys[:4])}{f' and {len(keys) - 4} more' if len(keys) > 4 else ''}."]
+    if summary.failing and summary.failing[0].distance > 0.3:
+        row = summary.failing[0]
+        texts.append(
+            f"Failed cases differ most in {row.key}: median {format_number(row.failed, '.4g')}, "
+            f"{format_number(row.good, '.4g')} of the others."
+        )
+    for item in summary.chosen[:1]:
+        if isinstance(item.indices, Indices):
+            top = int(np.argmax(item.indices.total))
+            texts.append(
+                f"{keys[top]} causes {100 * item.indices.first[top]:.0f} % of the variance of "
+                f"{item.result.name} alone, {100 * item.indices.total[top]:.0f} % together with other keys."
+            )
+    return " ".join(texts)
+
+
+def _outcome(summary: SweepSummary) -> Section:
+    columns = (
+        Column("status", numeric=False), Column("cases"), Column("part", "%"), Column("first case"),
+        Column("its message", numeric=False),
+    )  # fmt: skip
+    total = max(summary.results.count, 1)
+    rows = tuple(
+        (
+            text_cell(item.status.replace("_", " ")), number_cell(item.count, ",.0f"),
+            number_cell(100 * item.count / total, ".2f"), number_cell(item.first, ".0f"),
+            text_cell(item.message),
+        )
+        for item in summary.endings
+    )  # fmt: skip
+    note = "Cases are numbered from 0; the message is that of the first case with this status."
+    blocks: list[Block] = [Table("How cases ended", columns, rows, note)]
+    left = int((~summary.results.is_run).sum())
+    if left:
+        blocks.append(Remark("differs", f"{left:,} cases are not run yet: call sweep again to run them."))
+    return Section("outcome", "all", "Outcome", "plain", summary.headline, tuple(blocks))
+
+
+def _failures(summary: SweepSummary) -> Iterator[Section]:
+    """Return where cases failed; nothing where none failed, or all."""
+    rows = summary.failing
+    if not rows:
+        return
+    keys = summary.results.keys
+    columns = (
+        Column("key", numeric=False), Column("distance", "0 to 1"), Column("median, failed"),
+        Column("median, good"),
+    )  # fmt: skip
+    cells = tuple(
+        (text_cell(row.key), number_cell(row.distance, ".2f"), number_cell(row.failed, ".4g"),
+         number_cell(row.good, ".4g"))
+        for row in rows
+    )  # fmt: skip
+    note = (
+        "Distance: largest difference of the distribution functions of failed and good cases; "
+        "0: failures do not depend on this key alone."
+    )
+    figure = draw_failures(summary.results, [keys.index(row.key) for row in rows[:2]], "failures")
+    table = Table("Keys of failed and good cases", columns, cells, note)
+    text = f"failed and good cases differ most in {rows[0].key}"
+    yield Section("failures", "failed cases", "Where cases fail", "plain", text, (figure, table))
+
+
+def _varied(summary: SweepSummary) -> Section:
+    results = summary.results
+    columns = (
+        Column("key", numeric=False), Column("how", numeric=False), Column("values"), Column("least"),
+        Column("median"), Column("largest"),
+    )  # fmt: skip
+    rows = []
+    for place, key in enumerate(results.keys):
+        values = results.key_values[:, place]
+        spread = describe_distribution(values)
+        how = results.ranges.get(key, "")
+        rows.append(
+            (
+                text_cell(key), text_cell(how), number_cell(len(np.unique(values)), ",.0f"),
+                number_cell(spread.least, ".5g"), number_cell(spread.median, ".5g"),
+                number_cell(spread.largest, ".5g"),
+            )
+        )  # fmt: skip
+    seed = "" if results.seed is None else f", seed {results.seed}"
+    text = f"{_count(len(results.keys), 'key')}: {METHODS.get(results.method, results.method)}{seed}"
+    blocks: list[Block] = [Table("Keys", columns, tuple(rows))] if rows else []
+    options = ", ".join(
+        f"{name} {value}" for name, value in results.options.items() if value not in (None, "")
+    )
+    if options:
+        blocks.append(Paragraph(f"Options of {results.operation}: {options}."))
+    return Section("varied", "cases", "What varied", "plain", text, tuple(blocks))
+
+
+def _distributions(summary: SweepSummary) -> Iterator[Section]:
+    if not summary.chosen:
+        return
+    columns = (
+        Column("result", numeric=False), Column("unit", numeric=False), Column("cases"), Column("least"),
+        Column("5 %"), Column("median"), Column("mean"), Column("95 %"), Column("largest"),
+        Column("deviation"),
+    )  # fmt: skip
+    rows, figures, sentences = [], [], []
+    for number, item in enumerate(summary.chosen):
+        spread = item.distribution
+        numbers = (
+            spread.least, spread.percent_5, spread.median, spread.mean, spread.percent_95, spread.largest,
+            spread.deviation,
+        )  # fmt: skip
+        rows.append(
+            (text_cell(item.result.name), text_cell(item.result.unit), number_cell(spread.count, ",.0f"),
+             *(number_cell(value, ".4g") for value in numbers))
+        )  # fmt: skip
+        if spread.count:
+            figures.append(draw_histogram(item.result, f"histogram{number}"))
+        sentences.append(f"{item.result.name}: {item.result.sentence.rstrip('.')}.")
+    table = Table("Results", columns, tuple(rows), "Over cases that have the result. " + " ".join(sentences))
+    text = _count(len(rows), "result")
+    yield Section("results", "results", "Distributions", "plain", text, (*figures, table))
+
+
+def _over_keys(summary: SweepSummary) -> Iterator[Section]:
+    """Return results over keys: heat maps of grids, curves, scatter plots."""
+    figures = [
+        figure
+        for number, item in enumerate(summary.chosen)
+        if item.distribution.count
+        for figure in _draw_over(summary, item, number)
+    ]
+    if figures:
+        text = "over the chosen keys" if summary.over else "over the keys that matter most"
+        yield Section("keys", "results", "Results over keys", "plain", text, tuple(figures))
+
+
+def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Iterator[Figure]:
+    results = summary.results
+    order = summary.over or _order_keys(summary, item)
+    axes = [place for place in order if results.keys[place] in dict(results.axes)]
+    name = f"over{number}-"
+    if len(results.keys) == 1 and axes:
+        yield draw_curve(results, axes[0], item.result, f"{name}0")
+        return
+    if len(axes) >= 2:
+        first, second = axes[:2]
+        yield draw_heat_map(results, (first, second), item.result, f"{name}map")
+        rest = [place for place in order if place not in (first, second)]
+    else:
+        rest = list(order)
+    for place in rest if summary.over else [place for place in rest if place not in axes][:MOST_KEYS]:
+        yield draw_scatter(results, place, item.result, f"{name}{place}")
+
+
+def _order_keys(summary: SweepSummary, item: ResultSummary) -> tuple[int, ...]:
+    """Return the places of the keys that vary, the strongest first."""
+    results = summary.results
+    varying = [place for place in range(len(results.keys)) if np.ptp(results.key_values[:, place]) > 0.0]
+    return tuple(sorted(varying, key=lambda place: -float(item.strength[place])))
+
+
+def _causes(summary: SweepSummary) -> Iterator[Section]:
+    """Return Sobol' indices where the cases allow them, and rank correlations."""
+    if not summary.chosen or not summary.results.keys:
+        return
+    blocks: list[Block] = []
+    tables: list[Block] = []
+    for number, item in enumerate(summary.chosen):
+        if isinstance(item.indices, Indices):
+            blocks.append(draw_indices(item.result, item.indices, f"indices{number}"))
+            tables.append(_index_table(item, item.indices))
+    reasons = {item.indices for item in summary.chosen if isinstance(item.indices, str)}
+    tables += [Paragraph(f"No Sobol' indices: {reason}.") for reason in sorted(reasons)]
+    tables.append(_correlation_table(summary))
+    found = len(blocks)
+    text = f"Sobol' indices of {_count(found, 'result')}" if found else "rank correlations"
+    yield Section("causes", "results", "What results depend on", "plain", text, (*blocks, *tables))
+
+
+def _index_table(item: ResultSummary, indices: Indices) -> Table:
+    columns = (
+        Column("key", numeric=False), Column("first order"), Column("± 95 %"), Column("total"),
+        Column("± 95 %"),
+    )  # fmt: skip
+    rows = tuple(
+        (text_cell(key), *(number_cell(float(value), ".3f") for value in values))
+        for key, *values in zip(
+            indices.keys, indices.first, indices.first_error, indices.total, indices.total_error, strict=True
+        )
+    )
+    return Table(f"Sobol' indices of {item.result.name}", columns, rows, f"From: {indices.source}.")
+
+
+def _correlation_table(summary: SweepSummary) -> Table:
+    columns = (
+        Column("key", numeric=False),
+        *(Column(item.result.name) for item in summary.chosen),
+    )
+    rows = tuple(
+        (text_cell(key), *(number_cell(float(item.correlation[place]), ".2f") for item in summary.chosen))
+        for place, key in enumerate(summary.results.keys)
+    )
+    note = "Spearman's rank correlation: 1 rises, -1 falls with the key, near 0 does neither."
+    return Table("Rank correlations", columns, rows, note)
+
+
+def _worst(summary: SweepSummary) -> Iterator[Section]:
+    if not summary.worst:
+        return
+    columns = (
+        Column("case"), Column("why", numeric=False), Column("values of the keys", numeric=False),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            number_cell(item.case, ".0f"), text_cell(item.reason),
+            text_cell(", ".join(f"{key} = {value:.9g}" for key, value in item.keys.items())),
+        )
+        for item in summary.worst
+    )  # fmt: skip
+    blocks: list[Block] = [
+        Table("Failed cases, and cases with extreme results", columns, rows),
+        Paragraph("These commands write the scene of each case and run it alone:"),
+        *(Command("\n".join(item.commands)) for item in summary.worst),
+    ]
+    text = f"{_count(len(rows), 'case')}, each with the commands that run it alone"
+    yield Section("worst", "cases", "Worst cases", "plain", text, tuple(blocks))
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"

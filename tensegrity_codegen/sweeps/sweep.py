@@ -1,0 +1,280 @@
+"""Many cases of one scene: plan them, compute them, store and open their results."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.long_work.forked import count_workers
+from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, identify_sweep
+from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
+from tensegrity_codegen.sweeps.engines.engine import Engine
+from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
+from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome
+from tensegrity_codegen.sweeps.run import check_zarr, run_sweep
+from tensegrity_codegen.sweeps.store.folder import check_store_folder
+from tensegrity_codegen.sweeps.store.identity import check_same_sweep
+from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tensegrity_codegen.sweeps.tasks.operation import Operation
+from tensegrity_codegen.sweeps.tasks.operations import build_operation
+
+__all__ = ["PreparedSweep", "prepare_sweep", "sweep"]
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedSweep:
+    """A sweep that is planned and whose folder is known to be new, or to hold the same sweep.
+
+    Attributes
+    ----------
+    planned : PlannedSweep
+        Cases, libraries, tasks, estimated time and size.
+    identity, facts : dict
+        What the results follow from, and what else is kept with them.
+    workers : int
+        Number of processes on this machine.
+    """
+
+    planned: PlannedSweep
+    identity: Mapping[str, Any] = field(repr=False)
+    facts: Mapping[str, Any] = field(repr=False)
+    workers: int
+
+    def run(
+        self,
+        out: str | Path,
+        *,
+        scheduler: str | None = None,
+        wait: float = 30.0,
+        stop_after: int | None = None,
+        on_progress: ShowProgress | None = None,
+    ) -> SweepOutcome:
+        """Compute what is not finished in a folder.
+
+        Parameters
+        ----------
+        out : str or Path
+            Folder of the results (.zarr).
+        scheduler : str, optional
+            Address of a Dask scheduler; by default processes of this machine compute.
+        wait : float
+            Longest time to wait for the scheduler and its workers [s].
+        stop_after : int, optional
+            Stop once so many cases have failed.
+        on_progress : callable, optional
+            Called with a `SweepProgress` after every task.
+
+        Returns
+        -------
+        SweepOutcome
+            Numbers of cases by status.
+
+        Raises
+        ------
+        OutputError
+            The folder holds something else, is in use, or the disk is full.
+        ClusterError
+            No scheduler, no workers, or workers with other versions.
+        """
+        engine: Engine = (
+            DaskEngine(scheduler, wait) if scheduler else LocalEngine(self.workers, self.planned.libraries)
+        )
+        return run_sweep(
+            self.planned.work,
+            out,
+            engine,
+            identity=self.identity,
+            facts=self.facts,
+            stop_after=stop_after,
+            on_progress=on_progress,
+        )
+
+
+def prepare_sweep(
+    scene: SceneSource,
+    cases: Cases,
+    operation: Operation,
+    *,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    task_size: int | None = None,
+    yes: bool = False,
+    option: str = "yes",
+) -> PreparedSweep:
+    """Plan a sweep, the tasks as in its folder where that holds a part of it.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`.
+    cases : Cases
+        As from `build_cases`.
+    operation : Operation
+        As from `build_operation`.
+    out : str or Path, optional
+        Folder of the results.
+    workers : int, optional
+        Number of processes; by default one a core.
+    task_size : int, optional
+        Most cases of a task; by default so many that a task takes about half a second.
+    yes : bool
+        Whether more than 50 libraries are meant.
+    option : str
+        How messages name `yes`.
+
+    Returns
+    -------
+    PreparedSweep
+        The plan, ready to run.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made, or holds something else or another sweep; the message names what differs.
+    SceneError, FormulationError, CompilerMissingError, CompileError
+        As for `plan_sweep`.
+    """
+    count = _check_workers(workers)
+    identity = identify_sweep(scene, cases, operation)
+    stored = None
+    if out is not None:
+        check_zarr()
+        stored = check_store_folder(out)
+    if stored is not None:
+        check_same_sweep(stored.path, stored.identity, identity)
+        task_size = stored.task_size
+    planned = plan_sweep(scene, cases, operation, task_size=task_size, workers=count, yes=yes, option=option)
+    return PreparedSweep(planned, identity, describe_facts(scene, planned.work.plan, operation), count)
+
+
+def sweep(
+    scene: SceneSource,
+    *,
+    do: str,
+    over: Stated = (),
+    sample: Stated = (),
+    table: str | Path | Mapping[str, Any] | None = None,
+    n: int | None = None,
+    seed: int = 0,
+    sampling: str = "random",
+    keep: str | Sequence[str] = (),
+    out: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    wait: float = 30.0,
+    task_size: int | None = None,
+    stop_after: int | None = None,
+    yes: bool = False,
+    on_progress: ShowProgress | None = None,
+    **options: Any,
+) -> Any:
+    """Compute many cases of one scene.
+
+    Parameters
+    ----------
+    scene : str, Path, mapping or Scene
+        As for `read_scene`.
+    do : str
+        ``"simulate"``, ``"equilibrium"``, ``"linearize"`` or ``"evaluate"``.
+    over : mapping or sequence of str
+        Axes of a grid: key -> values, ``"start:stop:n"`` or ``"start:stop:n:log"``; or ``"KEY=..."``.
+    sample : mapping or sequence of str
+        Distributions: key -> ``"normal(m,s)"``, ``"uniform(a,b)"`` or ``"lognormal(m,s)"``; or ``"KEY=..."``.
+    table : str, Path or mapping, optional
+        CSV file with a column a key and a row a case, or such columns.
+    n : int, optional
+        Number of samples.
+    seed : int
+        Seed of the samples.
+    sampling : str
+        ``"random"``, ``"latin_hypercube"``, ``"sobol"`` or ``"saltelli"``.
+    keep : str or sequence of str
+        What is kept of each case, such as ``"member_tension"`` or ``"max(member_tension)"``; by default the
+        usual results of the operation.
+    out : str or Path, optional
+        Folder of the results (.zarr). One that holds a part of this sweep goes on where it stopped. Without
+        it results are kept in memory only.
+    workers : int, optional
+        Number of processes on this machine; by default one a core.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers compute instead.
+    wait : float
+        Longest time to wait for the scheduler and its workers [s].
+    task_size : int, optional
+        Most cases of a task; by default so many that a task takes about half a second.
+    stop_after : int, optional
+        Stop once so many cases have failed.
+    yes : bool
+        Whether more than 100,000 cases, or more than 50 libraries, are meant.
+    on_progress : callable, optional
+        Called with a `SweepProgress` after every task.
+    **options : object
+        Options of the operation, such as ``t_end``.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable a quantity, units and description in its attributes; ``status`` and ``message`` of every
+        case. Dimensions are the axes of the grid, ``sample`` or ``case``, then those of the quantity. Results
+        of cases that failed are NaN.
+
+    Raises
+    ------
+    InvalidValueError, UnknownKeyError, UnknownNameError, SceneError
+        A wrong key, range, distribution, table, quantity or option.
+    OutputError
+        The folder holds something else or another sweep, or the disk is full.
+    ClusterError
+        No scheduler, no workers, or workers with other versions.
+    MissingExtraError
+        Zarr, xarray or Dask is not installed.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import sweep
+    >>> found = sweep("two_nodes.toml", do="evaluate", over={"gravity[2]": "-10:0:3"}, workers=1)
+    >>> found["member_tension"].dims, found["status"].values.tolist()
+    (('gravity[2]', 'member'), [0, 0, 0])
+    """
+    if scheduler is not None and workers is not None:
+        raise InvalidValueError(
+            "workers of this machine beside those of a cluster",
+            where="workers",
+            given=workers,
+            allowed="workers or scheduler",
+        )
+    check_zarr()
+    cases = build_cases(over, sample, table, n=n, seed=seed, method=sampling, yes=yes)
+    operation = build_operation(do, keep, **options)
+    prepared = prepare_sweep(scene, cases, operation, out=out, workers=workers, task_size=task_size, yes=yes)
+    rest: dict[str, Any] = {
+        "scheduler": scheduler,
+        "wait": wait,
+        "stop_after": stop_after,
+        "on_progress": on_progress,
+    }
+    if out is not None:
+        try:
+            return open_sweep(prepared.run(out, **rest).path)
+        except KeyboardInterrupt as error:
+            error.add_note(f"{out} keeps what is finished; the same call goes on where it stopped")
+            raise
+    with tempfile.TemporaryDirectory(prefix="tensegrity_codegen-") as folder:
+        return open_sweep(prepared.run(Path(folder) / "sweep.zarr", **rest).path).load()
+
+
+def _check_workers(workers: int | None) -> int:
+    if workers is None:
+        return count_workers()
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise InvalidValueError(
+            "not a number of workers", where="workers", given=workers, allowed="a whole number from 1 on"
+        )
+    return workers

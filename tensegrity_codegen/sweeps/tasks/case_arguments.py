@@ -1,0 +1,123 @@
+"""Arguments of a chunk of cases, checked: rows with numbers that are not finite fail alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.runtime.model.arrays import to_array, to_batch
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
+from tensegrity_codegen.sweeps.statuses import encode_status
+
+__all__ = ["CaseArguments", "read_case_arguments"]
+
+NOT_FINITE = "the value of {name} is not finite"
+
+
+@dataclass(frozen=True, eq=False)
+class CaseArguments:
+    """Run-time arguments of a chunk: one row a case, or one value for all.
+
+    rows: arrays (count, ...) by argument, those of cases in `is_bad` replaced by the scene's values; shared:
+    arrays without the leading axis; messages: why a case is bad, by its number.
+    """
+
+    count: int
+    rows: Mapping[str, NDArray[Any]]
+    shared: Mapping[str, NDArray[Any]]
+    messages: Mapping[int, str]
+
+    @property
+    def all(self) -> dict[str, NDArray[Any]]:
+        """All arguments, as batch functions take them."""
+        return {**self.shared, **self.rows}
+
+    def status(self) -> tuple[NDArray[np.int8], list[str]]:
+        """Return codes and messages of the cases before anything was computed: good but for bad values."""
+        codes = np.full(self.count, encode_status("ok"), dtype=np.int8)
+        said = [""] * self.count
+        for k, message in self.messages.items():
+            codes[k], said[k] = encode_status("non_finite_input"), message
+        return codes, said
+
+
+def read_case_arguments(model: CompiledModel, given: Mapping[str, Any], count: int) -> CaseArguments:
+    """Return the arguments of `count` cases; inputs by their names become one array `input`.
+
+    Raises UnknownNameError for an argument that the library does not have, InvalidValueError for a wrong
+    shape or inputs that are given twice.
+    """
+    if count < 1:
+        raise InvalidValueError("no cases", where="count", given=count, allowed="1 or more")
+    rows: dict[str, NDArray[Any]] = {}
+    shared: dict[str, NDArray[Any]] = {}
+    for name, value in _merge_inputs(model, given, count).items():
+        shape = model.nominal(name).shape
+        array, is_batched = to_batch(value, shape, model.library.precision, name)
+        if is_batched and len(array) != count:
+            raise InvalidValueError(
+                "another number of cases",
+                where=name,
+                given=f"{len(array)} rows",
+                allowed=f"{count} rows, or one value without a leading axis",
+            )
+        (rows if is_batched else shared)[name] = array
+    return _set_bad_aside(model, CaseArguments(count, rows, shared, {}))
+
+
+def _merge_inputs(model: CompiledModel, given: Mapping[str, Any], count: int) -> dict[str, Any]:
+    """Return the arguments with one array (count, n_inputs) for inputs by name, numbers as they are."""
+    manifest, merged = model.manifest, dict(given)
+    known = [item.name for item in manifest.arguments] + list(manifest.input_name)
+    for name in given:
+        if unify_name(manifest, name) not in ARGUMENTS or name not in known:
+            raise UnknownNameError(
+                "the library has no such argument",
+                where=manifest.name,
+                given=name,
+                allowed=", ".join(known),
+                hint=suggest(name, known),
+            )
+    named = [name for name in given if name != INPUT and unify_name(manifest, name) == INPUT]
+    if not named:
+        return merged
+    if INPUT in given:
+        raise InvalidValueError(
+            "an input is given twice",
+            where=f"arguments.{named[0]}",
+            given=f"{named[0]}, and the array {INPUT} of all inputs",
+            allowed=f"names of inputs, or {INPUT}",
+        )
+    values = np.tile(model.nominal(INPUT), (count, 1))
+    for name in named:
+        column = to_array(merged.pop(name), model.library.precision, name, f"a number, or ({count},)")
+        if column.shape not in ((), (count,)):
+            raise InvalidValueError(
+                "another number of cases", where=name, given=column.shape, allowed=f"({count},)"
+            )
+        values[:, manifest.input_name.index(name)] = column
+    return merged | {INPUT: values}
+
+
+def _set_bad_aside(model: CompiledModel, arguments: CaseArguments) -> CaseArguments:
+    """Return the arguments with the scene's values in rows that are not finite, and messages of these."""
+    messages: dict[int, str] = {}
+    rows, shared = dict(arguments.rows), dict(arguments.shared)
+    for name, array in arguments.shared.items():
+        if not np.isfinite(array).all():
+            shared[name] = model.nominal(name)
+            messages |= dict.fromkeys(range(arguments.count), NOT_FINITE.format(name=name))
+    for name, array in arguments.rows.items():
+        bad = np.flatnonzero(~np.isfinite(array.reshape(arguments.count, -1)).all(axis=1))
+        if len(bad):
+            rows[name] = array.copy()
+            rows[name][bad] = model.nominal(name)
+            messages |= {int(k): NOT_FINITE.format(name=name) for k in bad}
+    return CaseArguments(arguments.count, rows, shared, messages)

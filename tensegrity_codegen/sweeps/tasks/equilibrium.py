@@ -1,0 +1,160 @@
+"""The operation `equilibrium`: the stable equilibrium of every case, and what is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.analyses import Needs, find_needs
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
+from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
+from tensegrity_codegen.runtime.statics.equilibrium import Method, check_search_options
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.sweeps.statuses import encode_status
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
+from tensegrity_codegen.sweeps.tasks.dimensions import label_axis
+from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
+from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+
+__all__ = ["FindEquilibrium", "find_each"]
+
+USUAL = ("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual")
+# Results of each search besides quantities: type, unit, sentence.
+RESULTS = {
+    "smallest_eigenvalue": (
+        "float64",
+        "N/m",
+        "Smallest eigenvalue of the stiffness off neutral motions.",
+    ),
+    "displacement": ("float64", "m", "Largest distance of a node from its start."),
+    "change": ("float64", "m", "Largest distance of a node from its start, neutral motions taken out."),
+    "residual": ("float64", "N", "Largest static force on a node."),
+    "largest_force": ("float64", "N", "Largest member force."),
+    "energy": ("float64", "J", "Potential energy."),
+    "energy_change": ("float64", "J", "Change of the potential energy from the start."),
+    "iterations": ("int64", "1", "Number of iterations."),
+    "neutral_motions": ("int64", "1", "Number of rigid motions that cost no energy."),
+    "saddles_left": ("int64", "1", "Number of unstable equilibria that the search passed."),
+}
+COORDINATE = "coordinate"
+HELD = (POSITION, "member_tension", "member_length")  # quantities that every search returns
+
+
+@dataclass(frozen=True)
+class FindEquilibrium(Operation):
+    """Stable equilibria, from the start of each case.
+
+    Attributes
+    ----------
+    keep : tuple of str
+        Expressions over quantities at the equilibrium, names of RESULTS, ``"coordinate"``; by default USUAL.
+    tolerance, max_iterations, method
+        As of `find_equilibrium`.
+    """
+
+    name: ClassVar[str] = "equilibrium"
+
+    tolerance: float = 1e-9
+    max_iterations: int = 500
+    method: Method = "auto"
+
+    def describe(self) -> dict[str, Any]:
+        """Return name and options, JSON-ready."""
+        names = ("tolerance", "max_iterations", "method")
+        return {**super().describe(), **{name: getattr(self, name) for name in names}}
+
+    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+        """Return what the search needs, and the quantities that are kept."""
+        check_search_options(self.tolerance, self.max_iterations, self.method)
+        wanted = find_kept_quantities(_of_quantities(self._texts()), request)
+        needs = find_needs("equilibria", structure, request)
+        added = tuple(name for name in wanted if name not in needs.quantities)
+        return replace(needs, quantities=(*needs.quantities, *added))
+
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return one array for each thing that is kept."""
+        bound = _bind(self._texts(), manifest)
+        return tuple(
+            bound[text.name].output if text.name in bound else _describe_result(text, manifest)
+            for text in self._texts()
+        )
+
+    def _texts(self) -> tuple[KeptText, ...]:
+        return parse_kept(self.keep or USUAL, (*RESULTS, COORDINATE))
+
+    def run(
+        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
+    ) -> TaskResult:
+        """Find the equilibria; a case without one has the status that `find_equilibrium` gives it."""
+        given = read_case_arguments(model, arguments, count)
+        status, messages = given.status()
+        found = find_each(
+            model,
+            given,
+            threads,
+            tolerance=self.tolerance,
+            max_iterations=self.max_iterations,
+            method=self.method,
+        )
+        for k in np.flatnonzero(status == encode_status("ok")):
+            status[k], messages[k] = encode_status(found.status[k]), found.message[k]
+        bound = _bind(self._texts(), model.manifest)
+        names = dict.fromkeys(name for item in bound.values() for name in item.names)
+        values = _compute_at(model, found, given, tuple(names), threads)
+        arrays = {
+            text.name: bound[text.name].evaluate(values, (count,))
+            if text.name in bound
+            else getattr(found, text.expression)
+            for text in self._texts()
+        }
+        return build_result(arrays, status, messages)
+
+
+def find_each(model: CompiledModel, given: CaseArguments, threads: int, **options: Any) -> Equilibria:
+    """Return the equilibria of cases; options: as of `find_equilibria`."""
+    require_double(model.manifest, "the search for an equilibrium")
+    start = given.all.get(COORDINATE, model.nominal(COORDINATE))
+    if start.ndim == 1:
+        start = np.tile(start, (given.count, 1))
+    others = {name: array for name, array in given.all.items() if name not in (COORDINATE, "velocity")}
+    return find_equilibria(model, coordinate=start, arguments=others, threads=threads, **options)
+
+
+def _of_quantities(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
+    return tuple(text for text in texts if text.expression not in (*RESULTS, COORDINATE))
+
+
+def _bind(texts: tuple[KeptText, ...], manifest: Manifest) -> dict[str, Kept]:
+    return {item.text.name: item for item in bind_kept(_of_quantities(texts), manifest)}
+
+
+def _describe_result(text: KeptText, manifest: Manifest) -> Output:
+    expression = "" if text.name == text.text else text.text
+    if text.expression in RESULTS:
+        return Output(text.name, (), (), *RESULTS[text.expression], expression=expression)
+    dim, names = label_axis(manifest, "n_coordinates", COORDINATE)
+    sentence = "Free coordinates."
+    return Output(text.name, (dim,), (len(names),), "float64", "m", sentence, {dim: names}, expression)
+
+
+def _compute_at(
+    model: CompiledModel, found: Equilibria, given: CaseArguments, names: tuple[str, ...], threads: int
+) -> dict[str, NDArray[Any]]:
+    """Return quantities at rest in the equilibria, (count, ...)."""
+    others = [name for name in names if name not in HELD]
+    rows = {**given.rows, COORDINATE: found.coordinate, "velocity": np.zeros_like(found.coordinate)}
+    shared = {name: array for name, array in given.shared.items() if name not in rows}
+    computed = compute_values(model, others, rows, shared, given.count, threads)
+    values = {name: value for name, (value, _) in computed.items()}
+    return values | {name: getattr(found, name) for name in names if name in HELD}

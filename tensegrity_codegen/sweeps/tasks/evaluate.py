@@ -1,0 +1,74 @@
+"""The operation `evaluate`: quantities of every case at its state, side by side in the lanes of a core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from tensegrity_codegen.analyses import BATCH_WIDTH, Needs
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.sweeps.statuses import encode_status
+from tensegrity_codegen.sweeps.tasks.case_arguments import read_case_arguments
+from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
+from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+
+__all__ = ["Evaluate"]
+
+
+@dataclass(frozen=True)
+class Evaluate(Operation):
+    """Quantities and expressions at the state of each case; by default all that the scene requests."""
+
+    name: ClassVar[str] = "evaluate"
+
+    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+        """Return the quantities, with batch functions."""
+        quantities = find_kept_quantities(parse_kept(self.keep), request)
+        if not (self.keep or request.quantities):
+            raise InvalidValueError(
+                "nothing to evaluate",
+                where="keep",
+                allowed="names of quantities, here or as model.quantities of the scene",
+                hint="keep member_tension, for example",
+            )
+        return Needs(quantities if self.keep else request.quantities, batch_width=BATCH_WIDTH)
+
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return one array for each thing that is kept."""
+        return tuple(item.output for item in self._bind(manifest))
+
+    def _bind(self, manifest: Manifest) -> tuple[Kept, ...]:
+        texts = self.keep or tuple(spec.quantity for spec in manifest.functions)
+        return bind_kept(parse_kept(texts), manifest)
+
+    def run(
+        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
+    ) -> TaskResult:
+        """Compute what is kept; a case where it is not finite has the status "non_finite_result"."""
+        given = read_case_arguments(model, arguments, count)
+        status, messages = given.status()
+        kept = self._bind(model.manifest)
+        names = dict.fromkeys(name for item in kept for name in item.names)
+        found = compute_values(model, names, given.rows, given.shared, count, threads)
+        values = {name: value for name, (value, _) in found.items()}
+        arrays: dict[str, Any] = {}
+        for item in kept:
+            array = item.evaluate(values, (count,))
+            is_good = np.logical_and.reduce([found[name][1] for name in item.names])
+            if item.part is not None:
+                array = np.array(array, dtype=model.dtype)
+                is_good = is_good & np.isfinite(array.reshape(count, -1)).all(axis=1)
+            for k in np.flatnonzero(~is_good & (status == encode_status("ok"))):
+                status[k] = encode_status("non_finite_result")
+                messages[k] = f"{item.text.text} is not finite"
+            arrays[item.output.name] = array
+        return build_result(arrays, status, messages)

@@ -1,0 +1,122 @@
+"""What is kept of each case, bound to a library: its array, and its values at many states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import FormulationError, TensegrityError
+from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.simulate.condition import find_quantities
+from tensegrity_codegen.runtime.simulate.condition_parts import Part, build_part
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.sweeps.tasks.axes import find_axes
+from tensegrity_codegen.sweeps.tasks.dimensions import describe_quantity, real_dtype
+from tensegrity_codegen.sweeps.tasks.keep_text import KeptText
+from tensegrity_codegen.sweeps.tasks.operation import Output
+
+__all__ = ["Kept", "bind_kept", "find_kept_quantities"]
+
+RealArray = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Kept:
+    """One thing that is kept, of one library.
+
+    text: what was asked for; output: its array at one state, without time; names: quantities whose values it
+    takes, "node_position" among them; part: how its value follows from them, None where it is one quantity.
+    """
+
+    text: KeptText
+    output: Output
+    names: tuple[str, ...]
+    part: Part | None
+
+    def evaluate(self, values: Mapping[str, RealArray], shape: tuple[int, ...]) -> RealArray:
+        """Return the value at many states, (*shape, ...), from the values of names, each (*shape, ...).
+
+        shape: of the states, for example (count, n_t). What is not finite is NAN or infinite.
+        """
+        if self.part is None:
+            return values[self.names[0]]
+        count = int(np.prod(shape))
+        behind = {
+            name: np.moveaxis(value.reshape(count, *value.shape[len(shape) :]), 0, -1)
+            for name, value in values.items()
+        }
+        with np.errstate(all="ignore"):
+            found = np.broadcast_to(self.part.evaluate(behind), (*self.output.shape, count))
+        return np.moveaxis(found, -1, 0).reshape(*shape, *self.output.shape)
+
+
+def find_kept_quantities(kept: tuple[KeptText, ...], request: ModelRequest) -> tuple[str, ...]:
+    """Return the quantities that a library has to compute for what is kept."""
+    names: dict[str, None] = {}
+    for item in kept:
+        names |= dict.fromkeys(find_quantities(item.expression))
+        if POSITION in item.expression or "." in item.expression:
+            names |= dict.fromkeys(_placing(request.formulation))
+    return tuple(names)
+
+
+def _placing(formulation: str) -> tuple[str, ...]:
+    """Return what places nodes where coordinates are no node coordinates."""
+    return () if find_formulation(formulation).in_nodes else (POSITION,)
+
+
+def bind_kept(kept: tuple[KeptText, ...], manifest: Manifest) -> tuple[Kept, ...]:
+    """Return what is kept for one library; raises FormulationError where the library lacks a quantity.
+
+    Raises InvalidValueError and UnknownNameError for entries that the structure does not have.
+    """
+    return tuple(_bind(item, manifest) for item in kept)
+
+
+def _bind(item: KeptText, manifest: Manifest) -> Kept:
+    specs = {spec.quantity: spec for spec in manifest.functions}
+    wanted = find_quantities(item.expression)
+    for name in wanted:
+        is_part = item.expression != name
+        if name not in specs or (specs[name].pattern is not None and is_part):
+            raise FormulationError(
+                "the library has no such function",
+                where=f"keep {item.text!r}",
+                given=name,
+                hint="a sparse matrix can only be kept whole"
+                if name in specs
+                else "build it with this quantity",
+            )
+    if item.expression in specs and item.expression != POSITION:
+        output = describe_quantity(manifest, specs[item.expression])
+        return Kept(item, _name(output, item), (item.expression,), None)
+    try:
+        part = build_part(item.tree, manifest)
+    except TensegrityError as error:
+        error.where = f"keep {item.text!r}"
+        raise
+    axes = find_axes(item.tree, manifest)
+    names = (*wanted, *((POSITION,) if part.places else ()))
+    output = Output(
+        name=item.name,
+        dims=axes.dims,
+        shape=part.shape,
+        dtype=real_dtype(manifest),
+        unit=axes.unit,
+        sentence=QUANTITIES[POSITION].sentence if item.expression == POSITION else f"Value of {item.text}.",
+        coordinates={dim: labels for dim, labels in axes.labels.items() if dim in axes.dims},
+        expression="" if item.name == item.text else item.text,
+    )
+    return Kept(item, output, names, None if item.expression == POSITION else part)
+
+
+def _name(output: Output, item: KeptText) -> Output:
+    """Return the output of a quantity under the name that it is kept by."""
+    return replace(output, name=item.name, expression="" if item.name == item.text else item.text)

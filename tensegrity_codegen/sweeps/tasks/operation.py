@@ -1,0 +1,162 @@
+"""What every operation of a sweep is: what it needs of a library, what it gives, how a chunk is computed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.analyses import Needs
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.sweeps.statuses import is_good
+
+__all__ = ["Operation", "Output", "TaskResult", "build_result"]
+
+
+@dataclass(frozen=True)
+class Output:
+    """One array of results; its first axis, the cases, is not counted.
+
+    Attributes
+    ----------
+    name : str
+        Of the array in stored results: letters, digits and underscores.
+    dims : tuple of str
+        Names of the axes, such as ``("time", "member")``.
+    shape : tuple of int
+        Sizes of the axes.
+    dtype : str
+        ``"float64"``, ``"float32"`` or ``"int32"``.
+    unit : str
+        SI unit; ``"1"`` for numbers without one.
+    sentence : str
+        What it is.
+    coordinates : mapping of str to tuple
+        Labels of axes, names or numbers, by the name of the axis; an axis without labels has none.
+    expression : str
+        The text that was asked for, where it is not the name.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    dtype: str
+    unit: str
+    sentence: str
+    coordinates: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    expression: str = ""
+
+    def full_of_nan(self, count: int) -> NDArray[Any]:
+        """Return the array of `count` cases that all failed: NAN, or -1 for whole numbers."""
+        dtype = np.dtype(self.dtype)
+        return np.full((count, *self.shape), np.nan if dtype.kind == "f" else -1, dtype=dtype)
+
+
+@dataclass(frozen=True, eq=False)
+class TaskResult:
+    """Results of a chunk of cases.
+
+    Attributes
+    ----------
+    arrays : mapping of str to ndarray
+        By the names of outputs, each (count, ...); rows of cases that failed are NAN (-1 in whole numbers).
+    status : ndarray of int8, shape (count,)
+        Codes of ``sweep.statuses``.
+    messages : tuple of str
+        A sentence for each case; empty where there is nothing to say.
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    status: NDArray[np.int8]
+    messages: tuple[str, ...]
+
+    @property
+    def is_good(self) -> NDArray[np.bool_]:
+        """Whether the results of each case are there, (count,)."""
+        return is_good(self.status)
+
+
+def build_result(
+    arrays: Mapping[str, NDArray[Any]], status: NDArray[np.int8], messages: Iterable[str]
+) -> TaskResult:
+    """Return the result of a chunk, rows of cases that failed being NAN, -1 in whole numbers."""
+    is_bad = ~is_good(status)
+    kept = dict(arrays)
+    if is_bad.any():
+        for name, array in arrays.items():
+            kept[name] = array.copy()
+            kept[name][is_bad] = np.nan if array.dtype.kind == "f" else -1
+    return TaskResult(kept, status, tuple(messages))
+
+
+@dataclass(frozen=True)
+class Operation(ABC):
+    """What is done for every case; the same object serves all cases, and processes hand it on by pickling.
+
+    Attributes
+    ----------
+    keep : tuple of str
+        What is kept of each case; empty for the usual results of the operation.
+    """
+
+    keep: tuple[str, ...] = ()
+
+    name: ClassVar[str]  # as in `--do NAME`
+
+    @abstractmethod
+    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+        """Return what the operation needs of a library besides what the scene requests.
+
+        Raises
+        ------
+        InvalidValueError, UnknownNameError
+            Something that cannot be kept.
+        FormulationError
+            The structure or its formulation does not serve the operation.
+        """
+
+    @abstractmethod
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return what is kept of each case, in the order of the stored arrays; raises as `needs`."""
+
+    @abstractmethod
+    def run(
+        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
+    ) -> TaskResult:
+        """Compute a chunk of cases.
+
+        Parameters
+        ----------
+        model : CompiledModel
+            A library that has what `needs` returns.
+        arguments : mapping of str to ndarray
+            ``"coordinate"``, ``"velocity"``, run-time parameters and inputs by name, each with a leading axis
+            (count,), or without it where all cases share a value; by default those of the scene.
+        count : int
+            Number of cases.
+        threads : int
+            Number of threads.
+
+        Returns
+        -------
+        TaskResult
+            One row a case; a case that fails does not affect the others.
+
+        Raises
+        ------
+        InvalidValueError, UnknownNameError
+            An argument that no case could have: an unknown name, a wrong shape.
+        LibraryError, FormulationError
+            The library does not serve the operation.
+        """
+
+    def describe(self) -> dict[str, Any]:
+        """Return name and options, JSON-ready; two operations with the same description do the same."""
+        return {"do": self.name, "keep": list(self.keep)}

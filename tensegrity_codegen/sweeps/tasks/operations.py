@@ -1,0 +1,66 @@
+"""The operations of a sweep by their names, as in `--do NAME`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
+from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
+from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
+from tensegrity_codegen.sweeps.tasks.linearize import Linearize
+from tensegrity_codegen.sweeps.tasks.operation import Operation
+from tensegrity_codegen.sweeps.tasks.simulate import Simulate
+
+__all__ = ["OPERATIONS", "build_operation"]
+
+OPERATIONS: Mapping[str, type[Operation]] = MappingProxyType(
+    {kind.name: kind for kind in (Simulate, FindEquilibrium, Linearize, Evaluate)}
+)
+
+
+def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> Operation:
+    """Return an operation.
+
+    Parameters
+    ----------
+    do : str
+        One of OPERATIONS.
+    keep : str or sequence of str
+        What is kept of each case; empty for the usual results of the operation.
+    **options : object
+        Options that this operation has; None for those at their defaults.
+
+    Returns
+    -------
+    Operation
+        Frozen; can be pickled.
+
+    Raises
+    ------
+    UnknownNameError, UnknownKeyError
+        An unknown operation, or an option that it does not have.
+    InvalidValueError
+        Something else than texts is to be kept.
+    """
+    check_choice(do, OPERATIONS, "operation", "do")
+    kind = OPERATIONS[do]
+    texts = (keep,) if isinstance(keep, str) else tuple(keep)
+    if not all(isinstance(text, str) for text in texts):
+        raise InvalidValueError(
+            "not a text", where="keep", given=keep, allowed="texts such as member_tension"
+        )
+    known = [item.name for item in dataclasses.fields(kind) if item.name != "keep"]
+    stated = {name: value for name, value in options.items() if value is not None}
+    for name in stated:
+        if name not in known:
+            raise UnknownKeyError(
+                f"the operation {do!r} has no such option",
+                where="sweep",
+                given=name,
+                allowed=", ".join(known) or "no options",
+                hint=suggest(name, known),
+            )
+    return kind(keep=texts, **stated)

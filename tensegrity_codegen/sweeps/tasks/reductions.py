@@ -1,0 +1,85 @@
+"""Values over time, reduced: the last, the largest, the mean, the first time of a condition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText
+from tensegrity_codegen.sweeps.tasks.operation import Output
+
+__all__ = ["find_first_time", "reduce_output", "reduce_values"]
+
+RealArray = NDArray[Any]
+
+WORDS = {
+    "final": "at the end",
+    "max": "largest over the samples",
+    "min": "smallest over the samples",
+    "mean": "mean over time",
+    "rms": "root of the mean square over time",
+}
+
+
+def reduce_output(text: KeptText, output: Output, time: RealArray) -> Output:
+    """Return the array of a motion from that of one sample; time: of the samples, (n_t,) [s]."""
+    if text.reduction == FIRST:
+        sentence = (
+            f"First time at which {text.expression} holds, between samples on a straight line; NAN if never."
+        )
+        return replace(output, unit="s", sentence=sentence)
+    if text.reduction in WORDS:
+        return replace(output, sentence=f"{output.sentence.rstrip('.')}: {WORDS[text.reduction]}.")
+    kept = time[:: text.step]
+    dim = "time" if text.step == 1 else f"time_{EVERY}_{text.step}"
+    return replace(
+        output,
+        dims=(dim, *output.dims),
+        shape=(len(kept), *output.shape),
+        coordinates={**output.coordinates, dim: tuple(kept.tolist())},
+    )
+
+
+def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArray:
+    """Return what is kept of values (count, n_t, ...) at times (n_t,) [s]."""
+    if text.reduction == FIRST:
+        return find_first_time(values, time)
+    if text.reduction == "final":
+        return values[:, -1]
+    if text.reduction == "max":
+        return np.asarray(values.max(axis=1))
+    if text.reduction == "min":
+        return np.asarray(values.min(axis=1))
+    if text.reduction in ("mean", "rms"):
+        weight = _weigh(time).reshape(-1, *(1,) * (values.ndim - 2))
+        if text.reduction == "mean":
+            return np.asarray((weight * values).sum(axis=1))
+        return np.asarray(np.sqrt((weight * values**2).sum(axis=1)))
+    return values[:, :: text.step]
+
+
+def find_first_time(values: RealArray, time: RealArray) -> RealArray:
+    """Return the first time at which values (count, n_t) are positive, (count,) [s], NAN if never.
+
+    Between the sample before and the one at which they are, they are taken as a straight line.
+    """
+    holds = values > 0
+    k = holds.argmax(axis=1)
+    rows = np.arange(len(values))
+    before = np.maximum(k - 1, 0)
+    low, high = values[rows, before], values[rows, k]
+    with np.errstate(all="ignore"):
+        part = np.where(k > 0, -low / (high - low), 0.0)
+    first: RealArray = time[before] + part * (time[k] - time[before])
+    return np.asarray(np.where(holds.any(axis=1), first, np.nan))
+
+
+def _weigh(time: RealArray) -> RealArray:
+    """Return weights (n_t,) of the trapezoidal rule that add up to 1."""
+    weight = np.zeros(len(time))
+    weight[1:] += np.diff(time) / 2
+    weight[:-1] += np.diff(time) / 2
+    return np.asarray(weight / weight.sum())

@@ -1,0 +1,236 @@
+"""The operation `simulate`: a motion of every case, several in the lanes of a core; what is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.analyses import BATCH_METHOD, Needs, find_needs
+from tensegrity_codegen.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
+from tensegrity_codegen.runtime.model.double_only import require_double
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.sweeps.statuses import encode_status
+from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
+from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
+from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
+from tensegrity_codegen.sweeps.tasks.reductions import reduce_output, reduce_values
+
+__all__ = ["Simulate"]
+
+USUAL = ("node_position.final", "member_tension.max", "member_tension.min", "energy_drift")
+MOST_BYTES = 2**26  # of the samples of a block of motions
+VELOCITY = "node_velocity"
+# Quantities that every motion has at its samples.
+SAMPLED = ("member_tension", "kinetic_energy", "total_energy")
+# Results of each motion besides its samples: type, unit, sentence.
+RESULTS = {
+    "energy_drift": (
+        "float64",
+        "1",
+        "Largest change of total energy over the largest kinetic energy; NAN if driven.",
+    ),
+    "error_estimate": (
+        "float64",
+        "1",
+        "Estimated error over the tolerance; NAN where the method makes none.",
+    ),
+    "n_steps": ("int64", "1", "Number of steps."),
+}
+
+
+@dataclass(frozen=True)
+class Simulate(Operation):
+    """Motions from time 0 on.
+
+    Attributes
+    ----------
+    keep : tuple of str
+        Expressions with a reduction over time (sweep/tasks/keep_text.py), names of RESULTS; by default USUAL.
+    t_end : float
+        End time [s].
+    samples : int
+        Number of equally spaced sample times.
+    method, step, rtol, atol, max_steps, control
+        As of `simulate_batch`.
+    """
+
+    name: ClassVar[str] = "simulate"
+
+    t_end: float = 1.0
+    samples: int = 101
+    method: str = BATCH_METHOD
+    step: float | None = None
+    rtol: float = 1e-6
+    atol: float | None = None
+    max_steps: int | None = None
+    control: str | None = None
+
+    def describe(self) -> dict[str, Any]:
+        """Return name and options, JSON-ready."""
+        names = ("t_end", "samples", "method", "step", "rtol", "atol", "max_steps", "control")
+        return {**super().describe(), **{name: getattr(self, name) for name in names}}
+
+    def needs(self, structure: Subject, request: ModelRequest) -> Needs:
+        """Return what a batch of motions needs, and the quantities that are kept."""
+        options = complete_run_options(
+            self.method, self.rtol, self.atol, self.step, self.max_steps, "", self.control
+        )
+        check_options(options, self.t_end, self.samples)
+        needs = find_needs("simulate_batch", structure, request, method=self.method, rtol=self.rtol)
+        wanted = find_kept_quantities(self._of_samples(self._texts()), request)
+        own = () if needs.quantities.count(VELOCITY) else (VELOCITY,)  # placed by coordinates
+        added = tuple(name for name in wanted if name not in (*needs.quantities, *own))
+        return replace(needs, quantities=(*needs.quantities, *added))
+
+    def outputs(self, manifest: Manifest) -> tuple[Output, ...]:
+        """Return one array for each thing that is kept."""
+        bound = self._bind(manifest)
+        time = np.linspace(0.0, self.t_end, self.samples)
+        return tuple(
+            reduce_output(text, bound[text.name].output, time)
+            if text.name in bound
+            else Output(text.name, (), (), *RESULTS[text.expression], expression=_differs(text))
+            for text in self._texts()
+        )
+
+    def _texts(self) -> tuple[KeptText, ...]:
+        return parse_kept(self.keep or USUAL, tuple(RESULTS), over_time=True)
+
+    @staticmethod
+    def _of_samples(texts: tuple[KeptText, ...]) -> tuple[KeptText, ...]:
+        return tuple(text for text in texts if text.expression not in RESULTS)
+
+    def _bind(self, manifest: Manifest) -> dict[str, Kept]:
+        kept = bind_kept(self._of_samples(self._texts()), _with_velocity(manifest))
+        return {item.text.name: item for item in kept}
+
+    def run(
+        self, model: CompiledModel, arguments: Mapping[str, Any], count: int, *, threads: int = 1
+    ) -> TaskResult:
+        """Integrate the motions, in blocks whose samples fit into little memory."""
+        require_double(model.manifest, "an integration from Python")
+        given = read_case_arguments(model, arguments, count)
+        status, messages = given.status()
+        bound = self._bind(model.manifest)
+        arrays = {item.name: item.full_of_nan(count) for item in self.outputs(model.manifest)}
+        size = self._block(model.manifest, tuple(bound.values()))
+        for first in range(0, count, size):
+            rows = slice(first, min(first + size, count))
+            batch = self._integrate(model, given, rows, threads)
+            self._keep(model, batch, given, rows, bound, arrays, threads)
+            for k, (word, message) in enumerate(zip(batch.status, batch.message, strict=True), first):
+                if status[k] == encode_status("ok"):
+                    status[k], messages[k] = encode_status(word), message
+        return build_result(arrays, status, messages)
+
+    def _block(self, manifest: Manifest, kept: tuple[Kept, ...]) -> int:
+        """Return how many motions are integrated at a time: a whole number of lanes."""
+        nodes, members = len(manifest.node_name), len(manifest.member_name)
+        numbers = 4 * len(manifest.coordinate_name) + 6 * nodes + members + 2
+        numbers += sum(int(np.prod(item.output.shape)) for item in kept)
+        width = max(manifest.batch_width, 1)
+        return width * max(1, MOST_BYTES // (8 * numbers * self.samples * width))
+
+    def _integrate(
+        self, model: CompiledModel, given: CaseArguments, rows: slice, threads: int
+    ) -> BatchTrajectory:
+        own = {name: array[rows] for name, array in given.rows.items()}
+        start = {name: given.shared[name] for name in ("coordinate", "velocity") if name in given.shared}
+        start |= {name: own.pop(name) for name in ("coordinate", "velocity") if name in own}
+        if not (own or any(name in given.rows for name in start)):  # all motions are the same
+            start["coordinate"] = np.tile(
+                start.get("coordinate", model.nominal("coordinate")), (rows.stop - rows.start, 1)
+            )
+        shared = {name: array for name, array in given.shared.items() if name not in start}
+        return simulate_batch(
+            model,
+            self.t_end,
+            samples=self.samples,
+            method=self.method,
+            step=self.step,
+            rtol=self.rtol,
+            atol=self.atol,
+            max_steps=self.max_steps,
+            control=self.control,
+            coordinate=start.get("coordinate"),
+            velocity=start.get("velocity"),
+            arguments={**shared, **own},
+            threads=threads,
+        )
+
+    def _keep(
+        self,
+        model: CompiledModel,
+        batch: BatchTrajectory,
+        given: CaseArguments,
+        rows: slice,
+        bound: Mapping[str, Kept],
+        arrays: Mapping[str, NDArray[Any]],
+        threads: int,
+    ) -> None:
+        """Write what is kept of a block of motions into its rows of the arrays."""
+        names = dict.fromkeys(name for item in bound.values() for name in item.names)
+        values = _sample(model, batch, given, rows, tuple(names), threads)
+        shape = (len(batch), len(batch.time))
+        values["time"] = np.broadcast_to(batch.time, shape)
+        for text in self._texts():
+            if text.name in bound:
+                found = bound[text.name].evaluate(values, shape)
+                arrays[text.name][rows] = reduce_values(text, found, batch.time)
+            else:
+                arrays[text.name][rows] = getattr(batch, text.expression)
+
+
+def _sample(
+    model: CompiledModel,
+    batch: BatchTrajectory,
+    given: CaseArguments,
+    rows: slice,
+    names: tuple[str, ...],
+    threads: int,
+) -> dict[str, NDArray[Any]]:
+    """Return quantities at all samples of a block of motions, (count, n_t, ...)."""
+    shape = (len(batch), len(batch.time))
+    values: dict[str, NDArray[Any]] = {}
+    others = [name for name in names if name not in (POSITION, VELOCITY, *SAMPLED)]
+    states: dict[str, NDArray[Any]] = {}
+    if others:
+        states = {name: np.repeat(array[rows], shape[1], axis=0) for name, array in given.rows.items()}
+        for name in ("coordinate", "velocity"):
+            states[name] = np.ascontiguousarray(getattr(batch, name).reshape(shape[0] * shape[1], -1))
+    for name in names:
+        if name == VELOCITY:
+            values[name] = batch.node_velocity[..., list(model.manifest.axes)]
+        elif name in (POSITION, *SAMPLED):
+            values[name] = getattr(batch, name)
+        else:
+            found, _ = compute_rows(model, name, states, given.shared, shape[0] * shape[1], threads)
+            values[name] = found.reshape(*shape, *found.shape[1:])
+    return values
+
+
+def _with_velocity(manifest: Manifest) -> Manifest:
+    """Return the manifest with the velocities of nodes among its functions, which every motion has."""
+    if any(spec.quantity == VELOCITY for spec in manifest.functions):
+        return manifest
+    row = QUANTITIES[VELOCITY]
+    shape = (len(manifest.node_name), len(manifest.axes))
+    spec = FunctionSpec(VELOCITY, "", ("velocity",), shape, row.unit, row.sentence, 0)
+    return replace(manifest, functions=(*manifest.functions, spec))
+
+
+def _differs(text: KeptText) -> str:
+    return "" if text.name == text.text else text.text

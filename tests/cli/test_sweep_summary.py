@@ -1,0 +1,134 @@
+"""`sweep summary` and `sweep case`: text, JSON, page, the scene of a case, bad input."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.sweeps.cases.axis import Axis
+from tensegrity_codegen.sweeps.cases.cases import Cases
+from tests.cli.conftest import Run
+from tests.sweeps.store.conftest import KINDS, make_contents, make_result
+
+pytest.importorskip("zarr")
+pytest.importorskip("SALib")
+
+
+def write_sweep(path: Path, cases: Cases, **identity: object) -> None:
+    from tensegrity_codegen.sweeps.store.create import create_store
+    from tensegrity_codegen.sweeps.store.store import SweepStore
+
+    create_store(path, make_contents(cases, 4, **identity))
+    store = SweepStore(path)
+    for task in range(store.layout.n_tasks):
+        store.write(task, make_result(*store.layout.cases_of(task)), {})
+
+
+@pytest.fixture
+def stored(folder: Path, two_nodes: Path) -> Path:
+    """A sweep over two numbers of the scene of two nodes, every third case of which failed."""
+    cases = Cases(
+        (Axis("classes.cord.spring_constant", np.array([50.0, 100.0])), Axis("gravity[2]", [-1, -9]))
+    )
+    document = tomllib.loads(two_nodes.read_text(encoding="utf-8"))
+    write_sweep(folder / "a.zarr", cases, scene=document, operation={"do": "equilibrium", "keep": ["energy"]})
+    return folder / "a.zarr"
+
+
+def test_text_and_json_say_the_same(stored: Path, run: Run) -> None:
+    text, data = run("sweep", "summary", stored), run("sweep", "summary", stored, "--json")
+    assert text.code == data.code == 0
+    assert "3 of 4 cases" in text.out
+    assert data.data["headline"] in text.out
+    assert (data.data["n_cases"], data.data["n_good"]) == (4, 3)
+    assert [row["key"] for row in data.data["keys"]] == ["classes.cord.spring_constant", "gravity[2]"]
+    assert {item["name"] for item in data.data["results"]} >= {"energy", "steps"}
+
+
+def test_chosen_results_and_keys_are_on_the_page(stored: Path, run: Run, folder: Path) -> None:
+    pytest.importorskip("matplotlib")
+    words = ("--result", "tension[c1]", "--result", "energy", "--over", "gravity[2]", "-o", "page.html")
+    ended = run("sweep", "summary", stored, *words, "--json")
+    assert ended.code == 0, ended.err
+    assert [item["name"] for item in ended.data["results"]] == ["tension[c1]", "energy"]
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "<title>two_nodes: 3 of 4 cases" in page
+    assert "sweep summary" in page
+    assert "tension[c1]" in page
+    again = run("sweep", "summary", stored, "-o", "page.html")
+    assert again.code == 0, again.err  # a page may replace a page
+
+
+def test_a_case_is_written_as_a_scene_of_its_own(stored: Path, run: Run, folder: Path) -> None:
+    shown = run("sweep", "case", stored, 2, "--json").data
+    assert shown["keys"] == {"classes.cord.spring_constant": 100.0, "gravity[2]": -1.0}
+    assert shown["out"] is None
+    ended = run("sweep", "case", stored, 2, "-o", "case2.toml")
+    assert ended.code == 0, ended.err
+    document = tomllib.loads((folder / "case2.toml").read_text(encoding="utf-8"))
+    assert document["classes"]["cord"]["spring_constant"] == 100.0
+    assert document["gravity"][2] == -1.0
+    assert run("check", "case2.toml").code == 0
+
+
+def test_the_commands_of_a_case_run(stored: Path, run: Run) -> None:
+    for command in run("sweep", "case", stored, 1, "--json").data["commands"]:
+        ended = run(*command.split()[1:])
+        assert ended.code == 0, ended.err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("summary", "none.zarr"), "no such folder"),
+        (("summary", "."), "not a sweep"),
+        (("summary", "a.zarr", "--result", "enrgy"), "energy"),
+        (("summary", "a.zarr", "--result", "tension[c9]"), "c1"),
+        (("summary", "a.zarr", "--over", "gravity[1]"), "gravity[2]"),
+        (("summary", "a.zarr", "-o", "page.txt"), ".html"),
+        (("summary", "a.zarr", "-o", "two_nodes.toml"), ".html"),
+        (("case", "a.zarr", "4"), "0 to 3"),
+        (("case", "a.zarr", "-1"), "0 to 3"),
+        (("case", "a.zarr", "one"), "integer"),
+        (("case", "a.zarr", "1", "-o", "two_nodes.toml"), "exists"),
+        (("case", "a.zarr", "1", "-o", "case.txt"), ".toml"),
+        (("case", "none.zarr", "1"), "no such folder"),
+    ],
+)
+@pytest.mark.usefixtures("stored")
+def test_bad_input_is_named_and_nothing_is_written(
+    words: tuple[str, ...], said: str, run: Run, folder: Path
+) -> None:
+    before = sorted(folder.iterdir())
+    place = ("--",) if words[-1] == "-1" else ()
+    ended = run("sweep", *words[:1], "--json", *place, *words[1:])
+    assert ended.code == 2
+    assert said in str(ended.data)
+    assert "Traceback" not in ended.err
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_page_of_the_user_is_kept(stored: Path, run: Run, folder: Path) -> None:
+    (folder / "mine.html").write_text("my own", encoding="utf-8")
+    assert run("sweep", "summary", stored, "-o", "mine.html").code == 2
+    assert (folder / "mine.html").read_text(encoding="utf-8") == "my own"
+
+
+@pytest.mark.parametrize("name", ["summary", "case"])
+def test_sub_commands_have_help_with_an_example(name: str, run: Run) -> None:
+    ended = run("sweep", name, "--help")
+    assert ended.code == 0
+    assert f"Example: tensegrity-codegen sweep {name} " in ended.out
+    assert f"tensegrity-codegen sweep {name} [OPTIONS]" in ended.out
+    assert f"sweep {name}" in run("sweep", "--help").out
+
+
+def test_all_kinds_of_cases_have_a_summary(run: Run, folder: Path) -> None:
+    for kind, cases in KINDS.items():
+        write_sweep(folder / f"{kind}.zarr", cases, operation={"do": "simulate", "t_end": 1.0})
+        ended = run("sweep", "summary", f"{kind}.zarr", "--json")
+        assert ended.code == 0, ended.err
+        assert ended.data["n_cases"] == cases.count

@@ -1,0 +1,70 @@
+"""Source that travels: compiled where it arrives, or the library used that came along with it."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.build import BuiltLibrary, build_library
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.errors import CompilerMissingError
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.sweeps.engines import parcel as parcels
+from tensegrity_codegen.sweeps.engines.parcel import load_parcel, make_parcel
+from tests.sweeps.engines.conftest import SCENE
+
+STATE = [0.0, 0.0, -1.5]
+
+
+@pytest.fixture(scope="module", params=["reference", "native"])
+def built(request: pytest.FixtureRequest) -> BuiltLibrary:
+    structure, wanted = load_scene(SCENE)
+    return build_library(structure, replace(wanted, flags=request.param))
+
+
+def find_no_compiler(name: Any) -> NoReturn:
+    raise CompilerMissingError("no C compiler was found")
+
+
+def test_source_is_compiled_once_where_it_arrives(built: BuiltLibrary, tmp_path: Path) -> None:
+    flags = _flags_of(built)
+    sent = pickle.loads(pickle.dumps(make_parcel(built, flags)))
+    cache, structure = Cache(tmp_path / "cache"), built.structure
+    assert structure is not None
+    model = load_parcel(sent, structure, cache)
+    expected = built.load().compute("member_tension", coordinate=STATE)
+    assert np.array_equal(model.compute("member_tension", coordinate=STATE), expected)
+    assert model.structure is structure
+    assert cache.count() == 1
+    assert load_parcel(sent, structure, cache).library.path == model.library.path
+    # A cache that both have in common holds the library already, under the same key.
+    assert model.library.path.parent.name == built.entry.key
+
+
+def test_without_a_compiler_only_a_portable_library_is_used(
+    built: BuiltLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flags, structure = _flags_of(built), built.structure
+    assert structure is not None
+    sent = make_parcel(built, flags)
+    monkeypatch.setattr(parcels, "find_compiler", find_no_compiler)
+    cache = Cache(tmp_path / "cache")
+    if flags == "native":
+        assert sent.library == b""
+        with pytest.raises(CompilerMissingError):
+            load_parcel(sent, structure, cache)
+        return
+    model = load_parcel(sent, structure, cache)
+    expected = built.load().compute("member_tension", coordinate=STATE)
+    assert np.array_equal(model.compute("member_tension", coordinate=STATE), expected)
+    with pytest.raises(CompilerMissingError):
+        load_parcel(replace(sent, platform="plan9 mips"), structure, cache)
+
+
+def _flags_of(built: BuiltLibrary) -> str:
+    return "native" if "native" in built.flags else "reference"

@@ -1,0 +1,77 @@
+"""Results by name: numbers, members, reductions, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.sweeps.summary.chosen import choose_results
+from tests.sweeps.summary.sweeps import keep, make_sweep
+
+RNG = np.random.default_rng(1)
+TENSION = RNG.normal(size=(7, 3))
+POSITION = RNG.normal(size=(7, 2, 3))
+STATUS = [1, 1, 2, 1, 1, 0, 1]
+SWEEP = make_sweep(
+    RNG.normal(size=(7, 1)),
+    ["a"],
+    [
+        keep("node_position", POSITION, "m", ["node", "axis"], [("n1", "n2"), ("x", "y", "z")]),
+        keep("member_tension", TENSION, "N", ["member"], [("s1", "s2", "bar1")]),
+        keep("energy", TENSION[:, 0] ** 2, "J"),
+    ],
+    status=STATUS,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("energy", TENSION[:, 0] ** 2),
+        ("member_tension[bar1]", TENSION[:, 2]),
+        ("member_tension[1]", TENSION[:, 1]),
+        ("member_tension[-1]", TENSION[:, 2]),
+        ("member_tension[max]", TENSION.max(axis=1)),
+        ("node_position[n2,z]", POSITION[:, 1, 2]),
+        ("node_position[ n2 , min ]", POSITION[:, 1].min(axis=1)),
+        ("node_position[mean,z]", POSITION[:, :, 2].mean(axis=1)),
+        ("node_position[max]", POSITION.max(axis=(1, 2))),
+    ],
+)
+def test_a_result_is_one_number_a_case(text: str, expected: np.ndarray) -> None:
+    (result,) = choose_results(SWEEP, [text])
+    good = np.array(STATUS) != 2
+    np.testing.assert_array_equal(result.values[good], expected[good])
+    assert np.isnan(result.values[~good]).all()
+
+
+def test_a_quantity_without_parts_is_its_extremes() -> None:
+    assert [item.name for item in choose_results(SWEEP, ["member_tension"])] == [
+        "member_tension[max]",
+        "member_tension[min]",
+    ]
+
+
+def test_by_default_numbers_come_first() -> None:
+    names = [item.name for item in choose_results(SWEEP)]
+    assert names == ["energy", "member_tension[max]", "member_tension[min]", "node_position[max]"]
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("member_tensoin", UnknownNameError, "'member_tension'"),
+        ("member_tension[bar2]", UnknownNameError, "'bar1'"),
+        ("member_tension[3]", UnknownNameError, "0 to 2"),
+        ("member_tension[s1,x]", InvalidValueError, "member_tension[MEMBER]"),
+        ("node_position[n1]", InvalidValueError, "node_position[NODE,AXIS]"),
+        ("energy[0]", InvalidValueError, "energy alone"),
+        ("energy[", InvalidValueError, "NAME or NAME[PART,...]"),
+        ("", InvalidValueError, "NAME"),
+    ],
+)
+def test_what_no_result_is(text: str, error: type[Exception], words: str) -> None:
+    with pytest.raises(error) as caught:
+        choose_results(SWEEP, [text])
+    assert words in str(caught.value)

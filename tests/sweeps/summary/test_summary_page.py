@@ -1,0 +1,104 @@
+"""The page of a sweep: finding in the title, all parts, and what a browser shows of it."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.report.pages.page import Command, Figure, Page, Table
+from tensegrity_codegen.report.pages.render_page import render_page
+from tensegrity_codegen.sweeps.summary.summary import summarize
+from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
+from tests.report.browser import find_browser, open_page
+from tests.sweeps.summary.sweeps import make_grid, make_saltelli, make_sample, make_sweep
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("SALib")
+in_browser = pytest.mark.skipif(find_browser() is None, reason="no chromium is installed")
+COMMAND = "tensegrity-codegen sweep summary made.zarr --result '<a b_c>'"
+MAKERS = {
+    "grid": lambda: make_grid(failed=5),
+    "sample": lambda: make_sample(600),
+    "many": lambda: make_sample(20_000),
+    "saltelli": lambda: make_saltelli(64),
+}
+
+
+@cache
+def page_of(name: str) -> Page:
+    return build_summary_page(summarize(MAKERS[name]()), COMMAND)
+
+
+def figures_of(page: Page, anchor: str) -> list[Figure]:
+    (section,) = [item for item in page.chapters[0].sections if item.anchor == anchor]
+    return [block for block in section.blocks if isinstance(block, Figure)]
+
+
+def test_the_finding_is_the_title_and_every_part_is_there() -> None:
+    page = page_of("grid")
+    assert page.title == "prism: 103 of 108 cases converged"
+    names = [section.anchor for section in page.chapters[0].sections]
+    assert names == ["outcome", "failures", "varied", "results", "keys", "causes", "worst", "command"]
+    outcome = next(block for block in page.chapters[0].sections[0].blocks if isinstance(block, Table))
+    assert [[cell.value for cell in row] for row in outcome.rows] == [
+        ["converged", 103, pytest.approx(100 * 103 / 108), 0, ""],
+        ["no equilibrium", 5, pytest.approx(100 * 5 / 108), 103, "nothing balances the loads"],
+    ]
+
+
+def test_figures_follow_the_kind_of_cases() -> None:
+    assert "mean" in figures_of(page_of("grid"), "keys")[0].data  # a heat map
+    assert len(figures_of(page_of("sample"), "keys")[0].data["x"]) > 400  # a point a case
+    counts = figures_of(page_of("many"), "keys")[0].data["count"]  # a two-dimensional histogram
+    assert sum(map(sum, counts)) == summarize(make_sample(20_000)).chosen[0].distribution.count
+    assert figures_of(page_of("saltelli"), "causes")[0].data["key"] == ["a", "b", "c"]
+
+
+def test_a_grid_of_one_key_is_a_curve() -> None:
+    grid = make_grid(12, 1)
+    sweep = make_sweep(
+        grid.key_values[:, :1], grid.keys[:1], list(grid.kept.values()),
+        axes=dict(grid.axes[:1]), method="grid",
+    )  # fmt: skip
+    page = build_summary_page(summarize(sweep, ["elastic_energy"]), COMMAND)
+    assert figures_of(page, "keys")[0].data["x"] == grid.axes[0][1].tolist()
+
+
+def test_commands_can_be_copied_character_by_character() -> None:
+    text = render_page(page_of("grid"))
+    assert re.search(r'<pre class="command"[^>]*>tensegrity-codegen sweep case made.zarr 103 --out', text)
+    assert "--result &#39;&lt;a b_c&gt;&#39;</pre>" in text
+    assert not re.search(r"(?:src|href)=\"(?!#|data:)", text)
+    worst = next(item for item in page_of("grid").chapters[0].sections if item.anchor == "worst")
+    commands = [block for block in worst.blocks if isinstance(block, Command)]
+    assert len(commands) == len(next(block for block in worst.blocks if isinstance(block, Table)).rows)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_few_cases_or_none_that_converged_have_a_page(count: int) -> None:
+    grid = make_grid(2, 1)
+    sweep = make_sweep(
+        grid.key_values, grid.keys, list(grid.kept.values()), status=[1] * count + [2] * (2 - count),
+        axes=dict(grid.axes), method="grid",
+    )  # fmt: skip
+    page = build_summary_page(summarize(sweep), COMMAND)
+    assert page.title == f"prism: {count} of 2 cases converged"
+    assert render_page(page)
+
+
+@in_browser
+@pytest.mark.parametrize(
+    ("name", "width"), [("sample", 400), *(pytest.param(n, 1400, marks=pytest.mark.thorough) for n in MAKERS)]
+)
+def test_in_a_browser(tmp_path: Path, name: str, width: int) -> None:
+    path = tmp_path / "page.html"
+    path.write_text(render_page(page_of(name)), encoding="utf-8")
+    found = open_page(path, width)
+    assert found["console"] == []
+    assert found["content_width"] <= width
+    assert found["outside"] == found["doubled_ids"] == found["lost_links"] == []
+    assert found["drawings_shown"] + found["images_shown"] == found["figures"]
+    assert found["tables_shown"] == found["tables"]

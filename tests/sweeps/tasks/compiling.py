@@ -1,0 +1,43 @@
+"""Libraries with what an operation needs, and random arguments of cases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.build import build_library
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
+
+__all__ = ["check_alike", "compile_for", "vary"]
+
+
+def compile_for(scene: dict[str, Any], operation: Operation) -> CompiledModel:
+    structure, request = load_scene(scene)
+    return build_library(structure, operation.needs(structure, request).alone(request)).load()
+
+
+def vary(model: CompiledModel, count: int, seed: int, scale: float = 1e-3) -> dict[str, Any]:
+    """Return random values about the nominal ones of all arguments, one row a case."""
+    random = np.random.default_rng(seed)
+    return {
+        item.name: model.nominal(item.name)
+        + random.normal(scale=scale, size=(count, *item.shape)).astype(model.dtype)
+        for item in model.manifest.arguments
+    }
+
+
+def check_alike(result: TaskResult, operation: Operation, model: CompiledModel, count: int) -> None:
+    """Check that arrays are as the operation says."""
+    outputs = operation.outputs(model.manifest)
+    assert list(result.arrays) == [output.name for output in outputs]
+    for output in outputs:
+        array = result.arrays[output.name]
+        assert array.shape == (count, *output.shape)
+        assert array.dtype == output.dtype
+        assert len(output.dims) == len(output.shape) == len(set(output.dims))
+        for dim, labels in output.coordinates.items():
+            assert len(labels) == output.shape[output.dims.index(dim)]
+        assert output.sentence

@@ -1,0 +1,83 @@
+"""Operation `equilibrium`: every row is what `find_equilibrium` finds alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError, LibraryError, TensegrityError, UnknownKeyError
+from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.sweeps.statuses import decode_statuses
+from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
+from tensegrity_codegen.sweeps.tasks.operations import OPERATIONS, build_operation
+from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
+from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
+
+COUNT = 4
+KEPT = ("node_position", "member_tension", "smallest_eigenvalue", "change", "total_energy", "coordinate")
+
+
+@pytest.mark.parametrize("scene", [PRISM, TRIANGLE, BODIES], ids=lambda scene: str(scene["name"]))
+def test_rows_are_those_of_single_searches(scene: dict[str, Any]) -> None:
+    operation = FindEquilibrium((*KEPT, "top = max(member_tension)", "iterations"))
+    model = compile_for(scene, operation)
+    given = {name: value for name, value in vary(model, COUNT, 1).items() if name != "velocity"}
+    if scene is PRISM:
+        given["node_load"][:, :, :2] = 0
+        given["node_load"][1, 0, 0] = 1.0  # nothing holds it
+    result = operation.run(model, given, COUNT)
+    check_alike(result, operation, model, COUNT)
+    for k, word in enumerate(decode_statuses(result.status)):
+        own = {name: value[k] for name, value in given.items()}
+        alone = find_equilibrium(
+            model, coordinate=own.pop("coordinate"), arguments=own, raise_on_failure=False
+        )
+        assert word == alone.status
+        kept = {name: array[k] for name, array in result.arrays.items()}
+        if not alone.is_found:
+            assert result.messages[k] == alone.message
+            assert all(np.isnan(kept[name]).all() for name in KEPT)
+            assert kept["iterations"] == -1
+            continue
+        force, size = alone.largest_force, alone.extent
+        assert alone.distance_of(kept["node_position"]) <= 1e-6 * size
+        np.testing.assert_allclose(kept["member_tension"], alone.member_tension, atol=1e-6 * force)
+        assert kept["top"] == kept["member_tension"].max()
+        assert kept["smallest_eigenvalue"] == pytest.approx(alone.smallest_eigenvalue, rel=1e-4, abs=1e-6)
+        assert kept["change"] == pytest.approx(alone.change, rel=1e-5, abs=1e-6 * size)
+        assert kept["total_energy"] == pytest.approx(alone.energy, rel=1e-6, abs=1e-9)
+
+
+def test_usual_results() -> None:
+    operation = FindEquilibrium()
+    model = compile_for(TRIANGLE, operation)
+    result = operation.run(model, {"pull": np.array([0.0, np.nan, 0.01])}, 3)
+    check_alike(result, operation, model, 3)
+    assert decode_statuses(result.status) == ("converged", "non_finite_input", "converged")
+    assert np.isnan(result.arrays["node_position"][1]).all()
+
+
+def test_what_cannot_be_done_is_refused() -> None:
+    structure, request = load_scene(TRIANGLE)
+    for operation in (FindEquilibrium(tolerance=0.0), FindEquilibrium(("member_tension.max",))):
+        with pytest.raises(InvalidValueError):
+            operation.needs(structure, request)
+    with pytest.raises(TensegrityError, match="smallest_eigenvalue"):
+        FindEquilibrium(("smallest_eigenvalu",)).needs(structure, request)
+    with pytest.raises(LibraryError, match="double precision"):
+        FindEquilibrium().run(compile_for(SINGLE, FindEquilibrium()), {}, 2)
+
+
+def test_operations_are_built_by_name() -> None:
+    built = build_operation("equilibrium", "member_tension", tolerance=1e-6, method=None)
+    assert built == FindEquilibrium(("member_tension",), tolerance=1e-6)
+    assert built.describe()["tolerance"] == 1e-6
+    for do in OPERATIONS:
+        assert build_operation(do).describe()["do"] == do
+    with pytest.raises(TensegrityError, match="simulate"):
+        build_operation("simulat")
+    with pytest.raises(UnknownKeyError, match="t_end"):
+        build_operation("equilibrium", t_end=3.0)

@@ -1,0 +1,112 @@
+"""The function `sweep`: rows equal single cases on any number of workers; what goes on, what is refused."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, OutputError, TensegrityError
+from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.sweeps.sweep import sweep
+
+pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
+pytest.importorskip("xarray", reason="xarray is missing: pip install '.[sweep]'")
+
+SCENE: dict[str, Any] = {
+    "name": "hanging_mass",
+    "nodes": {
+        "top": {"position": [0.0, 0.0, 0.0], "anchored": "xyz"},
+        "mass": {"position": [0.1, 0.0, -1.4], "mass": 2.0},
+    },
+    "members": {"cable": {"nodes": ["top", "mass"], "class": "cord"}},
+    "classes": {"cord": {"kind": "cable", "spring_constant": 80.0, "rest_length": 1.0}},
+    "model": {"quantities": ["member_tension", "acceleration"]},
+}
+OVER = {"classes.cord.spring_constant": [60.0, 80.0, 100.0], "gravity[2]": "-10:0:5"}
+
+
+def test_each_row_equals_the_case_alone(tmp_path: Path) -> None:
+    found = sweep(SCENE, do="evaluate", over=OVER, out=tmp_path / "a.zarr", workers=2, task_size=4)
+    assert found["member_tension"].dims == (*OVER, "member")
+    for stiffness, gravity in [(60.0, 0.0), (100.0, -7.5)]:
+        scene = copy.deepcopy(SCENE)
+        scene["classes"]["cord"]["spring_constant"] = stiffness
+        scene["gravity"] = [0.0, 0.0, gravity]
+        model = compile_scene(scene)
+        row = found.sel({"classes.cord.spring_constant": stiffness, "gravity[2]": gravity})
+        for name in ("member_tension", "acceleration"):
+            np.testing.assert_allclose(row[name].values, model.compute(name), rtol=1e-13, atol=1e-13)
+    assert (found["status"] == 0).all()
+    assert found.attrs["scene_name"] == "hanging_mass"
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
+def test_the_same_seed_gives_the_same_bits_on_any_number_of_workers(sampling: str) -> None:
+    options: dict[str, Any] = {
+        "do": "evaluate",
+        "sample": {"classes.cord.spring_constant": "normal(80,5)", "gravity[2]": "uniform(-10,0)"},
+        "n": 32,
+        "seed": 7,
+        "sampling": sampling,
+    }
+    one = sweep(SCENE, **options, workers=1, task_size=32)
+    two = sweep(SCENE, **options, workers=2, task_size=8)
+    for name in ("member_tension", "classes.cord.spring_constant", "gravity[2]"):
+        assert np.array_equal(one[name].values, two[name].values)
+    assert not np.array_equal(one["gravity[2]"], sweep(SCENE, **{**options, "seed": 8})["gravity[2]"])
+
+
+def test_another_sweep_is_refused_by_what_differs(tmp_path: Path) -> None:
+    out = tmp_path / "a.zarr"
+    sweep(SCENE, do="evaluate", over=OVER, out=out, workers=1)
+    again = sweep(SCENE, do="evaluate", over=OVER, out=out, workers=1, task_size=2)
+    assert (again["status"] == 0).all()
+    changed = copy.deepcopy(SCENE)
+    changed["nodes"]["mass"]["mass"] = 3.0
+    wrong: list[tuple[Any, dict[str, Any], str]] = [
+        (changed, {}, r"scene\.nodes\.mass\.mass: 2\.0 in the folder, 3\.0 now"),
+        (SCENE, {"over": {**OVER, "gravity[2]": "-10:0:6"}}, r"gravity\[2\]"),
+        (SCENE, {"keep": "member_tension"}, r"operation\.keep"),
+    ]
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+    for scene, options, said in wrong:
+        with pytest.raises(OutputError, match=said):
+            sweep(scene, **{"do": "evaluate", "over": OVER, "out": out, "workers": 1, **options})
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == before
+
+
+def test_wrong_calls_are_errors_that_leave_nothing(tmp_path: Path) -> None:
+    wrong: list[dict[str, Any]] = [
+        {"workers": 0},
+        {"workers": 2, "scheduler": "tcp://127.0.0.1:1"},
+        {"over": {"classes.cord.spring_constand": [1.0]}},
+        {"over": {"gravity[2]": "0:1:0"}},
+        {"do": "evaluated"},
+        {"keep": "member_tensions"},
+        {"task_size": 0},
+        {"stop_after": 0},
+        {"out": tmp_path / "no" / "file.csv"},
+    ]
+    for options in wrong:
+        given = {"do": "evaluate", "over": OVER, "out": tmp_path / "a.zarr", **options}
+        with pytest.raises(TensegrityError) as caught:
+            sweep(SCENE, **given)
+        assert caught.value.exit_code == 2
+        assert type(pickle.loads(pickle.dumps(caught.value))) is type(caught.value)
+        assert not list(tmp_path.iterdir())
+    with pytest.raises(InvalidValueError):
+        sweep(SCENE, do="evaluate")
+
+
+def test_without_zarr_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(MissingExtraError, match="zarr") as caught:
+        sweep(SCENE, do="evaluate", over=OVER)
+    assert "pip install '.[sweep]'" in str(caught.value)
