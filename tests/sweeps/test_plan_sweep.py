@@ -70,10 +70,10 @@ def test_groups_that_need_other_libraries_are_listed() -> None:
 
 
 def test_notes_name_keys_whose_values_are_assembled_and_unbalanced_samples() -> None:
-    cases = build_cases({}, {"shape.prestress": "uniform(5,15)"}, n=6, method="sobol")
-    notes = plan_sweep(EXAMPLES / "prism.toml", cases, TENSION).notes
+    cases = build_cases({}, {"shape.twist": "uniform(152,158)"}, n=6, method="sobol")
+    notes = plan_sweep(EXAMPLES / "prism12.toml", cases, TENSION).notes
     assert notes[0] == "a Sobol' sequence is balanced for n = 2, 4, 8, ...: choose 4 or 8, not 6"
-    assert notes[1] == "the structure is assembled for every set of values of shape.prestress"
+    assert notes[1] == "the structure is assembled for every set of values of shape.twist"
 
 
 def test_a_table_with_an_unknown_column_is_named_with_its_line(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from tensegrity_codegen.scene.translate import translate
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
-__all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble"]
+__all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble", "list_parts"]
 
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
@@ -36,7 +36,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
     Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
     """
     loads, inputs = _of_nodes(scene, where)
-    parts = _with_shape(scene, where)
+    parts = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)
     node = build_node_arrays(parts.nodes, loads, axes, where)
     member = build_member_arrays(
@@ -114,7 +114,7 @@ def _watch_bars(scene: Scene, structure: Structure, where: str) -> tuple[tuple[i
     return find_bar_pairs(scene.interference, bars, radius, joints, where)
 
 
-def _with_shape(scene: Scene, where: str) -> SceneParts:
+def list_parts(scene: Scene, where: str) -> SceneParts:
     """Return the nodes, members and groups of the scene's shape, then those of the scene itself."""
     if scene.shape is None:
         return scene

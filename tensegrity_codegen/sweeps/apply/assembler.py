@@ -54,11 +54,12 @@ class FileKey:
 
 @dataclass(frozen=True)
 class AssembledCase:
-    """The structure of one case, its request, and the values of its inputs (n_inputs,)."""
+    """The structure of one case, its request, the values of its inputs (n_inputs,), and its scene."""
 
     subject: Subject
     request: ModelRequest
     inputs: FloatArray
+    scene: Scene | None = None
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,9 @@ class CaseAssembler:
             The values are no scene.
         """
         with np.errstate(all="ignore"):
-            subject, request = assemble_scene(parse_scene(self.write(values), self.where), self.where)
-            return self._set_arrays(subject, request, values)
+            scene = parse_scene(self.write(values), self.where)
+            subject, request = assemble_scene(scene, self.where)
+            return self._set_arrays(scene, subject, request, values)
 
     @cached_property
     def bounds(self) -> tuple[Bounds, ...]:
@@ -121,7 +123,7 @@ class CaseAssembler:
         return document
 
     def _set_arrays(
-        self, subject: Subject, request: ModelRequest, values: Sequence[float] | FloatArray
+        self, scene: Scene, subject: Subject, request: ModelRequest, values: Sequence[float] | FloatArray
     ) -> AssembledCase:
         chosen = [
             (key, float(value))
@@ -140,7 +142,7 @@ class CaseAssembler:
                 check_structure(subject, self.where)
             else:
                 check_laws(subject, self.where)
-        return AssembledCase(subject, request, inputs)
+        return AssembledCase(subject, request, inputs, scene)
 
 
 def build_assembler(

@@ -13,6 +13,7 @@ from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembl
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
 from tensegrity_codegen.sweeps.apply.relations import find_relations
+from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths, find_rest_lengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
 from tensegrity_codegen.sweeps.cases.cases import Cases
 
@@ -218,6 +219,8 @@ class _GroupFinder:
         relations = find_relations(x, y[:, varying])
         indirect = np.setdiff1d(np.arange(len(varying)), relations.entries)
         slots = list_slots(base.case)
+        rest_lengths, places = _explain_rest_lengths(same, x, slots, varying, indirect)
+        indirect = np.setdiff1d(indirect, places)
         parameters = _choose_parameters(base.case, slots, varying)
         mapper = CaseMapper(
             assembler=self.assembler,
@@ -226,11 +229,13 @@ class _GroupFinder:
             constants=base.constants,
             varying=varying,
             relations=relations,
+            rest_lengths=rest_lengths,
+            rest_places=places,
             indirect=indirect,
             indirect_keys=tuple(sorted({*keys, *self._influences(same, varying[indirect])})),
             parameters=parameters,
         )
-        is_sure = len(same) > 2 and self._ends_are_scenes(mapper, rows)
+        is_sure = len(same) > 2 and self._ends_are_right(mapper, rows)
         request = replace(base.case.request, parameters=parameters)
         return CaseGroup(
             number,
@@ -259,13 +264,14 @@ class _GroupFinder:
                 return True
         return False
 
-    def _ends_are_scenes(self, mapper: CaseMapper, rows: range | IntArray) -> bool:
-        """Return whether cases at the ends of keys are scenes, or fail by keys that are always assembled."""
-        for row in self._find_ends(rows):
-            values = self.cases.values(row, row + 1)
-            if mapper.explain(values[0]) and not mapper.fails_alone(values[0]):
-                return False
-        return True
+    def _ends_are_right(self, mapper: CaseMapper, rows: range | IntArray) -> bool:
+        """Return whether cases at the ends of keys, filled without assembling each, are as assembled ones."""
+        ends = np.array(self._find_ends(rows), dtype=np.int64)
+        values = self.cases.select(ends)
+        _, messages = mapper.fill(values)
+        return all(
+            bool(message) == bool(mapper.explain(row)) for row, message in zip(values, messages, strict=True)
+        )
 
     def _find_ends(self, rows: range | IntArray) -> list[int]:
         """Return the allowed cases with the least and the largest value of each key."""
@@ -286,6 +292,37 @@ class _GroupFinder:
                 at[(1 - sign) // 2, better] = numbers[place][better]
         ends = at[:, :MOST_KEYS_ALONE]
         return list(dict.fromkeys(ends[ends >= 0].tolist()))
+
+
+def _explain_rest_lengths(
+    probes: Sequence[_Probe],
+    x: FloatArray,
+    slots: Mapping[str, FloatArray],
+    varying: IntArray,
+    indirect: IntArray,
+) -> tuple[RestLengths | None, IntArray]:
+    """Return how rest lengths follow by formulas, and their places in `varying`; None and none if not so."""
+    starts = dict(
+        zip(slots, np.cumsum([0, *(array.size for array in slots.values())]).tolist(), strict=False)
+    )
+    start = starts["rest_length"]
+    of_members = (varying[indirect] >= start) & (varying[indirect] < start + slots["rest_length"].size)
+    places = indirect[of_members]
+    nothing: tuple[None, IntArray] = (None, np.empty(0, dtype=np.int64))
+    if not len(places):
+        return nothing
+    found = find_rest_lengths([item.case for item in probes], x, varying[places] - start, slots)
+    if found is None:
+        return nothing
+    known = [list_slots(item.case) for item in probes]
+    predicted = found.compute(x, {name: np.array([item[name] for item in known]) for name in found.slots})
+    exact = np.array([item["rest_length"][found.members] for item in known])
+    others = varying[np.setdiff1d(indirect, places)]
+    unknown = any(
+        ((others >= starts[name]) & (others < starts[name] + slots[name].size)).any() for name in found.slots
+    )
+    is_same = np.allclose(predicted, exact, rtol=SAME, atol=0.0)
+    return (found, places) if is_same and not unknown else nothing
 
 
 def _choose_parameters(

@@ -1,15 +1,16 @@
 """From the values of cases to the arguments of the library that they share.
 
-Entries that equal a key, or a multiple of it, are filled for all cases at once. Others, such as rest lengths
-that follow from a height, are taken from the assembled structure of each case; cases that agree in the keys
-that matter for them share one assembly. In every call one case is assembled as a whole and compared bit by
-bit; were it to differ, all cases of the call would be assembled.
+Entries that equal a key, or a multiple of it, are filled for all cases at once, and so are rest lengths that
+follow from prestress, strain or positions. Others, such as positions that follow from an angle, are taken
+from the assembled structure of each case; cases that agree in the keys that matter for them share one
+assembly. In every call one case is assembled as a whole and compared; were it to differ, all cases of the
+call would be assembled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
 from tensegrity_codegen.sweeps.apply.group import AppliedCases
 from tensegrity_codegen.sweeps.apply.relations import Relations
+from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
 
 __all__ = ["CaseMapper"]
@@ -26,6 +28,7 @@ __all__ = ["CaseMapper"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+BLOCK = 2_000_000  # numbers of slots that are computed together
 MOST_KEPT = 50_000  # assemblies that a process remembers
 OTHER_LIBRARY = "the values of this case need another library than those of its group; run it alone"
 
@@ -48,6 +51,10 @@ class CaseMapper:
         Entries, of all slots in one row, that differ between cases.
     relations : Relations
         Those of `varying` that follow from one key each, by their places in it.
+    rest_lengths : RestLengths or None
+        Rest lengths that follow by formulas.
+    rest_places : ndarray of int
+        Their places in `varying`.
     indirect : ndarray of int
         The other places of `varying`.
     indirect_keys : tuple of int
@@ -64,6 +71,8 @@ class CaseMapper:
     constants: str
     varying: IntArray
     relations: Relations
+    rest_lengths: RestLengths | None
+    rest_places: IntArray
     indirect: IntArray
     indirect_keys: tuple[int, ...]
     parameters: Mapping[str, tuple[int, ...]]
@@ -78,6 +87,13 @@ class CaseMapper:
         values = np.ascontiguousarray(values, dtype=np.float64)
         if self.assembles_all:
             return self._assemble_all(values)
+        entries, messages = self.fill(values)
+        if not self._is_confirmed(values, entries, messages):
+            return self._assemble_all(values)
+        return AppliedCases(self._spread(entries), tuple(messages))
+
+    def fill(self, values: FloatArray) -> tuple[FloatArray, list[str]]:
+        """Return the varying entries of cases, (n_cases, n_varying), and why some have none."""
         entries = np.full((len(values), len(self.varying)), np.nan)
         messages = [""] * len(values)
         inside = self.assembler.in_bounds(values)
@@ -86,9 +102,8 @@ class CaseMapper:
         good = np.flatnonzero(inside)
         entries[np.ix_(good, self.relations.entries)] = self.relations.compute(values[good])
         self._fill_indirect(values, good, entries, messages)
-        if not self._is_confirmed(values, entries, messages):
-            return replace(self, assembles_all=True)(values)
-        return AppliedCases(self._spread(entries), tuple(messages))
+        self._fill_rest_lengths(values, good, entries, messages)
+        return entries, messages
 
     def explain(self, values: FloatArray) -> str:
         """Return why a case with these values (n_keys,) is not served by the library, "" if it is."""
@@ -100,7 +115,12 @@ class CaseMapper:
         related = zip(
             self.relations.keys.tolist(), self.varying[self.relations.entries].tolist(), strict=True
         )
-        return {key for key, entry in related if names[entry] in arguments} | set(self.indirect_keys)
+        needed, used = set(arguments), set(self.indirect_keys)
+        if self.rest_lengths is not None and "rest_length" in arguments:
+            needed |= set(self.rest_lengths.slots)
+            for relations in self.rest_lengths.relations.values():
+                used |= set(relations.keys.tolist())
+        return used | {key for key, entry in related if names[entry] in needed}
 
     def fails_alone(self, values: FloatArray) -> bool:
         """Return whether the keys that are always assembled make a case fail, whatever the others are."""
@@ -151,6 +171,22 @@ class CaseMapper:
             if messages[row]:
                 entries[row] = np.nan
 
+    def _fill_rest_lengths(
+        self, values: FloatArray, rows: IntArray, entries: FloatArray, messages: list[str]
+    ) -> None:
+        """Fill the rest lengths that follow by formulas; where there is none, the structure says why."""
+        if self.rest_lengths is None:
+            return
+        rows = rows[[not messages[row] for row in rows.tolist()]]
+        size = max(BLOCK // sum(array.size for array in self.template.values()), 1)
+        for first in range(0, len(rows), size):
+            part = rows[first : first + size]
+            slots = {name: self._slot(name, entries[part]) for name in self.rest_lengths.slots}
+            found = self.rest_lengths.compute(values[part], slots)
+            entries[np.ix_(part, self.rest_places)] = found
+            for row in part[np.isnan(found).any(axis=1)].tolist():
+                entries[row], messages[row] = self._assemble(values[row])
+
     def _is_confirmed(self, values: FloatArray, entries: FloatArray, messages: list[str]) -> bool:
         """Return whether one of the cases, assembled, has just these entries."""
         good = [row for row, text in enumerate(messages) if not text]
@@ -158,26 +194,41 @@ class CaseMapper:
             return True
         row = good[len(good) * 5 // 8]
         alone, text = self._assemble(values[row])
-        return not text and bool(np.array_equal(alone, entries[row]))
+        exact = np.ones(len(self.varying), dtype=np.bool_)
+        exact[self.rest_places] = False
+        return (
+            not text
+            and np.array_equal(alone[exact], entries[row, exact])
+            and np.allclose(alone[~exact], entries[row, ~exact], rtol=SAME, atol=0.0)
+        )
 
     @property
     def _flat_template(self) -> FloatArray:
         return np.concatenate([part.ravel() for part in self.template.values()])
 
+    def _slot(self, name: str, entries: FloatArray) -> FloatArray:
+        """Return the values of a slot in cases with these varying entries, (n_cases, ...)."""
+        start = 0
+        for other, array in self.template.items():
+            if other == name:
+                break
+            start += array.size
+        nominal = self.template[name]
+        inside = (self.varying >= start) & (self.varying < start + nominal.size)
+        result = np.tile(nominal.ravel(), (len(entries), 1))
+        result[:, self.varying[inside] - start] = entries[:, inside]
+        return result.reshape(len(entries), *nominal.shape)
+
     def _spread(self, entries: FloatArray) -> dict[str, FloatArray]:
         """Return the arguments of which some entry varies, (n_cases, ...) each."""
+        owner = np.array([name for name, array in self.template.items() for _ in range(array.size)])
+        varies = set(owner[self.varying].tolist())
+        bad = np.isnan(entries).any(axis=1)
         arguments: dict[str, FloatArray] = {}
-        start = 0
-        bad = np.isnan(entries).any(axis=1) if entries.shape[1] else np.zeros(len(entries), bool)
-        for name, nominal in self.template.items():
-            inside = (self.varying >= start) & (self.varying < start + nominal.size)
-            if inside.any():
-                array = np.tile(nominal.ravel(), (len(entries), 1))
-                array[:, self.varying[inside] - start] = entries[:, inside]
+        for name in self.template:
+            if name in varies:
+                array = self._slot(name, entries)
                 array[bad] = np.nan
-                array = array.reshape(len(entries), *nominal.shape)
-                if name not in STATE and name != "gravity":
-                    array = array[:, list(self.parameters[name])]
-                arguments[name] = np.ascontiguousarray(array)
-            start += nominal.size
+                chosen = array if name in (*STATE, "gravity") else array[:, list(self.parameters[name])]
+                arguments[name] = np.ascontiguousarray(chosen)
         return arguments

@@ -42,16 +42,17 @@ class Relations:
         return result + self.offsets if (self.offsets != 0).any() else result
 
 
-def find_relations(x: FloatArray, y: FloatArray) -> Relations:
+def find_relations(x: FloatArray, y: FloatArray, same: float = 0.0) -> Relations:
     """Return the relations that hold at all probes.
 
-    x: (n_probes, n_keys) values of keys; y: (n_probes, n_entries) entries that vary.
+    x: (n_probes, n_keys) values of keys; y: (n_probes, n_entries) entries that vary; same: the part by which
+    a multiple may differ, 0 for relations to the last bit.
     """
     found: list[tuple[int, int, float, float]] = []
     varying = [k for k in range(x.shape[1]) if np.ptp(x[:, k]) > 0]
     for entry, column in enumerate(y.T):
         for key in varying:
-            relation = _relate(x[:, key], column)
+            relation = _relate(x[:, key], column) or _relate_nearly(x[:, key], column, same)
             if relation is not None:
                 found.append((entry, key, *relation))
                 break
@@ -77,6 +78,13 @@ def _relate(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
         if np.array_equal(x + offset, y):
             return 1.0, offset
     return None
+
+
+def _relate_nearly(x: FloatArray, y: FloatArray, same: float) -> tuple[float, float] | None:
+    """Return (factor, 0) with y = factor * x but for a part `same` of y."""
+    factor = _median_ratio(x, y)
+    near = np.abs(factor * x - y) <= same * np.abs(y)
+    return (factor, 0.0) if same > 0 and factor != 0 and near.all() else None
 
 
 def _median_ratio(x: FloatArray, y: FloatArray) -> float:
