@@ -6,12 +6,15 @@ is what the scene would have given, to the last bit.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["Relations", "find_relations"]
+
+NEARLY = 1e-9  # part by which values are compared before they are compared bit by bit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,9 +52,13 @@ def find_relations(x: FloatArray, y: FloatArray, same: float = 0.0) -> Relations
     a multiple may differ, 0 for relations to the last bit.
     """
     found: list[tuple[int, int, float, float]] = []
-    varying = [k for k in range(x.shape[1]) if np.ptp(x[:, k]) > 0]
+    equal = {x[:, key].tobytes(): key for key in reversed(range(x.shape[1])) if np.ptp(x[:, key]) > 0}
     for entry, column in enumerate(y.T):
-        for key in varying:
+        key = equal.get(np.ascontiguousarray(column).tobytes())
+        if key is not None:
+            found.append((entry, key, 1.0, 0.0))
+            continue
+        for key in _find_candidates(x, column):
             relation = _relate(x[:, key], column) or _relate_nearly(x[:, key], column, same)
             if relation is not None:
                 found.append((entry, key, *relation))
@@ -65,6 +72,20 @@ def find_relations(x: FloatArray, y: FloatArray, same: float = 0.0) -> Relations
         np.array(factors, dtype=np.float64),
         np.array(offsets, dtype=np.float64),
     )
+
+
+def _find_candidates(x: FloatArray, y: FloatArray) -> list[int]:
+    """Return the keys of x (n_probes, n_keys) of which y (n_probes,) is nearly a multiple or a sum."""
+    with np.errstate(all="ignore"):
+        ratio, difference = y[:, None] / x, y[:, None] - x
+    ratio[x == 0] = np.nan
+    scale = np.abs(x).max(axis=0) + np.abs(y).max()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of keys that are zero at all probes
+        spread = np.nanmax(ratio, axis=0) - np.nanmin(ratio, axis=0)
+        is_multiple = spread <= NEARLY * np.abs(np.nanmax(ratio, axis=0))
+    is_sum = np.ptp(difference, axis=0) <= NEARLY * scale
+    return np.flatnonzero((is_multiple | is_sum) & (np.ptp(x, axis=0) > 0)).tolist()
 
 
 def _relate(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:

@@ -33,6 +33,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SAME = 1e-12  # part by which a rest length may differ from that of the assembled scene
+ROUNDED = 3e-12  # part by which prestresses may differ, two of which are rounded to 13 digits
 STATED = ("prestress", "strain")
 
 
@@ -154,7 +155,7 @@ def _relate_stated(x: FloatArray, column: FloatArray) -> Relations | None:
     if (missing != missing[0]).any():
         return None
     varying = np.flatnonzero((column != column[0]).any(axis=0) & ~missing[0])
-    found = find_relations(x, column[:, varying], SAME)
+    found = find_relations(x, column[:, varying], ROUNDED)
     if len(found.entries) < len(varying):
         return None
     return Relations(varying[found.entries], found.keys, found.factors, found.offsets)

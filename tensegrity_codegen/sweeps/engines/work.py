@@ -19,6 +19,8 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskRes
 
 __all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_arguments", "set_task_aside"]
 
+ON_ANCHORS = "member_length"
+
 LoadModel = Callable[[CaseGroup], CompiledModel]
 
 
@@ -42,9 +44,14 @@ class SweepWork:
 
 
 def library_request(group: CaseGroup, operation: Operation) -> ModelRequest:
-    """Return the request for the library of a group: what the operation needs and no more."""
+    """Return the request for the library of a group: what the operation needs and no more.
+
+    Where anchors move, a quantity is added that depends on each of them, so that the library has their
+    positions as an argument even if nothing but positions is kept.
+    """
     alone = operation.needs(group.structure, group.request).alone(group.request)
-    return replace(alone, solvers=group.request.solvers)
+    moved = (ON_ANCHORS,) if "anchor_position" in group.request.parameters else ()
+    return replace(alone, quantities=(*alone.quantities, *moved), solvers=group.request.solvers)
 
 
 def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
