@@ -7,7 +7,6 @@ accelerations are multiplied by s, and so are forces, which are mass times accel
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -48,6 +47,7 @@ POWERS: Mapping[str, Mapping[str, int]] = {
 # Sections that have neither vectors nor lengths.
 PLAIN = ("name", "model", "parameters", "groups", "interference")
 CHANGED = (*POWERS, "inputs", "limits", "gravity", "axes")
+LARGEST_SCALE = 1e12  # densities scale by its third power
 
 
 def change_frame(
@@ -60,8 +60,14 @@ def change_frame(
     shapes and of bodies.
     """
     check_choice(up, UP_AXES, "axis", "up")
-    if not (isinstance(scale, int | float) and math.isfinite(scale) and scale > 0):
-        raise InvalidValueError("the value is out of range", where="scale", given=scale, allowed="above 0")
+    if not (isinstance(scale, int | float) and 1.0 / LARGEST_SCALE <= scale <= LARGEST_SCALE):
+        raise InvalidValueError(
+            "the value is out of range",
+            where="scale",
+            given=scale,
+            allowed=f"{1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}",
+            hint="metres per unit of length of the file, such as 0.001 for millimetres",
+        )
     for key in document:
         if key not in (*PLAIN, *CHANGED):
             raise InvalidValueError(

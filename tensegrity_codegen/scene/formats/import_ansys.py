@@ -240,7 +240,7 @@ class _Reader:
         self.loads[self._index(words[0]), axis] = self.number(words[2])
 
     def _acel(self, words: list[str]) -> None:
-        self.gravity = [-self.number(word) if word else 0.0 for word in words[:3]]
+        self.gravity = [0.0 - self.number(word) if word else 0.0 for word in words[:3]]
 
     def build(self) -> Network:
         """Return nodes and members."""

@@ -26,6 +26,7 @@ from tensegrity_codegen.scene.names import key_path
 __all__ = ["FORMAT", "import_compas"]
 
 WHAT = "a network of COMPAS"
+SECTIONS = ("data", "value")  # the latter of the encoder of version 1
 CLASSES = ("Network", "Graph", "CableNetwork", "FormDiagram", "TopologyDiagram", "FofinNetwork", "Structure")
 _CLASS_KEY = re.compile(r'"d(?:ata)?type"\s*:\s*"compas')
 ANCHORS = ("is_anchor", "is_anchored", "is_fixed", "is_support", "anchored")
@@ -65,14 +66,15 @@ def import_compas(
     content = _table(read_json(path, WHAT), str(path))
     where = str(path)
     data = content
-    if "data" in content:
+    section = next((key for key in SECTIONS if key in content), None)
+    if section is not None:
         kind = str(content.get("dtype", content.get("datatype", "")))
         if kind and kind.rpartition("/")[2] not in CLASSES:
             raise InvalidValueError(
                 "not a network", where=key_path(where, "dtype"), given=kind[:80], allowed=", ".join(CLASSES)
             )
-        where = key_path(where, "data")
-        data = _table(content["data"], where)
+        where = key_path(where, section)
+        data = _table(content[section], where)
     network, ignored = Network(), dict[str, int]()
     defaults = [
         _table(data.get(short, data.get(long)) or {}, f"{where}.{long}")
@@ -130,6 +132,19 @@ def _number(values: Mapping[str, Any], key: str, where: str) -> float | None:
     return float(value)
 
 
+def _flag(values: Mapping[str, Any], key: str, where: str) -> bool:
+    """Return a Boolean, False where it is missing or null; 0 and 1 are Booleans too."""
+    value = values.get(key)
+    if value is None or isinstance(value, bool) or (isinstance(value, int | float) and value in (0, 1)):
+        return bool(value)
+    raise InvalidValueError(
+        "not a Boolean",
+        where=f"{where}.{key}",
+        given=str(value)[:80],
+        allowed="true or false, without quotes",
+    )
+
+
 def _count(ignored: dict[str, int], values: Mapping[str, Any], known: Sequence[str]) -> None:
     for key, value in values.items():
         if key not in known and value is not None:
@@ -140,8 +155,11 @@ def _read_node(
     network: Network, name: str, values: Mapping[str, Any], where: str, ignored: dict[str, int]
 ) -> None:
     node: dict[str, Any] = {"position": [_number(values, axis, where) or 0.0 for axis in "xyz"]}
-    if any(values.get(key) is True for key in ANCHORS):
+    flags = [_flag(values, key, where) for key in ANCHORS]  # wrong ones are refused, all of them
+    if any(flags):
         node["anchored"] = True
+    if any(axis in values and values[axis] is None for axis in "xyz"):
+        ignored["null coordinates, which are 0"] = ignored.get("null coordinates, which are 0", 0) + 1
     mass = _number(values, "mass", where)
     if mass:
         node["mass"] = mass
@@ -187,8 +205,8 @@ def _length(network: Network, ends: tuple[str, str]) -> float:
 def _find_kind(values: Mapping[str, Any], member: Mapping[str, Any], where: str) -> str:
     """Return bar or cable: by an attribute, else by the sign of force or force density."""
     for key in ("is_strut", "is_bar"):
-        if isinstance(values.get(key), bool):
-            return "bar" if values[key] else "cable"
+        if values.get(key) is not None:
+            return "bar" if _flag(values, key, where) else "cable"
     for key in ("kind", "type"):
         word = values.get(key)
         if isinstance(word, str) and word.lower() in (*BARS, *CABLES):

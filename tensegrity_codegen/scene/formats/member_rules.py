@@ -113,8 +113,8 @@ def note_defaults(members: Iterable[Mapping[str, Any]]) -> list[str]:
     members, notes = list(members), []
     present = sum(not {"rest_length", "prestress"} & member.keys() for member in members)
     if present:
-        notes.append(f"{present} members have no rest length: it is their present length")
+        notes.append(f"members without a rest length, which is their present length: {present}")
     rigid = sum(not set(STIFFNESSES) & member.keys() for member in members)
     if rigid:
-        notes.append(f"{rigid} bars have no stiffness and are rigid")
+        notes.append(f"bars without a stiffness, which are rigid: {rigid}")
     return notes

@@ -133,7 +133,7 @@ def test_planar_scenes_keep_to_their_plane() -> None:
 @pytest.mark.parametrize(
     ("up", "scale", "error"),
     [("w", 1.0, UnknownNameError), ("", 1.0, UnknownNameError)]
-    + [("y", value, InvalidValueError) for value in (0.0, -1.0, float("nan"), float("inf"))],
+    + [("y", value, InvalidValueError) for value in (0.0, -1.0, float("nan"), float("inf"), 1e-200)],
 )
 def test_other_axes_and_scales_are_refused(up: str, scale: float, error: type[Exception]) -> None:
     with pytest.raises(error):

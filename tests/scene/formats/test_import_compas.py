@@ -111,3 +111,22 @@ def test_wrong_networks_are_refused_by_their_place(
     with pytest.raises(error) as caught:
         load(tmp_path, content)
     assert where in caught.value.where
+
+
+def test_the_sections_of_both_encoders_are_read(tmp_path: Path) -> None:
+    content = {"node": NODES, "edge": EDGES}
+    kind = "compas.datastructures/Network"
+    scenes = [load(tmp_path, {"dtype": kind, key: content}).document for key in ("data", "value")]
+    assert scenes[0] == scenes[1]
+
+
+def test_null_coordinates_are_noted(tmp_path: Path) -> None:
+    result = load(tmp_path, {"data": {"node": NODES, "edge": EDGES}})
+    assert any("null coordinates, which are 0 (1)" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("value", ["false", 2, [True]])
+def test_anchors_that_are_no_booleans_are_refused(value: Any, tmp_path: Path) -> None:
+    nodes = NODES | {"0": NODES["0"] | {"is_anchor": value}}
+    with pytest.raises(InvalidValueError, match="is_anchor: not a Boolean"):
+        load(tmp_path, {"data": {"node": nodes, "edge": EDGES}})

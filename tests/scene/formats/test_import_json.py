@@ -92,8 +92,8 @@ def test_the_contract(load: Load) -> None:
     result = load(BY_NAME)
     assert result.document == DOCUMENT
     assert list(result.notes) == [
-        "1 members have no rest length: it is their present length",
-        "1 bars have no stiffness and are rigid",
+        "members without a rest length, which is their present length: 1",
+        "bars without a stiffness, which are rigid: 1",
     ]
     structure, _ = assemble(parse_scene(result.document))
     assert structure.is_rigid.tolist() == [True, False, False]
