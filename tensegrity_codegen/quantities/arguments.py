@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from tensegrity_codegen.quantities.quantity import Quantity
 
-__all__ = ["ARGUMENT_ROWS"]
+__all__ = ["ABOVE_ZERO", "ARGUMENT_ROWS", "FROM_ZERO"]
+
+# Arguments that a scene allows only above zero, or from zero on.
+ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness")
+FROM_ZERO = ("damping", "node_mass")
 
 ARGUMENT_ROWS = (
     Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),

@@ -47,11 +47,19 @@ KEYWORDS = frozenset(_KEYWORDS.split())
 BESIDE = ("example", "makefile", "gnumakefile")
 # Names that Windows reserves for devices, whatever their ending.
 DEVICES = ("con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt") for k in range(1, 10)))
-FILE_NAMES = (*BESIDE, *DEVICES)
-FILE_NAME_PROBLEM = "the name is taken by a file that is written beside the generated code, or by Windows"
+# Headers of C and C++, which a folder with NAME.h would hide from a compiler that looks there.
+_HEADERS = """
+assert complex ctype errno fenv float inttypes iso646 limits locale malloc math memory poll pthread
+regex sched search semaphore setjmp signal stdalign stdarg stdatomic stdbit stdbool stdckdint stddef
+stdint stdio stdlib stdnoreturn string strings tgmath threads time uchar unistd wchar wctype windows
+"""
+HEADERS = tuple(_HEADERS.split())
+FILE_NAMES = (*BESIDE, *DEVICES, *HEADERS)
+FILE_NAME_PROBLEM = "the name is taken by a file beside the generated code, a header of C, or Windows"
 FILE_NAME_RULE = (
     f"{NAME_RULE}; not {', '.join(BESIDE)}, which are files beside the generated code; "
-    "not con, prn, aux, nul, com1 to com9, lpt1 to lpt9, which Windows reserves for devices"
+    "not con, prn, aux, nul, com1 to com9, lpt1 to lpt9, which Windows reserves for devices; "
+    f"not {', '.join(HEADERS)}, which are headers of C"
 )
 
 

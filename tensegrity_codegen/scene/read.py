@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -88,6 +89,13 @@ def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
             return parse_scene(_plain(path))
         except RecursionError:
             raise SceneSyntaxError("the scene is nested too deeply", where="scene") from None
+    if not isinstance(path, str | os.PathLike):
+        raise InvalidValueError(
+            "not a scene",
+            where="scene",
+            given=type(path).__name__,
+            allowed="the path of a scene file, a mapping with its sections, or a Scene",
+        )
     return parse_scene(read_document(path, known=_known_keys()), str(path))
 
 

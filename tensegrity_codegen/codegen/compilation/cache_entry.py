@@ -90,7 +90,7 @@ def read_entry(folder: Path, key: str) -> CacheEntry | None:
         whole = all(_matches(folder / name, expected) for name, expected in data["files"].items())
         entry = CacheEntry(key, folder, tuple(data["files"]), str(data["scene"]))
         return entry if whole and entry.library is not None and entry.manifest is not None else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, AttributeError):
         return None
 
 
@@ -106,7 +106,7 @@ def read_contents(entry: CacheEntry) -> dict[str, bytes]:
             contents[name] = (entry.folder / name).read_bytes()
             if _sha256(contents[name]) != expected[name]["sha256"]:
                 raise ValueError(name)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise LibraryError(
             "a file in the cache of compiled libraries is not what was written there",
             where=str(entry.folder),
@@ -129,7 +129,7 @@ def read_request(path: Path) -> tuple[str, dict[str, Any]] | None:
         data = json.loads(path.read_bytes())
         known = data["version"] == REQUEST_VERSION and isinstance(data["note"], dict)
         return (str(data["library"]), data["note"]) if known else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 

@@ -10,14 +10,14 @@ from math import prod
 
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO
 from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["POSITION", "Argument", "Block", "Layout"]
 
 POSITION = "node_position"
 MARGINS = ("cable_margin", "switch_margin")
-LEAST = {"rest_length": "above_zero", "spring_constant": "above_zero", "axial_stiffness": "above_zero"}
-LEAST |= {"damping": "from_zero", "node_mass": "from_zero"}  # values that the library computes with
+LEAST = dict.fromkeys(ABOVE_ZERO, "above_zero") | dict.fromkeys(FROM_ZERO, "from_zero")
 INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 Parts = tuple[str | int, ...]
 

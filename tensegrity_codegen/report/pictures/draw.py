@@ -168,6 +168,7 @@ def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: i
         )
     number = -1 if sample is None else sample
     if time is not None and times is not None and len(times):
+        check_time(time, float(times[0]), float(times[-1]))
         number = int(np.abs(times - time).argmin())
     if not -count <= number < count:
         raise InvalidValueError(
@@ -178,6 +179,15 @@ def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: i
         )
     note = f"point {number % count} of {count}" if times is None else f"t = {times[number]:.6g} s"
     return _Shot(_require(subject), subject.node_position[number], subject.member_tension[number], note)
+
+
+def check_time(time: float, first: float, last: float) -> None:
+    """Raise InvalidValueError for a time [s] that is not within a motion, up to rounding."""
+    slack = 1e-9 * (last - first)
+    if not (isinstance(time, int | float) and first - slack <= time <= last + slack):
+        raise InvalidValueError(
+            "the motion has no such time", where="time", given=time, allowed=f"{first:g} to {last:g} s"
+        )
 
 
 def _require(subject: CompiledModel | Equilibrium | Trajectory | PlanResult) -> Structure | BodySystem:

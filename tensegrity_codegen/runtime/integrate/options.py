@@ -194,5 +194,6 @@ def _check_step(step: float, t_end: float, most: int) -> None:
 
 
 def _check_positive(key: str, value: float, unit: str = "") -> None:
-    if not (np.isfinite(value) and value > 0):
+    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    if not (is_number and np.isfinite(value) and value > 0):
         raise InvalidValueError("out of range", where=key, given=value, allowed=f"a finite number > 0{unit}")

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
+from tensegrity_codegen.runtime.model.parameter_values import check_parameter_values
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
@@ -43,7 +44,10 @@ def find_start(
 
 
 def check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
-    """Raise UnknownNameError for a word that is no argument of the model at run time."""
+    """Raise for a word that is no argument of the model at run time, or a value that no scene has.
+
+    UnknownNameError for the former; for values see `check_parameter_values`. A value None is not checked.
+    """
     known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
     for name in arguments:
         if name not in known:
@@ -54,6 +58,7 @@ def check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
                 allowed=", ".join([*known, *model.manifest.input_name]) or "none",
                 hint=_explain_missing(model, name, known),
             )
+    check_parameter_values(model.manifest, arguments)
 
 
 def _explain_missing(model: CompiledModel, name: str, known: list[str]) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.parameter_values import check_parameter_values
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
@@ -75,6 +76,7 @@ class StaticProblem:
         self.model = model
         self.arguments = merge_inputs(model.manifest, arguments)
         _check_arguments(self.arguments)
+        check_parameter_values(model.manifest, self.arguments)
         require_quantities(model, self.needed(model), "an equilibrium needs")
         pairs = np.array(model.manifest.coordinate_node_axis, dtype=np.int64).reshape(-1, 2)
         self.node, self.axis = pairs[:, 0], pairs[:, 1]

@@ -20,6 +20,12 @@ def test_the_contents_are_what_was_written(tmp_path: Path) -> None:
     assert read_contents(entry) == FILES
 
 
+def test_an_entry_nested_beyond_reason_is_absent(tmp_path: Path) -> None:
+    write_entry(tmp_path / KEY, FILES)
+    (tmp_path / KEY / "entry.json").write_text("[" * 200_000, encoding="utf-8")
+    assert read_entry(tmp_path / KEY, KEY) is None
+
+
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.parametrize("is_gone", [False, True])
 def test_a_file_that_was_changed_is_not_copied(name: str, is_gone: bool, tmp_path: Path) -> None:

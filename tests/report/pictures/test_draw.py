@@ -56,7 +56,13 @@ def test_a_sample_is_chosen_by_number_or_by_time(model: CompiledModel) -> None:
         ({"sample": -2}, "0.01"),
     ):
         assert f"t = {shown} s" in texts(draw(run, **options))
-    for options in ({"sample": 3}, {"sample": -4}, {"sample": 0, "time": 0.0}):
+    for options in (
+        {"sample": 3},
+        {"sample": -4},
+        {"sample": 0, "time": 0.0},
+        {"time": 0.03},
+        {"time": -1.0},
+    ):
         with pytest.raises(InvalidValueError):
             draw(run, **options)
     with pytest.raises(InvalidValueError, match="only motions and plans"):

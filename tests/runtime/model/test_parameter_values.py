@@ -1,0 +1,58 @@
+"""Values of run-time parameters that no scene has are refused for motions and equilibria."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.parameter_values import check_parameter_values
+from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tests.runtime.build import make_structure, spring
+
+PARAMETERS = {"rest_length": (0,), "spring_constant": (0,), "damping": (0,), "node_mass": (1,)}
+
+
+@pytest.fixture(scope="module")
+def model() -> CompiledModel:
+    structure = make_structure([[0, 0, 0], [1, 0, 0]], [spring(0, 1, 1.0)], anchored={0: "xyz", 1: "yz"})
+    quantities = tuple(dict.fromkeys((*SIMULATION_QUANTITIES, *EQUILIBRIUM_QUANTITIES)))
+    request = ModelRequest(quantities, integrators=("rk853",), parameters=PARAMETERS)
+    return build_library(structure, request).load()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rest_length", -1.0),
+        ("rest_length", 0.0),
+        ("spring_constant", 0.0),
+        ("damping", -0.1),
+        ("node_mass", -2),
+    ],
+)
+def test_no_motion_and_no_equilibrium_has_them(model: CompiledModel, name: str, value: float) -> None:
+    arguments = {name: [value]}
+    with pytest.raises(InvalidValueError, match=rf"arguments\.{name}"):
+        simulate(model, t_end=0.1, arguments=arguments)
+    with pytest.raises(InvalidValueError, match=rf"arguments\.{name}"):
+        find_equilibrium(model, arguments=arguments)
+
+
+@pytest.mark.parametrize("arguments", [{"damping": [0.0]}, {"rest_length": [0.9]}, {"rest_length": "a"}, {}])
+def test_other_values_pass(model: CompiledModel, arguments: dict[str, Any]) -> None:
+    check_parameter_values(model.manifest, arguments)
+
+
+def test_one_row_of_many_is_named(model: CompiledModel) -> None:
+    rows = np.array([[1.0], [0.5], [-0.5]])
+    with pytest.raises(InvalidValueError) as caught:
+        check_parameter_values(model.manifest, {"rest_length": rows})
+    assert caught.value.given == -0.5
