@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.quantities import QUANTITIES, find_quantity
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.accuracy.scales import find_length
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["EXPORTER", "export_fmu"]
@@ -34,7 +36,7 @@ SAME = ("acceleration", "state_derivative")
 
 
 def export_fmu(
-    scene: str | Path,
+    scene: str | Path | Mapping[str, Any] | Scene,
     out: str | Path,
     *,
     fmi: str = "2.0",
@@ -52,8 +54,8 @@ def export_fmu(
 
     Parameters
     ----------
-    scene : str or Path
-        Scene file (TOML).
+    scene : str, Path, mapping or Scene
+        Scene file (TOML), or the scene as for `read_scene`.
     out : str or Path
         File to write, ending in ``.fmu``.
     fmi : str
@@ -104,8 +106,9 @@ def export_fmu(
     >>> exported.facts["n_states"], exported.facts["method"]
     (6, 'rk853')
     """
-    path = Path(scene)
-    source = ExportSource(path, *load_scene(path))
+    structure, request = load_scene(scene)
+    path = Path(scene) if isinstance(scene, str | os.PathLike) else Path(f"{structure.name}.toml")
+    source = ExportSource(path, structure, request)
     options: dict[str, Any] = {"fmi": fmi, "kind": kind, "method": method, "t_end": t_end, "rtol": rtol}
     options |= {"outputs": tuple(outputs), "sources_only": sources_only, "compiler": compiler}
     options["targets"] = tuple(targets)

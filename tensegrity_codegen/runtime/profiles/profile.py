@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, check_choice
 from tensegrity_codegen.results.summaries import Summarised
@@ -59,6 +59,15 @@ class Profile(Summarised):
     time: FloatArray
     values: Mapping[str, FloatArray]
     kind: Literal["linear", "cubic"] = "linear"
+
+    if TYPE_CHECKING:  # sequences of numbers are given, arrays are kept
+
+        def __init__(
+            self,
+            time: ArrayLike,
+            values: Mapping[str, ArrayLike],
+            kind: Literal["linear", "cubic"] = "linear",
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_choice(self.kind, KINDS, "kind of profile", "kind")

@@ -71,7 +71,7 @@ def read_profile(path: str | Path, input_name: Sequence[str], kind: Any = "linea
         )
     columns = {name: [_read_cell(row, name) for row in rows] for name in (TIME, *names)}
     try:
-        return Profile(columns.pop(TIME), columns, kind)  # type: ignore[arg-type]
+        return Profile(columns.pop(TIME), columns, kind)
     except TensegrityError as error:
         error.where = f"{file}: {error.where}"
         raise

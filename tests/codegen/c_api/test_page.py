@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -144,6 +145,60 @@ def test_the_names_of_the_page_are_in_headers() -> None:
         ):
             assert text in moving, text
     assert "braced_compute_acceleration_batch(" in moving
+
+
+STRUCTS = {
+    "run": ("name_integrate_..._run", 12),  # the number of fields that are the caller's
+    "event": ("name_run", 4),
+    "profile": ("name_run", 7),
+    "equilibrium_report": ("name_find_equilibrium", 7),
+    "description": ("name_descriptor", 7),
+}
+
+
+@functools.cache
+def read_full_headers() -> tuple[Interface, Interface]:
+    """A library with all integrators and batches, and one with the solver of equilibria."""
+    structure, request = everything()
+    request = replace(request, batch_width=2, integrators=tuple(INTEGRATORS))
+    moving = emit(structure, request).files["braced.h"]
+    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/lin_prism.toml")
+    wanted = ("potential_energy", "coordinate_force", "tangent_stiffness")
+    loads = {"node_load": tuple(range(structure.n_nodes))}
+    solving = emit(structure, request.wanting(*wanted, solvers=SOLVERS, parameters=loads))
+    return read_interface(moving), read_interface(solving.files["lin_prism.h"])
+
+
+def test_structs(update_golden: bool) -> None:
+    found: dict[str, list[str]] = {}
+    for name, interface in zip(("braced", "lin_prism"), read_full_headers(), strict=True):
+        for struct, fields in interface.structs.items():
+            plain = [re.sub(rf"\b{name}_", "name_", field) for field in fields]
+            assert found.setdefault(struct.removeprefix(f"{name}_"), plain) == plain
+    assert set(found) == set(STRUCTS)
+    rows = [
+        (f"`name_{struct}`", f"`{of}`", ", ".join(f"`{field}`" for field in found[struct][:count]))
+        for struct, (of, count) in STRUCTS.items()
+    ]
+    check_table(PAGE, "structs", ("struct", "of", "fields"), rows, update_golden)
+    assert found["run"][11] == "const name_profile *profile"
+
+
+def test_the_page_lists_every_name_of_a_header() -> None:
+    words = re.findall(r"`([^`]+)`", (DOCS / PAGE).read_text(encoding="utf-8"))
+    for name, interface in zip(("braced", "lin_prism"), read_full_headers(), strict=True):
+        listed = re.compile("|".join(_pattern(word, name) for word in words if "name" in word.lower()))
+        for names in (interface.constants, interface.structs, interface.arrays, interface.functions):
+            missing = [item for item in names if not listed.fullmatch(item)]
+            assert not missing, missing
+
+
+def _pattern(word: str, name: str) -> str:
+    """Return the names that a word of the page stands for, as a regular expression."""
+    bare = re.sub(r"^(?:enum|int) |[(\[].*$", "", word)
+    parts = re.split(r"(<name>|QUANTITY|ARGUMENT|METHOD|\.\.\.)", bare)
+    text = "".join(r"\w+" if k % 2 else re.escape(part) for k, part in enumerate(parts))
+    return re.sub(r"^NAME_", f"{name.upper()}_", re.sub(r"^name_", f"{name}_", text))
 
 
 def test_the_page_states_the_versions() -> None:
