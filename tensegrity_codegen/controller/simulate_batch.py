@@ -25,9 +25,8 @@ from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, bind
 from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["simulate_control_batch"]

@@ -27,8 +27,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import (
     judge_ends,
 )
 from tensegrity_codegen.runtime.model.arrays import to_batch
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_double
 
 __all__ = ["choose_batch_control", "integrate_batch", "runs_side_by_side"]
 

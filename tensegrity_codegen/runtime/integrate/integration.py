@@ -11,8 +11,8 @@ from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.manifest import STATUS, IntegratorSpec, Manifest
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import raise_for_status
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.profiles.knots import KnotsInC, follows_in_c
 
 __all__ = ["BoundIntegrator", "find_integrator"]

@@ -25,10 +25,9 @@ from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.errors import FormulationError, LibraryError
+from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.interface import Model
 
-__all__ = ["require_quantities"]
+__all__ = ["require_double", "require_quantities"]
 
 
 def require_quantities(model: Model, quantities: Iterable[str], purpose: str) -> None:
@@ -21,4 +22,16 @@ def require_quantities(model: Model, quantities: Iterable[str], purpose: str) ->
             given=", ".join(missing),
             allowed=", ".join(needed),
             hint="build the model with these quantities",
+        )
+
+
+def require_double(manifest: Manifest, analysis: str) -> None:
+    """Raise LibraryError, naming the analysis, unless the library computes in double precision."""
+    if manifest.precision != "double":
+        raise LibraryError(
+            f"{analysis} needs a library of double precision",
+            where=f"{manifest.name}: model.precision",
+            given=f"precision {manifest.precision!r}",
+            allowed='precision "double"',
+            hint="build the scene in double precision for this, and in single precision beside it",
         )

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
 

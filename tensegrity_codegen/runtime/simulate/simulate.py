@@ -14,9 +14,9 @@ from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile

@@ -23,9 +23,9 @@ from tensegrity_codegen.errors import (
 from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS, SolverSpec
 from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_double
 
 __all__ = ["EquilibriumSolver", "SolvedPath"]
 

@@ -16,8 +16,8 @@ from tensegrity_codegen.errors import (
     check_choice,
 )
 from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium_record import (

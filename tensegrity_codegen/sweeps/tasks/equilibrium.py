@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from tensegrity_codegen.analyses import Needs, find_needs
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria

@@ -15,8 +15,8 @@ from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.linear.linearize import LinearModel
 from tensegrity_codegen.runtime.linear.linearize import linearize as linearize_one
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import encode_status

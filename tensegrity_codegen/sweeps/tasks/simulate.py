@@ -14,8 +14,8 @@ from tensegrity_codegen.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory

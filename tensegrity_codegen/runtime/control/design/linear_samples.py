@@ -13,11 +13,10 @@ from scipy.linalg import expm
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 
 __all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "compute_hold", "sample_linear_models"]
 

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
-from tensegrity_codegen.runtime.model.double_only import require_double
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria, EquilibriaTable
 from tensegrity_codegen.runtime.statics.batch.side_by_side import (
     block_size,
