@@ -9,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
 from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, read_contents
 from tensegrity_codegen.codegen.compilation.compile import compile_library, object_size
@@ -37,7 +36,6 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.targets import Target, find_host, find_target
-from tensegrity_codegen.wheels.wheel import build_wheel
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
@@ -118,6 +116,9 @@ class BuiltLibrary:
         `inputs` are never replaced. wheel: whether to add a Python package of the library, which needs NumPy
         alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
         """
+        from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
+        from tensegrity_codegen.wheels.wheel import build_wheel
+
         contents = dict(sorted(read_contents(self.entry).items()))
         contents.pop("compile.log", None)
         sources = [name for name in contents if name.endswith(".c") and name != "example.c"]

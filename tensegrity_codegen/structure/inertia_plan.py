@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["InertiaPlan", "find_massless", "refuse_bare"]
@@ -78,8 +77,7 @@ class InertiaPlan:
         position[free] = np.arange(len(free))
         pairs = position[self.pair]
         rows, columns = pairs[(pairs >= 0).all(axis=1)].T
-        graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(free), len(free)))
-        count, label = connected_components(graph, directed=False)
+        count, label = find_pieces(len(free), rows, columns)
         members: list[list[int]] = [[] for _ in range(count)]
         for node, group in zip(free.tolist(), label.tolist(), strict=True):
             members[group].append(node)
@@ -92,8 +90,7 @@ class InertiaPlan:
         pair, mass = self.pair[held], self.pair_mass[held]
         node, place = np.unique(pair, return_inverse=True)
         row, column = place.reshape(-1, 2).T
-        graph = coo_array((np.ones(len(row)), (row, column)), shape=(len(node), len(node)))
-        _, label = connected_components(graph, directed=False)
+        _, label = find_pieces(len(node), row, column)
         size = np.bincount(label, minlength=1)
         alone = size[label[row]] == 2
         large = np.flatnonzero(size[label] > 2)

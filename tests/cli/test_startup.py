@@ -48,6 +48,19 @@ def find_loaded(*words: str) -> list[str]:
     return modules
 
 
+# What a motion with a library from the cache does not need; a model imports SciPy's parts when it needs them.
+FOR_OTHERS = (
+    *("casadi", "jinja2", "matplotlib", "scipy.integrate", "scipy.interpolate", "scipy.linalg"),
+    *("scipy.optimize", "scipy.sparse", "scipy.special", "tensegrity_codegen.symbolic"),
+)
+
+
+def test_a_motion_with_a_cached_library_imports_no_generator_and_no_part_of_scipy(prism: Path) -> None:
+    words = ("simulate", str(prism), "--t-end", "0.01", "--json")
+    find_loaded(*words)  # builds the library, unless it is in the cache
+    assert sorted({*FOR_OTHERS} & {*find_loaded(*words)}) == []
+
+
 def test_a_verb_is_imported_without_the_others() -> None:
     loaded = find_loaded("schema", "--help")
     assert sorted({*HEAVY} & {*loaded}) == []  # Typer imports Pydantic, to read options

@@ -13,8 +13,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import jinja2
-
 __all__ = ["paste", "paste_text", "plain_c_folder"]
 
 GUARD = re.compile(r"#ifndef (\w+_H)\n#define \1\n(.*)#endif\n*", re.DOTALL)
@@ -28,7 +26,6 @@ def plain_c_folder(templates: Path) -> Path:
     return templates / "c"
 
 
-@jinja2.pass_context
 def paste(
     context: Mapping[str, Any], file: str, settings: Mapping[str, bool] = MappingProxyType({}), **names: str
 ) -> str:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jinja2
 import numpy as np
 
 from tensegrity_codegen.codegen.print.paste import paste, plain_c_folder
+
+if TYPE_CHECKING:
+    import jinja2
 
 __all__ = ["render", "template_folder", "wrap_values"]
 
@@ -31,6 +33,8 @@ def render(template: str, context: Mapping[str, Any]) -> str:
 
 @functools.cache
 def _environment() -> jinja2.Environment:
+    import jinja2  # a library from the cache needs no templates
+
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()),
         undefined=jinja2.StrictUndefined,
@@ -40,7 +44,7 @@ def _environment() -> jinja2.Environment:
     environment.filters["wrapped"] = wrap_values
     environment.filters["enumerated"] = _enumerate
     environment.filters["quoted"] = _quote
-    environment.globals["paste"] = paste
+    environment.globals["paste"] = jinja2.pass_context(paste)
     environment.globals["plain_c"] = plain_c_folder(template_folder())
     return environment
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import ConvergenceError
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
@@ -91,7 +91,7 @@ class Flow:
     ) -> FloatArray | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what they say is in the status
-            found = solve_ivp(
+            found = scipy.integrate.solve_ivp(
                 lambda t, x: self._derivative(start + t, x),
                 (0.0, float(offset[-1])),
                 state,

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.integrate.flow import build_derivative
@@ -77,7 +77,7 @@ def _run(
     times = np.append(inside, span[1]) if until else inside
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what they say is in the status
-        return solve_ivp(
+        return scipy.integrate.solve_ivp(
             derivative,
             span,
             state,

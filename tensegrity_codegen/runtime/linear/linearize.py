@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
@@ -181,10 +181,10 @@ def linearize(
     if inputs:
         at["input"] = u
     state = np.concatenate([q, v])
-    a = sparse.csc_array(model.compute("state_jacobian", **at))
-    b = sparse.csc_array((len(state), 0))
+    a = scipy.sparse.csc_array(model.compute("state_jacobian", **at))
+    b = scipy.sparse.csc_array((len(state), 0))
     if inputs:
-        b = sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
+        b = scipy.sparse.csc_array(model.compute(INPUT_QUANTITY, **at))
     rate = np.asarray(model.compute("state_derivative", **at))
     # Variations that cannot happen never move, and would come out as zeros to half the digits.
     allowed = find_variations(model, {**at, "coordinate": q, "velocity": v})

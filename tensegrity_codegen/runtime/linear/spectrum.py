@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
 
 __all__ = ["DENSE_STATES", "Spectrum", "find_spectrum"]
 
@@ -41,8 +40,8 @@ def find_spectrum(state_matrix: Any, count: int) -> Spectrum:
     double and defective in A, then come out as zero to full accuracy instead of to half the digits.
     """
     half = state_matrix.shape[0] // 2
-    lower = sparse.csr_array(state_matrix)[half:]
-    stiffness, damping = sparse.csc_array(lower[:, :half]), sparse.csc_array(lower[:, half:])
+    lower = scipy.sparse.csr_array(state_matrix)[half:]
+    stiffness, damping = scipy.sparse.csc_array(lower[:, :half]), scipy.sparse.csc_array(lower[:, half:])
     undamped = damping.nnz == 0 or not np.any(damping.data)
     complete = 2 * half <= DENSE_STATES or count >= half - 1
     if undamped:
@@ -51,7 +50,7 @@ def find_spectrum(state_matrix: Any, count: int) -> Spectrum:
         value, rounding = np.concatenate([root, -root]), np.sqrt(64 * EPSILON * _size(stiffness))
     else:
         scale = max(np.sqrt(_size(stiffness)), _size(damping))
-        value = _eigenvalues(sparse.csc_array(state_matrix), complete, 2 * max(count, 1), scale)
+        value = _eigenvalues(scipy.sparse.csc_array(state_matrix), complete, 2 * max(count, 1), scale)
         rounding = 8 * np.sqrt(EPSILON) * scale
     return _sort(value, float(rounding), complete)
 
@@ -61,7 +60,7 @@ def _eigenvalues(matrix: Any, complete: bool, count: int, scale: float) -> NDArr
     if complete:
         return np.asarray(np.linalg.eigvals(matrix.toarray()))
     start = np.random.default_rng(0).normal(size=matrix.shape[0])
-    found = sparse_linalg.eigs(matrix, k=count, sigma=1e-9 * scale, v0=start, return_eigenvectors=False)
+    found = scipy.sparse.linalg.eigs(matrix, k=count, sigma=1e-9 * scale, v0=start, return_eigenvectors=False)
     return np.asarray(found)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
@@ -34,15 +34,15 @@ class Variations:
     @property
     def basis(self) -> Any:
         """Return T, sparse."""
-        empty = sparse.csc_array(self.along.shape)
-        return sparse.block_array([[self.along, empty], [self.turning, self.along]], format="csc")
+        empty = scipy.sparse.csc_array(self.along.shape)
+        return scipy.sparse.block_array([[self.along, empty], [self.turning, self.along]], format="csc")
 
     def reduce(self, state_matrix: Any) -> Any:
         """Return L A T - L T', sparse (n_variations, n_variations), of A (n_states, n_states)."""
-        left = sparse.csc_array(sparse.block_diag([self.along, self.along])).T
-        empty = sparse.csc_array((self.along.shape[1],) * 2)
-        frame = sparse.block_array([[empty, empty], [self.turning.T @ self.turning, empty]])
-        return sparse.csc_array(left @ state_matrix @ self.basis + frame)
+        left = scipy.sparse.csc_array(scipy.sparse.block_diag([self.along, self.along])).T
+        empty = scipy.sparse.csc_array((self.along.shape[1],) * 2)
+        frame = scipy.sparse.block_array([[empty, empty], [self.turning.T @ self.turning, empty]])
+        return scipy.sparse.csc_array(left @ state_matrix @ self.basis + frame)
 
 
 def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
@@ -55,8 +55,8 @@ def find_variations(model: Model, at: Mapping[str, Any]) -> Variations | None:
         return _along_bars(model, at)
     if model.has(SPANNING_QUANTITY):
         size, direction = np.linalg.eigh(model.compute(SPANNING_QUANTITY, **at).toarray())
-        along = sparse.csc_array(direction[:, size > RANK_TOLERANCE * size.max()])
-        return Variations(along, sparse.csc_array(along.shape))
+        along = scipy.sparse.csc_array(direction[:, size > RANK_TOLERANCE * size.max()])
+        return Variations(along, scipy.sparse.csc_array(along.shape))
     return None
 
 
@@ -66,8 +66,8 @@ def _along_bars(model: Model, at: Mapping[str, Any]) -> Variations:
     position = place_nodes(model, at["coordinate"], at.get("anchor_position"))
     along = bars.find_directions(bars.jacobian(position))
     if not np.any(at["velocity"]):
-        return Variations(along, sparse.csc_array(along.shape))
+        return Variations(along, scipy.sparse.csc_array(along.shape))
     rate = bars.rows(bars.vectors(place_velocities(model, at["coordinate"], at["velocity"])))
     rows = bars.rows(bars.vectors(position)).toarray()
     turning = np.linalg.lstsq(rows, -(rate @ along).toarray(), rcond=None)[0]
-    return Variations(along, sparse.csc_array(turning))
+    return Variations(along, scipy.sparse.csc_array(turning))

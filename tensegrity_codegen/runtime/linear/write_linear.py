@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from tensegrity_codegen.files import check_ending
 from tensegrity_codegen.results.table_files import write_csv, write_mat
@@ -36,7 +36,7 @@ def _write_npz(linear: Any, path: Path) -> None:
 
 def _write_mat(linear: Any, path: Path) -> None:
     """Write sparse matrices as such, vectors as columns, names as cells."""
-    variables: dict[str, Any] = {name: sparse.csc_matrix(matrix) for name, matrix in _matrices(linear)}
+    variables: dict[str, Any] = {name: scipy.sparse.csc_matrix(matrix) for name, matrix in _matrices(linear)}
     variables |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
     variables |= {name: list(getattr(linear, name)) for name in NAMES}
     write_mat(path, variables)

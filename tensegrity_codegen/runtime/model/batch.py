@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Pattern
@@ -40,11 +40,11 @@ class SparseBatch:
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, k: int) -> sparse.csc_array:
+    def __getitem__(self, k: int) -> scipy.sparse.csc_array:
         places = (self.pattern.row.copy(), self.pattern.column_start.copy())
-        return sparse.csc_array((self.values[k].copy(), *places), shape=self.pattern.shape)
+        return scipy.sparse.csc_array((self.values[k].copy(), *places), shape=self.pattern.shape)
 
-    def __iter__(self) -> Iterator[sparse.csc_array]:
+    def __iter__(self) -> Iterator[scipy.sparse.csc_array]:
         return (self[k] for k in range(len(self)))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:

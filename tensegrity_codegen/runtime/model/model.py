@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import sparse
 
 from tensegrity_codegen.errors import (
     InvalidValueError,
@@ -84,7 +84,7 @@ class CompiledFunction:
         pattern = self.spec.pattern
         if pattern is not None:
             places = (pattern.row.copy(), pattern.column_start.copy())  # the caller may change the matrix
-            return sparse.csc_array((result, *places), shape=pattern.shape)
+            return scipy.sparse.csc_array((result, *places), shape=pattern.shape)
         return result if self.spec.shape else float(result[0])
 
     def _bind(self, library: LoadedLibrary) -> Callable[[Sequence[Any], FloatArray | None], FloatArray]:
@@ -287,6 +287,38 @@ class CompiledModel(Summarised):
         """
         function = self.function(quantity)
         return function.wrap(function.values(self._complete(function, arguments, is_batch=False), out))
+
+    def compute_entries(
+        self, quantity: str, /, **arguments: ArrayLike
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+        """Compute a sparse quantity for one state, without SciPy, which takes longer to import.
+
+        Parameters
+        ----------
+        quantity : str
+            Name of a quantity that is a sparse matrix.
+        **arguments : array_like
+            As for `compute`.
+
+        Returns
+        -------
+        row, column : ndarray of int, shape (n_entries,)
+            Places of the entries, column by column.
+        value : ndarray, shape (n_entries,)
+            The entries.
+
+        Raises
+        ------
+        InvalidValueError
+            The quantity is not sparse, or as for `compute`.
+        """
+        function = self.function(quantity)
+        pattern = function.spec.pattern
+        if pattern is None:
+            raise InvalidValueError("not a sparse matrix", where="quantity", given=quantity)
+        value = function.values(self._complete(function, arguments, is_batch=False), None)
+        column = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.column_start))
+        return np.array(pattern.row, dtype=np.int64), column, value
 
     def compute_batch(
         self, quantity: str, /, *, threads: int = 1, on_error: str = "raise", **arguments: ArrayLike

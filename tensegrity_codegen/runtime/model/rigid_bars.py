@@ -9,10 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
-from scipy.sparse import linalg as sparse_linalg
 
 from tensegrity_codegen.manifest import Manifest
 
@@ -48,7 +46,9 @@ class RigidBars:
         free = column >= 0
         self.bar, self.column, self.axis, self.sign = bar[free], column[free], axis[free], sign[free]
         shape = (3 * count, self.size)
-        self._difference = sparse.csr_array((self.sign, (3 * self.bar + self.axis, self.column)), shape=shape)
+        self._difference = scipy.sparse.csr_array(
+            (self.sign, (3 * self.bar + self.axis, self.column)), shape=shape
+        )
         self.components = self._find_components()
 
     def vectors(self, position: FloatArray) -> FloatArray:
@@ -69,12 +69,12 @@ class RigidBars:
     def rows(self, vectors: FloatArray) -> Any:
         """Return one row a bar with its vector (n_bars, 3) at node i and minus it at j, sparse as J."""
         data = self.sign * vectors[self.bar, self.axis]
-        return sparse.csr_array((data, (self.bar, self.column)), shape=(len(self.row), self.size))
+        return scipy.sparse.csr_array((data, (self.bar, self.column)), shape=(len(self.row), self.size))
 
     def stiffness(self, density: FloatArray) -> Any:
         """Return the Hessian of sum density_b l_b^2 / 2, sparse (n_coordinates, n_coordinates) [N/m]."""
-        weights = sparse.diags_array(np.repeat(density, 3))
-        return sparse.csc_array(self._difference.T @ weights @ self._difference)
+        weights = scipy.sparse.diags_array(np.repeat(density, 3))
+        return scipy.sparse.csc_array(self._difference.T @ weights @ self._difference)
 
     def find_tension(self, jacobian: Any, force: FloatArray) -> FloatArray:
         """Return the tensions t that balance `force` (n_coordinates,) [N] best: least |force - J^T t|."""
@@ -98,7 +98,7 @@ class RigidBars:
         columns.append(count + np.arange(len(free)))
         values.append(np.ones(len(free)))
         at = (np.concatenate(rows), np.concatenate(columns))
-        return sparse.csc_array((np.concatenate(values), at), shape=(self.size, count + len(free)))
+        return scipy.sparse.csc_array((np.concatenate(values), at), shape=(self.size, count + len(free)))
 
     def find_correction(self, position: FloatArray, gap: FloatArray) -> FloatArray:
         """Return the least change of coordinates that closes the gaps in first order, (n_coordinates,)."""
@@ -113,16 +113,18 @@ class RigidBars:
 
     def _solve(self, jacobian: Any, right: FloatArray) -> FloatArray:
         """Return (J J^T)^-1 right by sparse LU."""
-        return np.asarray(sparse_linalg.splu(sparse.csc_array(jacobian @ jacobian.T)).solve(right))
+        return np.asarray(
+            scipy.sparse.linalg.splu(scipy.sparse.csc_array(jacobian @ jacobian.T)).solve(right)
+        )
 
     def _find_components(self) -> list[tuple[IntArray, IntArray]]:
         """Return bars and coordinates of each connected set of bars."""
         count = len(self.row)
-        graph = sparse.csr_array(
+        graph = scipy.sparse.csr_array(
             (np.ones(len(self.bar)), (self.bar, count + self.column)),
             shape=(count + self.size, count + self.size),
         )
-        number, label = csgraph.connected_components(graph, directed=False)
+        number, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
         order = np.argsort(label, kind="stable")
         groups = np.split(order, np.searchsorted(label[order], np.arange(1, number)))
         pairs = [(group[group < count], group[group >= count] - count) for group in groups]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 __all__ = ["Pieces", "build_cubic", "build_linear"]
 
@@ -79,7 +79,7 @@ def _build_spline(time: FloatArray, value: FloatArray) -> FloatArray:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # of matrices that are as good as singular
-            return np.asarray(CubicSpline(time, value).c[::-1].transpose(1, 0, 2))
+            return np.asarray(scipy.interpolate.CubicSpline(time, value).c[::-1].transpose(1, 0, 2))
     except (ValueError, np.linalg.LinAlgError, Warning):  # the knots are finite, slopes between them are not
         return np.full((len(time) - 1, 4, value.shape[1]), np.nan)
 

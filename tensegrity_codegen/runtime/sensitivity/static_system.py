@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
@@ -54,8 +54,8 @@ class StaticSystem:
     def hold(self, motions: FloatArray) -> Any:
         """Return one row for each motion (n, k): the motion of the nodes along that of theirs, sparse."""
         if self.node_jacobian is None:
-            return sparse.csc_array(motions.T)
-        return sparse.csc_array((self.node_jacobian @ motions).T @ self.node_jacobian)
+            return scipy.sparse.csc_array(motions.T)
+        return scipy.sparse.csc_array((self.node_jacobian @ motions).T @ self.node_jacobian)
 
 
 def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
@@ -80,22 +80,22 @@ def build_system(problem: StaticProblem, point: Point) -> StaticSystem:
     """
     x = point.coordinate
     scale = problem.scale if isinstance(problem, BodyProblem) else np.ones(len(x))
-    per_metre = sparse.diags_array(1.0 / scale)
+    per_metre = scipy.sparse.diags_array(1.0 / scale)
     force, slope, by_place = _find_springs(problem, x)
     if isinstance(problem, BarProblem):
         stiffness, constraint, bar = _with_bars(problem, point)
     else:
-        stiffness, constraint = problem.stiffness(x), sparse.csc_array((0, len(x)))
+        stiffness, constraint = problem.stiffness(x), scipy.sparse.csc_array((0, len(x)))
         bar = np.zeros(0, dtype=np.int64)
     return StaticSystem(
-        sparse.csc_array(stiffness),
-        sparse.csc_array(constraint),
+        scipy.sparse.csc_array(stiffness),
+        scipy.sparse.csc_array(constraint),
         bar,
-        sparse.csc_array(per_metre @ force),
-        sparse.csc_array(by_place @ per_metre),
+        scipy.sparse.csc_array(per_metre @ force),
+        scipy.sparse.csc_array(by_place @ per_metre),
         np.array(slope, dtype=float),
         scale,
-        sparse.csc_array(problem.compute("node_jacobian", x) @ per_metre)
+        scipy.sparse.csc_array(problem.compute("node_jacobian", x) @ per_metre)
         if isinstance(problem, BodyProblem)
         else None,
     )
@@ -112,7 +112,7 @@ def _find_springs(problem: StaticProblem, x: FloatArray) -> tuple[Any, Any, Any]
         force, slope, by_place = (problem.compute(name, x) for name in REST_LENGTH_QUANTITIES)
         return force, slope, by_place
     count = len(problem.model.manifest.member_name)
-    return sparse.csc_array((len(x), count)), np.zeros(count), sparse.csc_array((count, len(x)))
+    return scipy.sparse.csc_array((len(x), count)), np.zeros(count), scipy.sparse.csc_array((count, len(x)))
 
 
 def _with_bars(problem: BarProblem, point: Point) -> tuple[Any, Any, IntArray]:
@@ -120,6 +120,6 @@ def _with_bars(problem: BarProblem, point: Point) -> tuple[Any, Any, IntArray]:
     bars, x = problem.bars, point.coordinate
     density = point.tension[bars.row] / bars.length
     constraint = bars.jacobian(problem.node_position(x))
-    along = constraint.T @ sparse.diags_array(density) @ constraint
+    along = constraint.T @ scipy.sparse.diags_array(density) @ constraint
     stiffness = problem.compute("tangent_stiffness", x) + bars.stiffness(density) - along
     return stiffness, constraint, bars.row

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from tensegrity_codegen.runtime.integrate.flow import Flow
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
@@ -251,7 +251,7 @@ def _locate(margins: Margins, flow: Flow, stretch: _Stretch, part: int, index: i
 
 def _find_root(function: Callable[[float], float], end: float) -> float:
     """Return a zero of a function that has different signs at 0 and `end`."""
-    return float(optimize.brentq(function, 0.0, end, xtol=1e-15 * end, rtol=1e-14))
+    return float(scipy.optimize.brentq(function, 0.0, end, xtol=1e-15 * end, rtol=1e-14))
 
 
 def _gather(margins: Margins, found: Sequence[_Found], same: float) -> tuple[MotionEvent, ...]:

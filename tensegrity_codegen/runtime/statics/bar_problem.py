@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.model.interface import Model
@@ -172,7 +172,7 @@ class BarProblem(StaticProblem):
     def stiffness(self, coordinate: FloatArray) -> Any:
         """Return the Hessian along the directions, sparse (n_directions, n_directions) [N/m]."""
         directions = self._at(coordinate).directions
-        return sparse.csc_array(directions.T @ self._full_stiffness(coordinate) @ directions)
+        return scipy.sparse.csc_array(directions.T @ self._full_stiffness(coordinate) @ directions)
 
     def row_stiffness(self, coordinate: FloatArray) -> FloatArray:
         """Return one bound for all coordinates, since masses that differ would not go along the bars.

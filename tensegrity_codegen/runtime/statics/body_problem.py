@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.runtime.model.charts import NEAR_POLE, NEAREST_POLE, name_charts
@@ -113,8 +113,8 @@ class BodyProblem(StaticProblem):
 
     def stiffness(self, coordinate: FloatArray) -> Any:
         """Return the Hessian of the energy over x, sparse (n_coordinates, n_coordinates) [N/m]."""
-        inverse = sparse.diags_array(1.0 / self.scale)
-        return sparse.csc_array(inverse @ self.compute("tangent_stiffness", coordinate) @ inverse)
+        inverse = scipy.sparse.diags_array(1.0 / self.scale)
+        return scipy.sparse.csc_array(inverse @ self.compute("tangent_stiffness", coordinate) @ inverse)
 
     def extent(self, coordinate: FloatArray, length: FloatArray) -> float:
         """Return the longest tendon or the largest extent of all nodes [m]."""

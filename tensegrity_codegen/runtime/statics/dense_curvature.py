@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
 
@@ -70,7 +70,7 @@ class DenseCurvature:
         if force.size == 0 or excess(edge) <= 0:
             return edge
         most = edge + 1.01 * float(np.linalg.norm(force)) / radius
-        return float(optimize.brentq(excess, edge, most, rtol=1e-6))
+        return float(scipy.optimize.brentq(excess, edge, most, rtol=1e-6))
 
     def _step(self, along: FloatArray, part: FloatArray, at_boundary: bool) -> Step:
         saved = -float(part @ along + (self.value * along) @ along / 2)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.newton import Stability
@@ -129,7 +129,7 @@ def _carry(place: FloatArray, twist: FloatArray, centre: FloatArray) -> FloatArr
     generator = np.zeros((4, 4))
     generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
     generator[:3, 3] = twist[3:]
-    moved = expm(generator)
+    moved = scipy.linalg.expm(generator)
     carried: FloatArray = (place - centre) @ moved[:3, :3].T + moved[:3, 3] + centre
     return carried
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
 
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
 
@@ -27,11 +26,11 @@ class SparseCurvature:
     """K in compressed columns; `shift` [N/m] says where the search for the first shift begins."""
 
     def __init__(self, stiffness: Any, shift: float = 0.0) -> None:
-        self.matrix = sparse.csc_array(stiffness)
+        self.matrix = scipy.sparse.csc_array(stiffness)
         norm = float(abs(self.matrix).sum(axis=0).max(initial=0.0))
         self.least = SINGULAR * norm
         self.shift = shift
-        self._eye = sparse.eye_array(self.matrix.shape[0], format="csc")
+        self._eye = scipy.sparse.eye_array(self.matrix.shape[0], format="csc")
         self._factor: Any = None
         self.n_factors = 0
 
@@ -69,8 +68,8 @@ class SparseCurvature:
         """Factorise K + shift I; return whether it is positive definite, else keep the last factors."""
         self.n_factors += 1
         try:
-            factor = sparse_linalg.splu(
-                sparse.csc_array(self.matrix + shift * self._eye),
+            factor = scipy.sparse.linalg.splu(
+                scipy.sparse.csc_array(self.matrix + shift * self._eye),
                 permc_spec="MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
@@ -122,13 +121,13 @@ def find_lowest_sparse(stiffness: Any, neutral: FloatArray) -> tuple[float, Floa
         shift *= 10
 
     size = curvature.matrix.shape[0]
-    inverse = sparse_linalg.LinearOperator(
+    inverse = scipy.sparse.linalg.LinearOperator(
         (size, size),
         matvec=lambda v: _project(curvature.solve_shifted(_project(np.ravel(v), neutral)), neutral),
         dtype=float,
     )
     start = _project(np.random.default_rng(0).normal(size=size), neutral)
-    _, vectors = sparse_linalg.eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
+    _, vectors = scipy.sparse.linalg.eigsh(inverse, k=1, which="LA", v0=start, tol=1e-6)
     vector = _project(vectors[:, 0], neutral)
     vector /= np.linalg.norm(vector)
     return float(vector @ (curvature.matrix @ vector)), vector

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import lsmr
 
 from tensegrity_codegen.scene.names import name_list
+from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = [
@@ -92,10 +91,7 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
 def _find_pieces(structure: Structure) -> NDArray[np.int64]:
     """Return the piece that each node belongs to, (n_nodes,)."""
     first, second = structure.connectivity.T
-    shape = (structure.n_nodes, structure.n_nodes)
-    graph = sparse.coo_array((np.ones(structure.n_members, dtype=np.int8), (first, second)), shape=shape)
-    label: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
-    return label
+    return find_pieces(structure.n_nodes, first, second)[1]
 
 
 def warn_of_unstressed_bars(structure: Structure) -> list[str]:
@@ -174,8 +170,10 @@ def _find_unbalanced(structure: Structure) -> FloatArray:
     rows = 3 * structure.connectivity[rigid][:, :, None] + np.arange(3)  # (n_rigid, 2, 3)
     data = np.stack([unit[rigid], -unit[rigid]], axis=1) * free.ravel()[rows]
     column = np.broadcast_to(np.arange(len(rigid))[:, None, None], rows.shape)
-    matrix = sparse.csr_array((data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid)))
-    found = lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
+    matrix = scipy.sparse.csr_array(
+        (data.ravel(), (rows.ravel(), column.ravel())), shape=(force.size, len(rigid))
+    )
+    found = scipy.sparse.linalg.lsmr(matrix, force.ravel(), atol=1e-9, btol=1e-9)[0]
     return np.asarray(force.ravel() - matrix @ found).reshape(force.shape)
 
 

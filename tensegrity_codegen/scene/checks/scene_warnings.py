@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.checks.plausible_forces import (
@@ -22,6 +20,7 @@ from tensegrity_codegen.scene.checks.upright import warn_of_side
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import outline_tendons
+from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["LARGE_STRAIN", "find_body_warnings", "find_scene_warnings", "find_warnings"]
@@ -117,9 +116,7 @@ def _input_warnings(structure: Structure, held: BoolArray) -> list[str]:
 def _pieces_warning(structure: Structure, held: BoolArray) -> str:
     """Return a warning when members fall apart into pieces that share no node."""
     first, second = structure.connectivity.T
-    shape = (structure.n_nodes, structure.n_nodes)
-    graph = coo_array((np.ones(structure.n_members, dtype=np.int8), (first, second)), shape=shape)
-    count, label = connected_components(graph, directed=False)
+    count, label = find_pieces(structure.n_nodes, first, second)
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)

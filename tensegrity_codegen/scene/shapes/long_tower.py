@@ -11,11 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.optimize import brentq
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 __all__ = ["Blocks", "find_bar_runs", "find_long_twist", "find_run_tensions"]
 
@@ -63,7 +60,7 @@ def find_run_tensions(
     is_bar: (6 stages - 2,) whether a run is one of bars, in the order in which the shape lists runs.
     """
     equations = _equations(blocks(twist), stages)
-    factor: Any = splu(equations)
+    factor: Any = scipy.sparse.linalg.splu(equations)
     vector: FloatArray = np.random.default_rng(0).uniform(0.5, 1.0, 6 * stages - 2)
     for _ in range(3):  # towards the smallest singular value, rounding away from zero
         vector = factor.solve(factor.solve(vector, trans="T"))
@@ -88,7 +85,7 @@ def _bisect(blocks: Blocks, stages: int, high: float, low: float) -> float | Non
             high = middle
         else:
             low = middle
-    return float(brentq(_measure(blocks, stages), low, high, xtol=1e-15, rtol=1e-15))
+    return float(scipy.optimize.brentq(_measure(blocks, stages), low, high, xtol=1e-15, rtol=1e-15))
 
 
 def _measure(blocks: Blocks, stages: int) -> Callable[[float], float]:
@@ -97,14 +94,14 @@ def _measure(blocks: Blocks, stages: int) -> Callable[[float], float]:
     left, right = rng.uniform(0.5, 1.0, (2, 6 * stages - 2))
 
     def measure(twist: float) -> float:
-        solved: FloatArray = splu(_equations(blocks(twist), stages)).solve(right)
+        solved: FloatArray = scipy.sparse.linalg.splu(_equations(blocks(twist), stages)).solve(right)
         return 1.0 / float(left @ solved)
 
     return measure
 
 
 def _determinant_sign(blocks: Blocks, stages: int, twist: float) -> float:
-    factor: Any = splu(_equations(blocks(twist), stages))
+    factor: Any = scipy.sparse.linalg.splu(_equations(blocks(twist), stages))
     signs = np.sign(factor.U.diagonal())
     return float(np.prod(signs) * _parity(factor))
 
@@ -114,12 +111,12 @@ def _parity(factor: Any) -> int:
     odd = 0
     for order in (factor.perm_r, factor.perm_c):
         count = len(order)
-        cycles = sparse.coo_array((np.ones(count), (np.arange(count), order)), shape=(count, count))
-        odd += count - int(connected_components(cycles, directed=False)[0])
+        cycles = scipy.sparse.coo_array((np.ones(count), (np.arange(count), order)), shape=(count, count))
+        odd += count - int(scipy.sparse.csgraph.connected_components(cycles, directed=False)[0])
     return -1 if odd % 2 else 1
 
 
-def _equations(four: FloatArray, stages: int) -> sparse.csc_array:
+def _equations(four: FloatArray, stages: int) -> scipy.sparse.csc_array:
     """Return the equations (6 stages - 2, 6 stages - 2), stage by stage, joints in between.
 
     Columns of `four`: bar, vertical, bottom ring; bar and vertical, twice; bar, vertical, top ring; four of
@@ -135,7 +132,7 @@ def _equations(four: FloatArray, stages: int) -> sparse.csc_array:
     rows, columns, values = (np.concatenate(items) for items in zip(*parts, strict=True))
     size = 6 * stages - 2
     kept = (rows < size) & (values != 0.0)
-    return sparse.csc_array((values[kept], (rows[kept], columns[kept])), shape=(size, size))
+    return scipy.sparse.csc_array((values[kept], (rows[kept], columns[kept])), shape=(size, size))
 
 
 def _repeat(block: FloatArray, stage: IntArray, column: int) -> tuple[IntArray, IntArray, FloatArray]:

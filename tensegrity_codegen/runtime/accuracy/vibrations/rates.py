@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.model import CompiledModel
 
 __all__ = ["Rates", "find_rates"]
 
@@ -78,13 +79,24 @@ def _ends(model: Model) -> NDArray[np.int64]:
 
 def _node_mass(model: Model, arguments: Mapping[str, Any]) -> FloatArray:
     """Return the least mass of each node on a free axis, (n_nodes,); infinite where all are anchored."""
-    matrix = model.compute("mass_matrix", **arguments)
-    diagonal = np.asarray(matrix.diagonal())
-    spread = np.asarray(abs(matrix).sum(axis=1)).ravel() - np.abs(diagonal)
+    row, column, value = _mass_entries(model, arguments)
+    diagonal = np.zeros(len(model.manifest.coordinate_place))
+    diagonal[row[row == column]] = value[row == column]
+    spread = np.bincount(row, np.abs(value), len(diagonal)) - np.abs(diagonal)
     least = np.maximum(diagonal - spread, 1e-3 * diagonal)
     mass = np.full(len(model.manifest.node_name), np.inf)
     np.minimum.at(mass, model.manifest.coordinate_place[:, 0], least)
     return mass
+
+
+def _mass_entries(
+    model: Model, arguments: Mapping[str, Any]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Return rows, columns and values of the mass matrix."""
+    if isinstance(model, CompiledModel):
+        return model.compute_entries("mass_matrix", **arguments)
+    matrix = model.compute("mass_matrix", **arguments).tocoo()
+    return matrix.row, matrix.col, matrix.data
 
 
 def _bound(values: FloatArray, mass: FloatArray, ends: NDArray[np.int64]) -> float:

@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import linalg
 
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
@@ -142,7 +141,7 @@ def find_vibration(
     q, v, members = state[:n], state[n:], np.array(stiff, dtype=np.int64)
     every = np.asarray(model.compute("member_law", **arguments))
     law = every[members]
-    mass = sparse.csr_array(model.compute("mass_matrix", **arguments))
+    mass = scipy.sparse.csr_array(model.compute("mass_matrix", **arguments))
     ends, offset = _coordinates(model, members), law[:, 3:]
     vector, moving = _vectors(q, ends, offset), _vectors(v, ends, np.zeros_like(offset))
     length = np.linalg.norm(vector, axis=1)
@@ -229,13 +228,13 @@ def _smooth_tension(
     value = np.stack([direction, -direction], axis=1)
     row = np.broadcast_to(np.arange(len(ends))[:, None, None], ends.shape)
     free = ends >= 0
-    g = sparse.csr_array((value[free], (row[free], ends[free])), shape=(len(ends), len(force)))
-    softly = sparse.diags_array(-SOFTLY * mobility)  # where members hold each other's lengths
-    saddle = sparse.block_array([[mass, g.T], [g, softly]], format="csc")
-    return np.asarray(linalg.spsolve(saddle, np.concatenate([force, -turning]))[len(force) :])
+    g = scipy.sparse.csr_array((value[free], (row[free], ends[free])), shape=(len(ends), len(force)))
+    softly = scipy.sparse.diags_array(-SOFTLY * mobility)  # where members hold each other's lengths
+    saddle = scipy.sparse.block_array([[mass, g.T], [g, softly]], format="csc")
+    return np.asarray(scipy.sparse.linalg.spsolve(saddle, np.concatenate([force, -turning]))[len(force) :])
 
 
-def _shares(ends: IntArray, mass: sparse.csr_array) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+def _shares(ends: IntArray, mass: scipy.sparse.csr_array) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
     """Return which members stand alone, how far their ends move for a unit of stretch (n, 2), and w.
 
     Alone are those that share no coordinate with another one, and no mass but their own. An end that is
