@@ -1,7 +1,7 @@
 // Numbers as people read them.
 
 const FLAT = 1e-9; // part of the values below which a range has no ticks of its own
-const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+const PREFIXES = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"], [1e-12, "p"]];
 
 /** Return a number with a unit, its prefix chosen by size: 0.0123 m -> "12.3 mm". */
 export function withUnit(value, unit, digits = 3) {

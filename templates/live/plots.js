@@ -1,6 +1,6 @@
 // Lines over time with a cursor: energies, and tensions of some members. A press moves the clock.
 
-import { short, ticksBetween } from "live/numbers";
+import { short, ticksBetween, withUnit } from "live/numbers";
 
 const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 };
 
@@ -18,7 +18,7 @@ export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
     plot.draw();
     plot.series.forEach((line, row) => {
       const place = legend.children[row]?.lastElementChild;
-      if (place) place.textContent = `${short(line.values[k])} ${unit}`;
+      if (place) place.textContent = withUnit(line.values[k], unit);
     });
   };
   canvas.setAttribute("role", "img");
@@ -101,7 +101,7 @@ function drawAxes(pen, { palette, range, times }, { x, y, width, height, unit })
     pen.moveTo(MARGIN.left, y(value));
     pen.lineTo(width - MARGIN.right, y(value));
     pen.stroke();
-    pen.fillText(`${short(value)} ${unit}`, MARGIN.left - 5, y(value));
+    pen.fillText(withUnit(value, unit), MARGIN.left - 5, y(value));
   }
   pen.textBaseline = "top";
   const ticks = ticksBetween(times[0], times.at(-1), Math.max(2, width / 90));

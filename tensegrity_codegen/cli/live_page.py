@@ -61,7 +61,7 @@ def show_live(
 
 
 def play_live(
-    output: Output, scene: Path, out: Path, rtol: float, three: Path | None
+    output: Output, scene: Path, out: Path, rtol: float, settle: bool, three: Path | None
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
     from tensegrity_codegen.pipeline import build_library, check_buildable
@@ -71,10 +71,12 @@ def play_live(
     from tensegrity_codegen.report.live.three_module import find_three
 
     _check_tolerance(rtol)
-    subject, request = output.load(scene)
+    subject, request = output.load(scene, settles=settle)
     wanted = request_play(subject, request)
     check_buildable(subject, wanted)
     module, licence = find_three(three)
+    if settle:
+        subject = settle_subject(output, subject, request)
     built = build_library(subject, wanted, target="wasm32")
     shown = build_live_scene(subject)
     running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol)
@@ -92,6 +94,24 @@ def play_live(
         "sliders": [slider["label"] for slider in running.data["engine"]["sliders"]],
     }
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
+
+
+def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> Subject:
+    """Return the structure at its equilibrium, at rest; raises ConvergenceError where none is found."""
+    import numpy as np
+
+    from tensegrity_codegen.pipeline import build_library, find_needs, settle_structure
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.structure.structure import Structure
+
+    if isinstance(subject, Structure):
+        settled = settle_structure(subject, request, warn=output.warn)
+        return settled.with_changes(node_velocity=np.zeros_like(settled.node_position))
+    wanted = find_needs("equilibrium", subject, request).alone(request)
+    found = find_equilibrium(build_library(subject, wanted).load())
+    for text in found.warnings:
+        output.warn(text)
+    return replace(subject, coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
 
 
 def request_play(subject: Subject, request: ModelRequest) -> ModelRequest:

@@ -21,6 +21,7 @@ def play(
     out: Annotated[Path, typer.Option("--out", "-o", help="Live page (.html).")],
     overwrite: OverwriteOption = False,
     rtol: Annotated[float, typer.Option("--rtol", help="Relative tolerance of each step.")] = 1e-6,
+    settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium, at rest.")] = False,
     three: ThreeOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -34,7 +35,7 @@ def play(
     with output.guard(scene):
         check_ending(out, ".html")
         check_output(out, inputs=[scene], overwrite=overwrite)
-        output.result(*play_live(output, scene, out, rtol, three))
+        output.result(*play_live(output, scene, out, rtol, settle, three))
 
 
 VERB = Verb(play, order=82)

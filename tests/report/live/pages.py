@@ -25,13 +25,13 @@ def load(name: str) -> Any:
     return load_scene(EXAMPLES / f"{name}.toml")[0]
 
 
-def sway(structure: Structure, samples: int = 200) -> Trajectory:
-    """Return a motion in which free nodes sway by a tenth of the size, tensions following the lengths."""
+def sway(structure: Structure, samples: int = 200, part: float = 0.1) -> Trajectory:
+    """Return a motion in which free nodes sway by a part of the size, tensions following the lengths."""
     time = np.linspace(0.0, 2.0, samples)
     size = float(np.ptp(structure.node_position, axis=0).max()) or 1.0
     phase = np.arange(structure.n_nodes * 3).reshape(-1, 3)
     moving = ~structure.node_anchored & np.isin(np.arange(3), structure.axes)
-    step = 0.1 * size * np.sin(3.0 * time[:, None, None] + phase) * moving
+    step = part * size * np.sin(3.0 * time[:, None, None] + phase) * moving
     position = structure.node_position + step
     ends = position[:, structure.connectivity]
     length = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)

@@ -218,7 +218,7 @@ def test_frame_times_of_ten_thousand_members(
         member_mass=np.zeros(count), radius=np.zeros(count), inner_radius=None, groups={}, inputs=(),
         law_parameter={}, interference=None,
     )  # fmt: skip
-    motion = sway(structure, 40)
+    motion = sway(structure, 40, 0.003)
     opened = Tab(browser, 1400, 860, "light")
     opened.open(write_page(build_live_scene(structure, motion), tmp_path / "net.html"))
     found = opened.ask("tensegrity.measure(20)")

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen.cli import main
 from tensegrity_codegen.cli.live_page import request_play
 from tensegrity_codegen.pipeline import build_library, load_scene
 from tensegrity_codegen.report.live.engine import add_engine
@@ -19,7 +20,7 @@ from tensegrity_codegen.report.live.live_scene import build_live_scene
 from tests.codegen.compilers import require_compiler
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
-from tests.report.live.pages import EXAMPLES, write_page
+from tests.report.live.pages import EXAMPLES, require_three, write_page
 
 # Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
 pytestmark = [
@@ -174,6 +175,22 @@ def test_a_run_that_stops_says_why(tab: Tab) -> None:
     tab.ask("tensegrity.order('set', { name: 'gravity', values: [0, 0, -9.81] })")
     tab.ask("tensegrity.order('reset')")
     assert tab.ask("tensegrity.advance(0.1).then(({ status }) => status)") == 0
+
+
+@pytest.mark.parametrize("name", ["prism", "svd_tower"])
+def test_a_settled_structure_stays_where_it_is(name: str, browser: Browser, tmp_path: Path) -> None:
+    scene = EXAMPLES / f"{name}.toml"
+    page = tmp_path / "a.html"
+    require_three()
+    with pytest.raises(SystemExit) as ended:
+        main(["play", str(scene), "--settle", "--out", str(page), "--json"])
+    assert not ended.value.code
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(page)
+    first = np.array(opened.ask("Array.from(tensegrity.run.nodes)"))
+    last = np.array(opened.ask("tensegrity.advance(0.5).then(({ nodes }) => Array.from(nodes))"))
+    assert np.abs(last - first).max() < 1e-4 * np.ptp(first)
+    opened.send("Page.close")
 
 
 @pytest.mark.parametrize("name", ["prism", "icosahedron", "tower", "svd_tower"])
