@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,6 +135,47 @@ def test_without_a_good_case_the_exit_code_is_3(run: Run, two_nodes: Path) -> No
     assert ended.data["n_good"] == 0
     assert sum(ended.data["counts"].values()) == 2
     assert run("sweep", "summary", "n.zarr").code == 0
+
+
+def test_after_ctrl_c_what_is_finished_is_kept(
+    run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from tensegrity_codegen.sweeps.store.store import SweepStore
+
+    write = SweepStore.write
+    done: list[int] = []
+
+    def write_two(store: SweepStore, task: int, *rest: Any) -> None:
+        write(store, task, *rest)
+        done.append(task)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+
+    words = ("sweep", two_nodes, *EVALUATE, "--over", "gravity[2]=-20:-1:16", "--task-size", "4")
+    words = (*words, "--out", "c.zarr", "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr(SweepStore, "write", write_two)
+        ended = run(*words)
+    assert ended.code == 130
+    assert ended.out == ""
+    assert "c.zarr keeps what is finished" in ended.err
+    left = run("sweep", "summary", "c.zarr", "--json").data
+    assert (left["n_good"], left["n_not_run"]) == (8, 8)
+    again = run(*words).data
+    assert (again["n_computed"], again["n_good"]) == (8, 16)
+
+
+def test_a_sweep_stops_after_so_many_failures(run: Run, two_nodes: Path) -> None:
+    words = ("--over", "classes.cord.rest_length=-3:-1:8", "--over", "gravity[2]=-9,-1", "--task-size", "4")
+    good = ("--over", "classes.cord.rest_length=-3,-2,-1,0.5,0.9", "--over", "gravity[2]=-9,-1")
+    refused = run("sweep", two_nodes, *EVALUATE, *words, "--out", "r.zarr")
+    assert refused.code == 2  # no case is a scene
+    words = (*good, "--task-size", "2", "--stop-after", "3", "--out", "f.zarr", "--json")
+    ended = run("sweep", two_nodes, *EVALUATE, *words)
+    assert ended.data["stopped"]
+    assert ended.data["counts"]["bad_input"] >= 3
+    assert ended.data["n_finished"] < 10
+    assert ended.code == (0 if ended.data["n_good"] else 3)
 
 
 BAD = {
