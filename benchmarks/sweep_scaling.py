@@ -4,9 +4,9 @@ python benchmarks/sweep_scaling.py [--quick]
 
 Measured on this machine: processor time of Dask's scheduler (and of the client, in the same process) for an
 empty task on a LocalCluster; processor time of tasks of several sizes on one core, fitted by a + b n; time to
-write the results of a task to the store. The simulation has one queue for the scheduler, one for the writing
-of results, and any number of workers; it prints the overhead of each batch size, and the least batch size
-whose overhead is below 5 %. Written for docs/sweep.md.
+write the results of a task to the store, in memory (which the simulation uses) and on disk. The simulation
+has a queue for the scheduler, one for the writing of results, and any number of workers; it prints the
+overhead of each batch size, and the least batch size whose overhead is below 5 %. Written for docs/sweep.md.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WORKERS = (1, 10, 100, 1000)
 SIZES = (64, 256, 1024, 4096, 16384)
 TASKS_OF_A_WORKER = 50
+WRITES = 40  # of which the least time counts
 LONGEST = 1.0  # [s] of a task that is measured
 LIMIT = 0.05  # of the overhead
 AHEAD = 2  # tasks under way for each worker, as in the engine
@@ -68,11 +69,12 @@ class Costs:
 
 @dataclass(frozen=True)
 class Row:
-    """Measured times [s] of a task with so many cases: on a core, and to write its results."""
+    """Measured times [s] of a task with so many cases: on a core; to write its results to memory and disk."""
 
     size: int
     seconds: float
     write: float
+    disk: float
 
 
 def simulate_queue(
@@ -165,7 +167,7 @@ def measure_scheduler(counts: Sequence[int]) -> tuple[float, float, float]:
             wall, cpu = time.perf_counter(), time.process_time()
             client.gather(client.map(do_nothing, range(count), pure=False))
             rows.append((count, time.perf_counter() - wall, time.process_time() - cpu))
-        latency = statistics.median(_time_one(client) for _ in range(50))
+        latency = min(_time_one(client) for _ in range(50))
     _, wall_each = fit_line([row[0] for row in rows], [row[1] for row in rows])
     _, cpu_each = fit_line([row[0] for row in rows], [row[2] for row in rows])
     return cpu_each, wall_each, latency
@@ -202,7 +204,11 @@ def prepare_operations() -> Iterator[tuple[str, Operation, CompiledModel]]:
 
 
 def measure_operation(
-    operation: Operation, model: CompiledModel, sizes: Sequence[int], rounds: int, folder: Path
+    operation: Operation,
+    model: CompiledModel,
+    sizes: Sequence[int],
+    rounds: int,
+    folders: tuple[Path, Path],
 ) -> tuple[list[Row], float]:
     """Return a row of times for each size of a task, and the relative scatter of the largest task's times."""
     start = model.nominal("coordinate")
@@ -215,21 +221,21 @@ def measure_operation(
         result = operation.run(model, arguments, size)
         run = partial(operation.run, model, arguments, size)
         seconds, scatter = measure_calls(run, rounds)
-        written = measure_write(
-            operation, model, result, size, rounds, folder / f"{operation.name}{size}.zarr"
+        rest = (operation, model, result, size)
+        rows.append(
+            Row(size, seconds, *(measure_write(*rest, folder / f"{size}.zarr") for folder in folders))
         )
-        rows.append(Row(size, seconds, written))
     return rows, scatter
 
 
 def measure_write(
-    operation: Operation, model: CompiledModel, result: TaskResult, size: int, rounds: int, path: Path
+    operation: Operation, model: CompiledModel, result: TaskResult, size: int, path: Path
 ) -> float:
     """Return the least wall time [s] to write the results of a task of this size to a new store.
 
     Other work on the machine and its disk only adds to it, in bursts; processor times are free of that.
     """
-    cases = Cases((Axis("number", np.arange(float(size * rounds))),))
+    cases = Cases((Axis("number", np.arange(float(size * WRITES))),))
     layout = CaseLayout.of(cases.shape, size)
     create_store(path, StoreContents(cases, layout, operation.outputs(model.manifest), {}))
     store = SweepStore(path)
@@ -248,10 +254,12 @@ def describe_operation(name: str, rows: Sequence[Row], scatter: float, cpu: floa
     write, write_per_case = fit_line(sizes, [row.write for row in rows])
     costs = Costs(cpu, write, write_per_case, fixed, per_case, latency, scatter)
     print(f"### {name}\n")
-    print("| cases a task | task [ms] | a case [us] | writing [ms] |\n|---|---|---|---|")
+    print("| cases a task | task [ms] | a case [us] | writing, to memory [ms] | to this disk [ms] |")
+    print("|---|---|---|---|---|")
     for row in rows:
         each = 1e6 * row.seconds / row.size
-        print(f"| {row.size} | {1e3 * row.seconds:.3g} | {each:.3g} | {1e3 * row.write:.3g} |")
+        times = f"{1e3 * row.seconds:.3g} | {each:.3g} | {1e3 * row.write:.3g} | {1e3 * row.disk:.3g}"
+        print(f"| {row.size} | {times} |")
     print(
         f"\nfit: {1e3 * fixed:.3g} ms + {1e6 * per_case:.3g} us a case; writing {1e3 * write:.3g} ms + "
         f"{1e6 * write_per_case:.3g} us a case; times of equal tasks scatter by {100 * scatter:.0f} %"
@@ -282,9 +290,11 @@ def main(quick: bool) -> None:
     )
     print(f"{1e3 * latency:.1f} ms from the order of a single task to its result\n")
     sizes, rounds = (SIZES[:3], 3) if quick else (SIZES, 7)
-    with tempfile.TemporaryDirectory() as folder:
-        for name, operation, model in prepare_operations():
-            rows, scatter = measure_operation(operation, model, sizes, rounds, Path(folder))
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with tempfile.TemporaryDirectory() as disk, tempfile.TemporaryDirectory(dir=memory) as fast:
+        for number, (name, operation, model) in enumerate(prepare_operations()):
+            folders = Path(fast, str(number)), Path(disk, str(number))
+            rows, scatter = measure_operation(operation, model, sizes, rounds, folders)
             costs = describe_operation(name, rows, scatter, cpu, latency)
             print_overheads(costs, (64, 1024, 16384))
 
