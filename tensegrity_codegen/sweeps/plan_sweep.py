@@ -209,19 +209,22 @@ def format_bytes(size: int) -> str:
 
 
 def _measure(cases: Cases, group: CaseGroup, libraries: Libraries, operation: Operation) -> float:
-    """Return the mean time of a case of the first group on one core [s], its arguments included."""
+    """Return the mean time of a case of the first group on one core [s], its arguments included.
+
+    Of this process: what else a machine does makes no task smaller.
+    """
     model = libraries.load(group)
     each, assembling = 0.0, _assembly_seconds(cases, group)
     for number, tried in enumerate(TRIED):
         count = min(tried, len(group.rows))
         chosen = np.unique(np.linspace(0, len(group.rows) - 1, count).astype(np.int64))
         values = cases.select(np.asarray(group.rows, dtype=np.int64)[chosen])
-        started = time.perf_counter()
+        started = time.process_time()
         applied = group.arguments(values)
-        applying = time.perf_counter() - started
+        applying = time.process_time() - started
         if applied.good.any():
             operation.run(model, select_arguments(model, applied), int(applied.good.sum()))
-        seconds = time.perf_counter() - started
+        seconds = time.process_time() - started
         each = (seconds - applying if assembling else seconds) / count
         if seconds > (ENOUGH if number else SLOW) or (number and count == len(group.rows)):
             break
