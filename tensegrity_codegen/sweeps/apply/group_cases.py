@@ -14,7 +14,7 @@ from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
 from tensegrity_codegen.sweeps.apply.relations import find_relations
 from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths, find_rest_lengths
-from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 
 __all__ = ["MOST_LIBRARIES", "find_groups"]
@@ -77,7 +77,7 @@ def find_groups(
     keys = finder.find_code_keys(probes)
     if not keys:
         return (finder.build_group(0, probes, range(cases.count)),)
-    parts = finder.divide(keys, yes, option)
+    parts = finder.divide(keys, probes, yes, option)
     return tuple(
         finder.build_group(number, finder.try_rows(rows), rows, keys) for number, rows in enumerate(parts)
     )
@@ -162,21 +162,25 @@ class _GroupFinder:
         probe = self.probe(values)
         return probe is not None and probe.constants != base.constants
 
-    def divide(self, keys: tuple[int, ...], yes: bool, option: str) -> list[range | IntArray]:
+    def divide(
+        self, keys: tuple[int, ...], probes: Sequence[_Probe], yes: bool, option: str
+    ) -> list[range | IntArray]:
         """Return the cases of each library, those that are no scene with the cases of the first one."""
         labels, sets = self._label_sets(keys, None if yes else 20 * MOST_LIBRARIES)
+        if not labels.size:
+            self._refuse(keys, probes, len(sets), option, at_least=True)
         hashes = [self._hash_set(labels, number) for number in range(len(sets))]
         distinct = list(dict.fromkeys(item for item in hashes if item))
         if not distinct:
             self._raise_nothing_good(min(MOST_TRIED, self.cases.count))
         if len(distinct) > MOST_LIBRARIES and not yes:
-            self._refuse(keys, len(distinct), option)
+            self._refuse(keys, probes, len(distinct), option)
         group = np.array([distinct.index(item) if item else 0 for item in hashes], dtype=np.int64)
         chosen = group[labels]
         return [_as_range(np.flatnonzero(chosen == number)) for number in range(len(distinct))]
 
     def _label_sets(self, keys: tuple[int, ...], most: int | None) -> tuple[IntArray, dict[bytes, int]]:
-        """Return the number of each case's set of values of these keys, and the sets."""
+        """Return the number of the set of values of each case, and the sets; no numbers if too many."""
         sets: dict[bytes, int] = {}
         labels = np.empty(self.cases.count, dtype=np.int64)
         for first in range(0, self.cases.count, BLOCK):
@@ -186,7 +190,7 @@ class _GroupFinder:
             numbers = [sets.setdefault(row.tobytes(), len(sets)) for row in unique]
             labels[first:last] = np.array(numbers, dtype=np.int64)[inverse.ravel()]
             if most is not None and len(sets) > most:
-                self._refuse(keys, len(sets), "yes", at_least=True)
+                return labels[:0], sets
         return labels, sets
 
     def _hash_set(self, labels: IntArray, number: int) -> str:
@@ -198,14 +202,27 @@ class _GroupFinder:
                 return probe.constants
         return ""
 
-    def _refuse(self, keys: tuple[int, ...], count: int, option: str, at_least: bool = False) -> None:
+    def _refuse(
+        self,
+        keys: tuple[int, ...],
+        probes: Sequence[_Probe],
+        count: int,
+        option: str,
+        at_least: bool = False,
+    ) -> None:
         names = ", ".join(self.assembler.keys[key].text for key in keys)
+        changed = next(
+            (found for item in probes[1:] if (found := name_changed(probes[0].case, item.case))), []
+        )
+        what = f", since {' and '.join(changed)} cannot change at run time" if changed else ""
         raise InvalidValueError(
-            f"{'more than ' if at_least else ''}{count:,} libraries: {names} cannot change at run time",
+            f"{'more than ' if at_least else ''}{count:,} libraries for the values of {names}{what}",
             where=self.assembler.where,
-            given=f"{count:,} values",
+            given=f"{count:,} sets of values",
             allowed=f"up to {MOST_LIBRARIES} libraries; more with {option}",
-            hint=f"fewer values, as {self.assembler.keys[keys[0]].text}=a,b,c",
+            hint="give bars a mass in place of a density"
+            if changed == ["member_mass"] and not any("density" in self.assembler.keys[k].text for k in keys)
+            else f"fewer values, as {self.assembler.keys[keys[0]].text}=a,b,c",
         )
 
     def build_group(

@@ -5,6 +5,8 @@ Everything else of a structure is constant in the code; its hash says whether tw
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,7 +19,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 
-__all__ = ["STATE", "hash_constants", "list_slots"]
+__all__ = ["STATE", "hash_constants", "list_slots", "name_changed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -64,6 +66,28 @@ def hash_constants(case: AssembledCase) -> str:
     shape = hash_structure(subject.with_changes(**blank))
     masks = ["".join("01"[int(x)] for x in pattern) for pattern in patterns]
     return hash_text(shape, hash_request(request), *masks, *extra)
+
+
+def name_changed(first: AssembledCase, second: AssembledCase) -> list[str]:
+    """Return the names of the constants that differ between two cases, as `member_mass`."""
+    variable = {*OF_MEMBERS, "node_load", "gravity", "coordinate", "velocity", "node_mass", "node_velocity"}
+    variable |= {"node_position", "actuators", "sensors", "limits"}
+    if type(first.subject) is not type(second.subject):
+        return []
+    return [
+        item.name
+        for item in fields(first.subject)
+        if item.name not in variable
+        and not _equal(getattr(first.subject, item.name), getattr(second.subject, item.name))
+    ]
+
+
+def _equal(first: Any, second: Any) -> bool:
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return np.array_equal(first, second)
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return first.keys() == second.keys() and all(_equal(first[key], second[key]) for key in first)
+    return bool(first == second)
 
 
 def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:

@@ -203,11 +203,25 @@ def test_results_do_not_depend_on_how_cases_are_divided() -> None:
 def test_many_libraries_need_an_express_yes() -> None:
     cases = build_cases({"classes.bar.density": np.linspace(1000, 2000, MOST_LIBRARIES + 1)})
     assembler = build_assembler(scene("prism"), cases.keys)
-    with pytest.raises(InvalidValueError, match=r"classes.bar.density cannot change at run time") as caught:
+    with pytest.raises(
+        InvalidValueError, match=r"classes.bar.density, since member_mass cannot change"
+    ) as caught:
         find_groups(assembler, cases, option="--yes")
     assert "51 libraries" in str(caught.value)
     assert "--yes" in str(caught.value)
     assert len(find_groups(assembler, cases, yes=True)) == MOST_LIBRARIES + 1
+
+
+def test_a_length_that_changes_the_masses_of_bars_is_explained() -> None:
+    cases = build_cases({}, {"shape.height": "uniform(0.28,0.32)"}, n=2000)
+    with pytest.raises(InvalidValueError, match="since member_mass cannot change at run time") as caught:
+        find_groups(build_assembler(scene("prism"), cases.keys), cases, option="--yes")
+    assert "a mass in place of a density" in str(caught.value)
+    assert "more than 2,000 libraries" in str(caught.value)
+    assert "--yes" in str(caught.value)
+    document = scene("prism")
+    document["classes"]["bar"] = {"kind": "bar", "spring_constant": 2e5, "mass": 0.02}
+    assert len(find_groups(build_assembler(document, cases.keys), cases)) == 1
 
 
 @pytest.mark.parametrize(
