@@ -27,6 +27,7 @@ class ProgressBar:
         self.title = title
         self._console = console
         self._fraction: float | None = None
+        self._first: tuple[float, float] | None = None  # time [s] and fraction of the first report
         self._started = time.monotonic()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._show, name="progress", daemon=True)
@@ -37,6 +38,7 @@ class ProgressBar:
 
     def move(self, fraction: float) -> None:
         """Say which fraction of the whole work is done, 0 to 1."""
+        self._first = self._first or (time.monotonic(), fraction)
         self._fraction = fraction
 
     def stop(self) -> None:
@@ -61,20 +63,38 @@ class ProgressBar:
             wait = self.INTERVAL
 
     def _line(self) -> str:
-        spent, done = time.monotonic() - self._started, self._fraction
+        now, done = time.monotonic(), self._fraction
+        spent = now - self._started
         if not done:
             return f"{self.title}: {spent:.0f} s so far"
-        left = spent * (1.0 - done) / done
-        return f"{self.title}: {100.0 * done:.0f} % after {spent:.0f} s, about {left:.0f} s left"
+        return f"{self.title}: {100.0 * done:.0f} % after {spent:.0f} s{self._left(now)}"
+
+    def _left(self, now: float) -> str:
+        """Return ", about 12 s left" at the speed since the first report, "" where nothing is known.
+
+        What came before the first report, such as compilation, does not come again.
+        """
+        done = self._fraction
+        if not done or self._first is None:
+            return ""
+        begun, before = self._first
+        if done <= before:  # one report so far
+            begun, before = self._started, 0.0
+        return f", about {(now - begun) * (1.0 - done) / (done - before):.0f} s left"
 
     def _show_bar(self, console: Console, wait: float) -> None:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
         if self._ended.wait(wait):
             return
-        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        left = TextColumn("{task.fields[left]}")
+        columns = (
+            *(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()),
+            left,
+        )
         with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task(self.title, total=None)
+            task = bar.add_task(self.title, total=None, left="")
             while not self._ended.wait(0.1):
                 done = self._fraction
-                bar.update(task, description=self.title, total=done and 1.0, completed=done or 0.0)
+                text = self._left(time.monotonic()).removeprefix(", ")
+                bar.update(task, description=self.title, total=done and 1.0, completed=done or 0.0, left=text)

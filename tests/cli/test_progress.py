@@ -48,8 +48,20 @@ def test_a_terminal_shows_one_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch) 
     bar.start()
     bar.move(0.5)
     wait_until(lambda: "50%" in shown.getvalue(), "the bar shows 50 %")
+    wait_until(lambda: "s left" in shown.getvalue(), "it says how long the rest takes")
     bar.stop()
     assert "so far" not in shown.getvalue()
+
+
+def test_the_time_left_is_that_of_the_work_since_its_first_report() -> None:
+    bar = ProgressBar(lambda: Console(file=io.StringIO()), "computing")
+    assert bar._left(0.0) == ""
+    bar.move(0.1)
+    bar.move(0.3)
+    assert bar._first is not None
+    begun, before = bar._first  # however long the preparation took
+    assert before == 0.1
+    assert bar._left(begun + 10.0) == ", about 35 s left"  # 20 % took 10 s
 
 
 def test_quick_commands_show_no_progress(run: Run) -> None:
