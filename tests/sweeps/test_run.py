@@ -82,8 +82,9 @@ def test_an_error_keeps_what_is_finished_and_leaves_no_lock(tmp_path: Path) -> N
 
 
 CLIENT = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
+signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
 from tests.sweeps.engines.conftest import Square
 from tests.sweeps.test_run import run
 run(Path(sys.argv[1]), on_progress=lambda progress: time.sleep(3600 if progress.computed >= 16 else 0))
