@@ -178,6 +178,16 @@ def test_a_sweep_stops_after_so_many_failures(run: Run, two_nodes: Path) -> None
     assert ended.code == (0 if ended.data["n_good"] else 3)
 
 
+def test_keys_that_need_too_many_libraries_are_named_with_the_option(run: Run, prism: Path) -> None:
+    """The masses of the prism's bars follow from their lengths, which are constants of the code."""
+    words = ("--do", "evaluate", "--over", "shape.height=0.25:0.35:1001", "--out", "l.zarr", "--json")
+    ended = run("sweep", prism, *words)
+    assert ended.code == 2
+    assert "shape.height" in ended.data["problem"]
+    assert "--yes" in ended.data["allowed"]
+    assert not Path("l.zarr").exists()
+
+
 BAD = {
     "unknown key": (("--over", "classes.cord.spring_constnt=1,2"), "spring_constant"),
     "unknown section": (("--over", "clases.cord.spring_constant=1,2"), "classes"),
