@@ -332,13 +332,17 @@ def _explain_rest_lengths(
     if found is None:
         return nothing
     known = [list_slots(item.case) for item in probes]
-    predicted = found.compute(x, {name: np.array([item[name] for item in known]) for name in found.slots})
     exact = np.array([item["rest_length"][found.members] for item in known])
+    for formulas in (found, found.without_moved_nodes(probes[0].case)):
+        found = formulas
+        predicted = found.compute(x, {name: np.array([item[name] for item in known]) for name in found.slots})
+        is_same = np.allclose(predicted, exact, rtol=SAME, atol=0.0)
+        if is_same:
+            break
     others = varying[np.setdiff1d(indirect, places)]
     unknown = any(
         ((others >= starts[name]) & (others < starts[name] + slots[name].size)).any() for name in found.slots
     )
-    is_same = np.allclose(predicted, exact, rtol=SAME, atol=0.0)
     return (found, places) if is_same and not unknown else nothing
 
 

@@ -12,7 +12,7 @@ same to a part of 1e-12.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from tensegrity_codegen.laws import LINEAR
 from tensegrity_codegen.scene.assemble.assemble import list_parts
 from tensegrity_codegen.scene.assemble.member_values import Columns, resolve_values
 from tensegrity_codegen.scene.schema.schema import Member
+from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
@@ -71,6 +72,14 @@ class RestLengths:
     def slots(self) -> tuple[str, ...]:
         """Slots that the formulas need."""
         return ("spring_constant", "axial_stiffness", *self.moved)
+
+    def without_moved_nodes(self, case: AssembledCase) -> RestLengths:
+        """Return the same with the positions of the scene, where keys of arrays alone move nodes."""
+        if case.scene is None or case.scene.bodies:
+            return self
+        subject, _ = assemble_scene(case.scene)
+        assert isinstance(subject, Structure)
+        return replace(self, position=subject.node_position, moved={})
 
     def compute(self, values: FloatArray, slots: Mapping[str, FloatArray]) -> FloatArray:
         """Return rest lengths [m] of cases, (n_cases, n); NaN where there is none.

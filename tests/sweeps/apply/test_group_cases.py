@@ -128,6 +128,12 @@ def test_samples_and_tables_are_applied_exactly_too() -> None:
     group_and_compare(scene("prism"), build_cases(table=table))
 
 
+def test_rest_lengths_follow_by_formulas_also_where_nodes_start_elsewhere() -> None:
+    cases = build_cases(["shape.prestress=8:12:3", "node_position.t1[2]=0.29,0.31"])
+    (group,) = group_and_compare(scene("prism"), cases)
+    assert group.mapper.rest_lengths is not None
+
+
 def test_loads_on_one_node_add_up() -> None:
     document = scene("prism")
     document["loads"].append({"node": "t1", "force": [0.1, 0.0, 0.7]})
