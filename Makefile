@@ -9,6 +9,8 @@ STAMP := $(VENV)/.ready
 OUTPUT := output
 PEERS := $(VENV)/.peers
 PEER_PACKAGES := mujoco numba jax control pandas xarray pyarrow nbclient ipykernel fmpy dask distributed
+DOCS := $(VENV)/.docs
+DOCS_PACKAGES := sphinx myst-parser numpydoc furo
 # program:Debian package; tests of films, of other processors, of memory, of pages
 TOOLS := ffprobe:ffmpeg qemu-x86_64:qemu-user valgrind:valgrind chromium:chromium
 WORKERS ?= 2
@@ -25,7 +27,7 @@ PYTHON ?= $(shell for python in $(CANDIDATES); do \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint types contracts test-all bench examples wheel golden format clean
+.PHONY: help setup demo test lint types contracts test-all bench examples docs wheel golden format clean
 
 help: ## list these verbs
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -60,7 +62,7 @@ demo: $(STAMP) ## simulate the prism in C made for it; writes a picture, a film 
 test: lint types contracts ## lint, types, import contracts, then the tests, in less than five minutes
 	$(PYTEST) -m "not thorough and not peers"
 
-test-all: test $(PEERS) ## the same, then the thorough tests, with the packages and tools that they need
+test-all: test $(PEERS) $(DOCS) ## the same, then the thorough tests, with the packages and tools that they need
 	@for tool in $(TOOLS); do command -v $${tool%:*} >/dev/null \
 	  || echo "$${tool%:*} is missing, its tests are skipped; on Debian and Ubuntu: apt install $${tool#*:}"; done
 	$(BIN)/python -m pytest -m peers
@@ -89,6 +91,14 @@ $(PEERS): $(STAMP)
 	@for package in $(PEER_PACKAGES); do \
 	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed "$$package" \
 	    || echo "$$package cannot be installed here: what needs it says so"; done
+	@touch $@
+
+docs: $(DOCS) ## build the documentation site into output/site
+	$(BIN)/python docs/build_site.py --out $(OUTPUT)/site
+
+$(DOCS): $(STAMP)
+	@$(BIN)/python -m pip freeze --exclude-editable > $@.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed $(DOCS_PACKAGES)
 	@touch $@
 
 wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/

@@ -27,7 +27,7 @@ from tests.cli.test_startup import HEAVY, find_loaded
 
 ROOT = Path(__file__).resolve().parent.parent
 VERBS = [
-    *("bench", "clean", "contracts", "demo", "examples", "format", "golden", "help", "lint", "setup"),
+    *("bench", "clean", "contracts", "demo", "docs", "examples", "format", "golden", "help", "lint", "setup"),
     *("test", "test-all", "types", "wheel"),
 ]
 in_checkout = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs the git checkout")

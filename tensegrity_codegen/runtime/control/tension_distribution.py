@@ -218,8 +218,8 @@ def design_distribution(
 
     Notes
     -----
-    Least |A (T - T_lqr)|^2 + eps |T - T_preferred|^2 over the inputs of the actuators, by Gauss-Newton
-    steps; A T are the forces of tensions on the coordinates. Bounds are exact: rates,
+    Least `|A (T - T_lqr)|^2 + eps |T - T_preferred|^2` over the inputs of the actuators, by
+    Gauss-Newton steps; A T are the forces of tensions on the coordinates. Bounds are exact: rates,
     ranges, and of each cable rho <= EA l / (EA + t_min), or l - t_min / k. T_lqr follows the law of a taut
     cable below zero tension too. By DAQP (D. Arnström, A. Bemporad, D. Axehill, IEEE Transactions on
     Automatic Control 67, 2022).

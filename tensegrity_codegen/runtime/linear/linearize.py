@@ -110,12 +110,12 @@ class LinearModel(Summarised):
 
     @property
     def natural_frequency(self) -> FloatArray:
-        """Undamped natural frequencies |lambda| / 2 pi of the oscillating modes [Hz]."""
+        """Undamped natural frequencies `|lambda| / 2 pi` of the oscillating modes [Hz]."""
         return self.spectrum.natural_frequency
 
     @property
     def damping_ratio(self) -> FloatArray:
-        """Damping ratios -Re lambda / |lambda| of the oscillating modes."""
+        """Damping ratios `-Re lambda / |lambda|` of the oscillating modes."""
         return self.spectrum.damping_ratio
 
 

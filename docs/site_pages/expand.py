@@ -1,0 +1,66 @@
+"""Marks in pages, `<!-- site: ... -->`, that are replaced when the site is built.
+
+    <!-- site: include README.md -->               the file, from the root; `after TEXT` begins after a text
+                                                   and `before TEXT` ends before one
+    <!-- site: command line -->                    every verb with its help
+    <!-- site: keys of scenes -->                  every table and key of scene files
+    <!-- site: file docs/derivations/bodies.py --> a program, as code
+    <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
+    <!-- site: python NAME NAME ... -->            public names with their docstrings
+
+In a view of the repository a mark is not shown; a page says beside it where to read the same there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from site_pages.command_line import write_command_line
+from site_pages.links import ROOT, point_links
+from site_pages.python_names import write_names
+from site_pages.scene_keys import write_scene_keys
+
+__all__ = ["MARK", "expand_page"]
+
+MARK = re.compile(r"^<!-- site: (.+?) -->$", re.MULTILINE)
+
+
+def expand_page(text: str, page: str) -> str:
+    """Return the Markdown of a page, a path from the root, with its marks replaced and its links pointed."""
+    parts = MARK.split(point_links(text, page, page))
+    for place in range(1, len(parts), 2):
+        parts[place] = _replace(parts[place], page)
+    return "".join(parts)
+
+
+def _replace(mark: str, page: str) -> str:
+    makers: dict[str, Callable[[], str]] = {
+        "command line": write_command_line,
+        "keys of scenes": write_scene_keys,
+    }
+    if mark in makers:
+        return makers[mark]()
+    word, _, rest = mark.partition(" ")
+    if word == "python":
+        return write_names(rest.split())
+    if word == "include":
+        return _include(rest, page)
+    if word == "file":
+        return f"```python\n{(ROOT / rest).read_text(encoding='utf-8')}```"
+    if word == "pages":
+        names = "\n".join(rest.split())
+        return f"```{{toctree}}\n:hidden:\n:glob:\n\n{names}\n```"
+    allowed = ", ".join([*makers, "file", "include", "pages", "python"])
+    raise ValueError(f"{page}: no mark of the site is called {mark!r}; allowed: {allowed}")
+
+
+def _include(words: str, page: str) -> str:
+    name, *cuts = re.split(r" (?=after |before )", words)
+    text = (ROOT / name).read_text(encoding="utf-8")
+    for cut in cuts:
+        side, _, limit = cut.partition(" ")
+        if limit not in text:
+            raise ValueError(f"{page}: {name} has no text {limit!r}")
+        text = text.partition(limit)[2 if side == "after" else 0]
+    return point_links(text, name, page)

@@ -1,0 +1,109 @@
+"""Pages of the documentation site, without Sphinx: navigation, marks, links."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import tensegrity_codegen
+from tensegrity_codegen.cli.verb import find_verbs
+from tensegrity_codegen.scene.schema.schema import scene_json_schema
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+sys.path.append(str(DOCS))
+
+from site_pages.expand import expand_page  # noqa: E402
+from site_pages.links import FENCE, LINK, point_links  # noqa: E402
+
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+
+
+def expand(page: str) -> str:
+    return expand_page((DOCS / page).read_text(encoding="utf-8"), f"docs/{page}")
+
+
+@pytest.fixture(scope="module")
+def expanded() -> dict[str, str]:
+    return {page: expand(page) for page in PAGES}
+
+
+def find_listed(page: str, text: str) -> list[str]:
+    """Return the pages that the navigation of a page lists."""
+    listed = []
+    for block in re.findall(r"^```\{toctree\}\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        names = [line for line in block.splitlines() if line and not line.startswith(":")]
+        folder = DOCS / posixpath.dirname(page)
+        for name in names:
+            found = sorted(folder.glob(f"{name}.md"))
+            assert found, (page, name)
+            listed += [path.relative_to(DOCS).as_posix() for path in found]
+    return listed
+
+
+def test_the_navigation_lists_every_page_once(expanded: dict[str, str]) -> None:
+    listed = [name for page, text in expanded.items() for name in find_listed(page, text)]
+    assert sorted(listed) == [page for page in PAGES if page != "index.md"]
+
+
+def test_no_mark_is_left(expanded: dict[str, str]) -> None:
+    assert [page for page, text in expanded.items() if "<!-- site:" in text] == []
+
+
+def test_links_lead_to_pages_and_files_of_the_docs(expanded: dict[str, str]) -> None:
+    lost = []
+    for page, text in expanded.items():
+        for _, _, target in LINK.findall("".join(FENCE.split(text)[::2])):
+            path = target.partition("#")[0]
+            if path and not re.match(r"[a-z]+:", target) and not (DOCS / page).parent.joinpath(path).exists():
+                lost.append((page, target))
+    assert lost == []
+
+
+def test_every_verb_has_a_section(expanded: dict[str, str]) -> None:
+    sections = re.findall(r"^## (\S+)$", expanded["reference/command_line.md"], re.MULTILINE)
+    assert sections == [verb.word for verb in find_verbs()]
+    assert re.search(
+        r"^`--t-end <float>`\n: Simulated time", expanded["reference/command_line.md"], re.MULTILINE
+    )
+    assert "## sweep summary\n" in expanded["reference/command_line.md"]
+
+
+def test_every_public_name_is_documented_once(expanded: dict[str, str]) -> None:
+    text = expanded["reference/python.md"]
+    found = re.findall(r"^\.\. auto\w+:: tensegrity_codegen\.(\w+)$", text, re.MULTILINE)
+    assert sorted(found) == sorted(set(tensegrity_codegen.__all__) - {"__version__"})
+
+
+def test_every_key_of_scenes_has_an_entry(expanded: dict[str, str]) -> None:
+    text = expanded["reference/scene_keys.md"]
+    schema = scene_json_schema()
+    tables = {"Sections of a scene": schema} | {
+        name: table for name, table in schema["$defs"].items() if "properties" in table
+    }
+    for name, table in tables.items():
+        section = text.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        assert re.findall(r"^`(\w+)` \(", section, re.MULTILINE) == list(table["properties"]), name
+
+
+def test_an_unknown_mark_or_text_is_an_error() -> None:
+    with pytest.raises(ValueError, match="no mark of the site"):
+        expand_page("<!-- site: everything -->", "docs/x.md")
+    with pytest.raises(ValueError, match="has no text"):
+        expand_page("<!-- site: include README.md after no such words -->", "docs/x.md")
+    with pytest.raises(ValueError, match="no public names"):
+        expand_page("<!-- site: python compute_everything -->", "docs/x.md")
+
+
+def test_links_to_what_is_no_page_become_names() -> None:
+    page = "docs/guides/x.md"
+    assert point_links("[laws](tensegrity_codegen/laws/)", "README.md", page) == "laws"
+    assert point_links("[`laws/`](../tensegrity_codegen/laws/)", "docs/a.md", page) == "`laws/`"
+    assert point_links("[a](docs/model.md#mass)", "README.md", page) == "[a](../model.md#mass)"
+    assert point_links("[a](README.md)", "CONTRIBUTING.md", page) == "[a](../overview.md)"
+    assert point_links("[a](docs/decisions)", "README.md", page) == "[a](../decisions/README.md)"
+    assert point_links("[a](https://a.example)", "README.md", page) == "[a](https://a.example)"
