@@ -46,6 +46,8 @@ def _point(image: str, words: str, target: str, origin: str, page: str) -> str:
     found = PAGES.get(found, found)
     if (ROOT / found).is_dir() and (ROOT / found / "README.md").exists():
         found = f"{found}/README.md"
+    if found == page:
+        return words
     if found.startswith("docs/") or not (ROOT / found).exists():
         relative = posixpath.relpath(found, posixpath.dirname(page))
         return f"{image}[{words}]({relative}{mark}{anchor})"
