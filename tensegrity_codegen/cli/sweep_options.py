@@ -91,7 +91,12 @@ AtolOption = Annotated[float | None, typer.Option("--atol", help="simulate: abso
 StepOption = Annotated[float | None, typer.Option("--step", help="simulate: step of fixed-step methods [s].")]
 MaxStepsOption = Annotated[int | None, typer.Option("--max-steps", help="simulate: most steps of a motion.")]
 ControlOption = Annotated[
-    str | None, typer.Option("--control", help="simulate: what the tolerance limits: samples or steps.")
+    str | None,
+    typer.Option(
+        "--control",
+        help="simulate: what the tolerance limits: steps, the default as for simulate --batch, or samples, "
+        "as for one motion of simulate, which takes longer.",
+    ),
 ]
 ToleranceOption = Annotated[
     float | None,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
@@ -22,6 +23,7 @@ from tensegrity_codegen.sweeps.cases.numbers import read_count
 from tensegrity_codegen.sweeps.cases.table import Table
 from tensegrity_codegen.sweeps.engines.libraries import Libraries
 from tensegrity_codegen.sweeps.engines.work import SweepWork, select_arguments
+from tensegrity_codegen.sweeps.joint_outputs import join_outputs
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
 
@@ -170,7 +172,7 @@ def plan_sweep(
     started = time.perf_counter()
     model = libraries.load(groups[0])
     build_seconds = time.perf_counter() - started
-    outputs = operation.outputs(model.manifest)
+    outputs, is_joint = _find_outputs(operation, groups, libraries)
     case_seconds = _measure(cases, groups[0], libraries, operation)
     if task_size is None:
         task_size = _choose_task_size(cases, case_seconds, _row_bytes(outputs), workers)
@@ -184,9 +186,9 @@ def plan_sweep(
         cases.count * _row_bytes(outputs),
     )
     known = {item.name for item in model.manifest.arguments}
-    notes = (*_note_sample(cases), *_note_groups(cases, groups, known))
+    notes = (*_note_sample(cases), *_note_accuracy(operation), *_note_groups(cases, groups, known))
     return PlannedSweep(
-        SweepWork(plan, operation, outputs), libraries, case_seconds, build_seconds, workers, notes
+        SweepWork(plan, operation, outputs, is_joint), libraries, case_seconds, build_seconds, workers, notes
     )
 
 
@@ -254,6 +256,20 @@ def _choose_task_size(cases: Cases, case_seconds: float, row_bytes: int, workers
     return max(int(min(by_time, by_workers, by_size, MOST_CASES)), LANES)
 
 
+def _find_outputs(
+    operation: Operation, groups: tuple[CaseGroup, ...], libraries: Libraries
+) -> tuple[tuple[Output, ...], bool]:
+    """Return the outputs of all cases, and whether libraries with other nodes or members share them."""
+    first = groups[0].structure
+    others = [group for group in groups if not _has_same_names(first, group.structure)]
+    models = [libraries.load(group) for group in (groups[0], *others)]
+    return join_outputs([operation.outputs(model.manifest) for model in models]), bool(others)
+
+
+def _has_same_names(one: Subject, other: Subject) -> bool:
+    return one.node_name == other.node_name and one.member_name == other.member_name
+
+
 def _row_bytes(outputs: tuple[Output, ...]) -> int:
     """Return the size of the results of one case, status included."""
     return 1 + sum(math.prod(output.shape) * np.dtype(output.dtype).itemsize for output in outputs)
@@ -271,10 +287,20 @@ def _note_sample(cases: Cases) -> Iterator[str]:
         yield f"a Sobol' sequence is balanced for n = 2, 4, 8, ...: choose {power} or {2 * power}, not {n}"
 
 
+def _note_accuracy(operation: Operation) -> Iterator[str]:
+    if operation.describe().get("control", "samples") is None:
+        yield (
+            "tolerances bound the error of each step, as for batches; "
+            "control samples bounds that of the motion, as simulate does, and takes longer"
+        )
+
+
 def _note_groups(cases: Cases, groups: tuple[CaseGroup, ...], known: set[str]) -> Iterator[str]:
     mappers = [group.mapper for group in groups if isinstance(group.mapper, CaseMapper)]
     used = {key for item in mappers for key in item.find_used_keys(known)}
     idle = [key for number, key in enumerate(cases.keys) if number not in used and _varies(cases, number)]
+    seen = {key for item in mappers for key in item.seen_keys}
+    idle = [key for key in idle if cases.keys.index(key) in seen]
     if idle and not any(item.assembles_all for item in mappers):
         yield f"no quantity depends on {', '.join(idle)}"
     slow = [item for item in mappers if item.assembles_all]

@@ -45,6 +45,34 @@ def test_each_row_equals_the_case_alone(tmp_path: Path) -> None:
     assert found.attrs["scene_name"] == "hanging_mass"
 
 
+RING: dict[str, Any] = {
+    "name": "ring",
+    "shape": {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "node_mass": 0.05},
+    "classes": {
+        "bar": {"kind": "bar", "spring_constant": 2e4},
+        "cable": {"kind": "cable", "spring_constant": 200.0},
+    },
+    "model": {"quantities": ["member_tension"]},
+}
+RING["shape"]["prestress"] = 1.0
+
+
+def test_cases_with_other_members_share_arrays_by_their_names() -> None:
+    over = {"shape.bars": [3, 4], "shape.height": [0.25, 0.3]}
+    found = sweep(RING, do="evaluate", over=over, keep=["member_tension"], workers=1)
+    assert (found["status"] == 0).all()
+    for bars in (3, 4):
+        scene = copy.deepcopy(RING)
+        scene["shape"] |= {"bars": bars, "height": 0.25}
+        model = compile_scene(scene)
+        row = found["member_tension"].sel({"shape.bars": bars, "shape.height": 0.25})
+        names = list(model.manifest.member_name)
+        expected = model.compute("member_tension")
+        np.testing.assert_allclose(row.sel(member=names).values, expected, rtol=1e-12, atol=1e-12)
+        others = [name for name in row["member"].values.tolist() if name not in names]
+        assert np.isnan(row.sel(member=others).values).all()
+
+
 @pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
 def test_the_same_seed_gives_the_same_bits_on_any_number_of_workers(sampling: str) -> None:
     options: dict[str, Any] = {

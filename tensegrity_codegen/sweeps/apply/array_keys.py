@@ -86,7 +86,13 @@ def find_array_key(text: str, steps: Steps, subject: Subject, where: str) -> Arr
     known = _known(array, subject)
     if not known:
         words = "a scene of bodies" if isinstance(subject, BodySystem) else "a scene of nodes"
-        raise InvalidValueError(f"{words} has no such values", where=key_path(where, array), given=text)
+        is_input = array == "input"
+        raise InvalidValueError(
+            "the scene has no inputs" if is_input else f"{words} has no such values",
+            where=key_path(where, array),
+            given=text,
+            hint="state them under [[inputs]] or [[actuators]]" if is_input else "",
+        )
     if len(steps) < 2 or steps[1] not in known:
         given = str(steps[1]) if len(steps) > 1 else ""
         raise UnknownKeyError(

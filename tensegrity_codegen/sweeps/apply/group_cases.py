@@ -251,6 +251,7 @@ class _GroupFinder:
             indirect=indirect,
             indirect_keys=tuple(sorted({*keys, *self._influences(same, varying[indirect])})),
             parameters=parameters,
+            seen_keys=tuple(np.flatnonzero((x != x[0]).any(axis=0)).tolist()),
         )
         is_sure = len(same) > 2 and self._ends_are_right(mapper, rows)
         request = replace(base.case.request, parameters=parameters)

@@ -61,6 +61,8 @@ class CaseMapper:
         Keys that those depend on, and keys in which groups differ; values of these are always assembled.
     parameters : mapping of str to tuple of int
         Rows of the run-time parameters of the library, in its order.
+    seen_keys : tuple of int
+        Keys of which cases with different values were tried.
     assembles_all : bool
         Whether every case has to be assembled, since its values may be no scene although each is allowed.
     """
@@ -76,6 +78,7 @@ class CaseMapper:
     indirect: IntArray
     indirect_keys: tuple[int, ...]
     parameters: Mapping[str, tuple[int, ...]]
+    seen_keys: tuple[int, ...] = ()
     assembles_all: bool = False
     kept: dict[bytes, tuple[FloatArray, str]] = field(default_factory=dict, repr=False)
 

@@ -143,7 +143,8 @@ def _check_count(cases: Cases, yes: bool, words: Mapping[str, str]) -> None:
     if cases.count > MOST_CASES and not yes:
         sizes = " x ".join(f"{size:,}" for size in cases.shape)
         raise InvalidValueError(
-            f"{cases.count:,} cases ({sizes})",
+            f"too many cases for a sweep that is not confirmed: {cases.count:,}"
+            + (f" ({sizes})" if len(cases.shape) > 1 else ""),
             where=f"{words['over']}, {words['sample']}, {words['table']}",
             given=cases.count,
             allowed=f"up to {MOST_CASES:,}; more with {words['yes']}",

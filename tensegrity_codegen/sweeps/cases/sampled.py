@@ -102,7 +102,7 @@ def build_sample(
 
     Raises what `read_distribution` raises, UnknownNameError for a method, InvalidValueError for n or seed.
     """
-    check_choice(method, METHODS, "method", "method")
+    check_choice(method, METHODS, "way of sampling", "sampling")
     pairs = list(given.items() if isinstance(given, Mapping) else given)
     return Sample(
         tuple(key for key, _ in pairs),

@@ -13,6 +13,7 @@ from tensegrity_codegen.quantities import PARAMETERS
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
+from tensegrity_codegen.sweeps.joint_outputs import find_places
 from tensegrity_codegen.sweeps.plan import SweepPlan, Task
 from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
@@ -21,6 +22,7 @@ __all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_
 
 ON_ANCHORS = "member_length"
 
+Places = tuple[NDArray[np.int64], ...] | None
 LoadModel = Callable[[CaseGroup], CompiledModel]
 
 
@@ -36,11 +38,14 @@ class SweepWork:
         What is computed for each case.
     outputs : tuple of Output
         The arrays of results.
+    is_joint : bool
+        Whether libraries have other nodes or members, so that each fills its part of the arrays.
     """
 
     plan: SweepPlan
     operation: Operation
     outputs: tuple[Output, ...]
+    is_joint: bool = False
 
 
 def library_request(group: CaseGroup, operation: Operation) -> ModelRequest:
@@ -68,7 +73,11 @@ def compute_task(work: SweepWork, task: Task, load: LoadModel) -> TaskResult:
             continue
         model = load(group)
         found = work.operation.run(model, select_arguments(model, applied), int(good.sum()))
-        _insert(arrays, status, messages, places[good], found)
+        own = work.operation.outputs(model.manifest) if work.is_joint else work.outputs
+        _insert(arrays, _place(own, work.outputs), places[good], found)
+        status[places[good]] = found.status
+        for place, message in zip(places[good].tolist(), found.messages, strict=True):
+            messages[place] = message
     return TaskResult(arrays, status, tuple(messages))
 
 
@@ -88,15 +97,19 @@ def set_task_aside(work: SweepWork, task: Task, message: str) -> TaskResult:
     return TaskResult(arrays, status, (message,) * task.count)
 
 
+def _place(own: tuple[Output, ...], joint: tuple[Output, ...]) -> dict[str, Places]:
+    """Return where the results of a library are in the stored arrays, by name; None: in all of them."""
+    if own is joint:
+        return {output.name: None for output in joint}
+    known = {output.name: output for output in joint}
+    return {output.name: find_places(output, known[output.name]) for output in own}
+
+
 def _insert(
-    arrays: dict[str, NDArray[Any]],
-    status: NDArray[np.int8],
-    messages: list[str],
-    places: NDArray[np.int64],
-    found: TaskResult,
+    arrays: dict[str, NDArray[Any]], at: dict[str, Places], rows: NDArray[np.int64], found: TaskResult
 ) -> None:
-    for name, values in arrays.items():
-        values[places] = found.arrays[name]
-    status[places] = found.status
-    for place, message in zip(places.tolist(), found.messages, strict=True):
-        messages[place] = message
+    for name, places in at.items():
+        if places is None:
+            arrays[name][rows] = found.arrays[name]
+        else:
+            arrays[name][np.ix_(rows, *places)] = found.arrays[name]

@@ -13,7 +13,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.files import check_ending
+from tensegrity_codegen.files import check_ending, explain_unwritable
 from tensegrity_codegen.output_folder import check_folder
 
 __all__ = [
@@ -111,12 +111,17 @@ def find_finished(path: str | Path) -> frozenset[int]:
 def locked_store(path: str | Path) -> Iterator[None]:
     """Keep other sweeps out of a folder; raises OutputError while one is at work there."""
     folder = Path(path).absolute()
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise explain_unwritable(path, error.strerror or type(error).__name__, "folder") from error
     place = folder.with_name(f".{folder.name}.lock")
     lock = FileLock(str(place), timeout=0)
     try:
         lock.acquire()
     except Timeout as error:
+        if not place.exists():
+            raise explain_unwritable(path, "no file can be made there", "folder") from error
         raise OutputError(
             "another sweep is writing to this folder",
             where=str(path),

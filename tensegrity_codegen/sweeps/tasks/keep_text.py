@@ -17,9 +17,15 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, TensegrityError, suggest
+from tensegrity_codegen.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    TensegrityError,
+    UnknownNameError,
+    suggest,
+)
 from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.runtime.simulate.condition_text import parse_condition
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION, parse_condition
 
 __all__ = ["REDUCTIONS", "KeptText", "parse_kept"]
 
@@ -110,6 +116,7 @@ def _parse_one(text: str, results: Sequence[str]) -> KeptText:
         )
     if kept.expression in results:
         return kept
+    _check_reduction(body)
     try:
         tree = parse_condition(kept.expression)
     except TensegrityError as error:
@@ -154,6 +161,21 @@ def _split(body: str) -> tuple[str, str, int]:
             hint="every(10) keeps every tenth sample, with a whole number from 1 on",
         )
     return _text_of(body, called.value), EVERY, step
+
+
+def _check_reduction(body: str) -> None:
+    """Raise UnknownNameError for `member_tension.median`: a quantity followed by no known reduction."""
+    found = re.search(r"(?:^|[^\w.])(\w+)(?:\[[^\]]*\])?\.([A-Za-z]\w*)(?:\([^()]*\))?$", body)
+    if found is not None and found[1] in QUANTITIES and found[2] not in (*REDUCTIONS, EVERY, *"xyz"):
+        if found[1] == POSITION or "[" in body:
+            return  # components of points: parse_condition knows their names
+        raise UnknownNameError(
+            "unknown reduction over time",
+            where="keep",
+            given=found[2],
+            allowed=f"{', '.join(REDUCTIONS)}, {EVERY}(k)",
+            hint=suggest(found[2], [*REDUCTIONS, EVERY]),
+        )
 
 
 def _text_of(whole: str, node: ast.expr) -> str:
