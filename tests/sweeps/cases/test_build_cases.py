@@ -107,7 +107,7 @@ def test_wrong_combinations_are_named_errors(
 
 
 def test_many_cases_need_an_express_yes() -> None:
-    with pytest.raises(InvalidValueError, match=r"1,000,000 cases \(1,000 x 1,000\)"):
+    with pytest.raises(InvalidValueError, match=r"1,000,000 \(1,000 x 1,000\)"):
         build_cases(["a=0:1:1000", "b=0:1:1000"])
     assert build_cases(["a=0:1:1000", "b=0:1:1000"], yes=True).count == 10**6
     assert build_cases({}, ["a=normal(0,1)"], n=MOST_CASES).count == MOST_CASES
