@@ -33,10 +33,10 @@ def case(
     """
     output = Output(json)
     with output.guard():
+        from tensegrity_codegen.cli.sweep_commands import build_commands
         from tensegrity_codegen.scene.write import write_scene
         from tensegrity_codegen.sweeps.summary.case_scene import build_case_scene, check_case
         from tensegrity_codegen.sweeps.summary.read_results import read_results
-        from tensegrity_codegen.sweeps.summary.worst import build_commands
 
         if out is not None:
             check_ending(out, ".toml")

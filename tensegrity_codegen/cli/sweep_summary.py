@@ -58,11 +58,12 @@ def summary(
             check_ending(out, ".html")
             check_output(out, overwrite=overwrite)
             require_plot()
+        from tensegrity_codegen.cli.sweep_commands import build_commands
         from tensegrity_codegen.sweeps.summary.read_results import read_results
         from tensegrity_codegen.sweeps.summary.summary import summarize
         from tensegrity_codegen.sweeps.summary.tables import list_tables
 
-        found = summarize(read_results(file), result or (), over or ())
+        found = summarize(read_results(file), result or (), over or (), build_commands)
         if out is not None:
             _write_page(found, out)
         written = [] if out is None else [f"wrote {out}"]

@@ -25,7 +25,7 @@ THREE = PinnedFile(
     sha256="a2bd51642312d98aab6d8b641245d796ff1b89da5829777170bcc488140c3dcd",
     title="the wheel of NiceGUI, which contains three.js,",
     is_source=False,
-    hand=f"--three PATH, or the environment variable {THREE_VARIABLE}",
+    hand=f"`three=PATH`, or the environment variable {THREE_VARIABLE}",
 )
 MODULE = "nicegui/elements/scene/dist/index.js"
 NOTICE = "nicegui-3.18.0.dist-info/licenses/LICENSE"

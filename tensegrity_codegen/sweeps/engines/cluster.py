@@ -76,7 +76,7 @@ def _wait_for_workers(client: Any, address: str, wait: float, deadline: float) -
                 where="scheduler",
                 given=address,
                 allowed="a scheduler with one worker or more",
-                hint=f"start workers with `dask worker {address}`, or wait longer (--wait)",
+                hint=f"start workers with `dask worker {address}`, or wait longer, with a larger `wait`",
             )
         time.sleep(LOOK)
 

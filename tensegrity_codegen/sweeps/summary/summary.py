@@ -25,7 +25,7 @@ from tensegrity_codegen.sweeps.summary.statistics import (
     compute_rank_correlation,
     describe_distribution,
 )
-from tensegrity_codegen.sweeps.summary.worst import WorstCase, find_worst_cases
+from tensegrity_codegen.sweeps.summary.worst import BuildCommands, WorstCase, find_worst_cases
 
 __all__ = ["ResultSummary", "SweepSummary", "summarize"]
 
@@ -85,7 +85,12 @@ class SweepSummary:
         }
 
 
-def summarize(results: SweepResults, names: Sequence[str] = (), over: Sequence[str] = ()) -> SweepSummary:
+def summarize(
+    results: SweepResults,
+    names: Sequence[str] = (),
+    over: Sequence[str] = (),
+    build_commands: BuildCommands = lambda results, case: (),
+) -> SweepSummary:
     """Return the summary of a sweep.
 
     Parameters
@@ -94,6 +99,8 @@ def summarize(results: SweepResults, names: Sequence[str] = (), over: Sequence[s
         Results, as in `choose_results`; by default the first few.
     over : sequence of str
         Keys that results are drawn over; by default those that matter most.
+    build_commands : callable
+        Returns the commands that run a case alone, for each of the worst cases.
 
     Raises
     ------
@@ -116,7 +123,7 @@ def summarize(results: SweepResults, names: Sequence[str] = (), over: Sequence[s
         count_endings(results),
         find_failing_keys(results),
         summaries,
-        find_worst_cases(results, chosen),
+        find_worst_cases(results, chosen, build_commands),
         places,
     )
 

@@ -7,7 +7,7 @@
     first(member_tension[c1] < 0.5)     first time at which a comparison holds [s]
     height = node_position[t1, z].max   under a name of its own
 
-Expressions are those of conditions: `simulate --until` has the same (runtime/simulate/condition_text.py).
+Expressions are those of end conditions of motions (runtime/simulate/condition_text.py).
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def _check_time(kept: KeptText, *, over_time: bool) -> None:
             where="keep",
             given=kept.text,
             allowed="an expression over quantities",
-            hint="reductions are for motions, --do simulate",
+            hint="reductions are for motions, do = simulate",
         )
 
 

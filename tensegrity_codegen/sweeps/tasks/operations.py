@@ -1,4 +1,4 @@
-"""The operations of a sweep by their names, as in `--do NAME`."""
+"""The operations of a sweep by their names, as `do` names them."""
 
 from __future__ import annotations
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.output import plain
+from tensegrity_codegen.cli.sweep_commands import build_commands
 from tensegrity_codegen.errors import UnknownNameError
 from tensegrity_codegen.sweeps.summary.bins import bin_means, find_edges, is_logarithmic, make_bins
 from tensegrity_codegen.sweeps.summary.statistics import compute_rank_correlation, describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import summarize
-from tensegrity_codegen.sweeps.summary.worst import build_commands
 from tests.sweeps.summary.sweeps import make_grid, make_sample, make_sweep
 
 
@@ -63,10 +63,10 @@ def test_commands_have_the_options_of_the_sweep() -> None:
     values = np.arange(3.0)[:, None]
     options = {"method": "rk853", "t_end": 0.5, "step": None, "unknown": 3}
     sweep = make_sweep(values, ["a"], [], status=[0, 3, 0], operation="simulate", options=options)
-    (worst,) = summarize(sweep).worst
+    (worst,) = summarize(sweep, build_commands=build_commands).worst
     assert worst.commands == (
         "tensegrity-codegen sweep case made.zarr 1 --out case1.toml",
-        "tensegrity-codegen simulate case1.toml --t-end 0.5 --method rk853",
+        "tensegrity-codegen simulate case1.toml --t-end 0.5 --method rk853 --control steps",
     )
 
 
@@ -74,7 +74,7 @@ def test_commands_set_inputs() -> None:
     values = np.array([[0.5, 2.0], [0.25, -1.0]])
     keys = ["input.motor 1", "gravity[2]"]
     sweep = make_sweep(values, keys, [], status=[1, 2])
-    assert summarize(sweep).worst[0].commands[1] == (
+    assert summarize(sweep, build_commands=build_commands).worst[0].commands[1] == (
         "tensegrity-codegen equilibrium case1.toml --input 'motor 1=0.25'"
     )
     evaluated = make_sweep(values, keys, [], status=[0, 4], operation="evaluate", kept_names=["a.max"])
