@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tensegrity_codegen.cli.sweep_commands import build_commands
 from tensegrity_codegen.report.pages.page import Command, Figure, Page, Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.sweeps.summary.summary import summarize
@@ -29,7 +30,7 @@ MAKERS = {
 
 @cache
 def page_of(name: str) -> Page:
-    return build_summary_page(summarize(MAKERS[name]()), COMMAND)
+    return build_summary_page(summarize(MAKERS[name](), build_commands=build_commands), COMMAND)
 
 
 def figures_of(page: Page, anchor: str) -> list[Figure]:
