@@ -29,6 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if missing:
         print(f"not installed: {', '.join(missing)}; pip install '.[docs]'", file=sys.stderr)
         return 2
+    from site_pages.gallery import write_live_pages
     from sphinx.cmd.build import build_main
 
     began = time.monotonic()
@@ -37,6 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     jobs = ["-j", str(min(os.cpu_count() or 1, 4))]
     code = build_main(["-W", "--keep-going", *quiet, *jobs, "-b", "html", *cache, str(HERE), str(chosen.out)])
     if code == 0:
+        failed = write_live_pages(chosen.out / "gallery")
+        if failed:
+            print(f"no live page of: {', '.join(failed)}; see the errors above", file=sys.stderr)
+            return 1
         pages = len(list(chosen.out.rglob("*.html")))
         print(f"{pages} pages in {time.monotonic() - began:.0f} s: {(chosen.out / 'index.html').resolve()}")
     return code

@@ -3,6 +3,7 @@
     <!-- site: include README.md -->               the file, from the root; `after TEXT` begins after a text
                                                    and `before TEXT` ends before one
     <!-- site: command line -->                    every verb with its help
+    <!-- site: gallery -->                         scenes with their live pages
     <!-- site: keys of scenes -->                  every table and key of scene files
     <!-- site: file docs/derivations/bodies.py --> a program, as code
     <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
@@ -17,6 +18,7 @@ import re
 from collections.abc import Callable
 
 from site_pages.command_line import write_command_line
+from site_pages.gallery import write_gallery
 from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
 from site_pages.scene_keys import write_scene_keys
@@ -37,6 +39,7 @@ def expand_page(text: str, page: str) -> str:
 def _replace(mark: str, page: str) -> str:
     makers: dict[str, Callable[[], str]] = {
         "command line": write_command_line,
+        "gallery": write_gallery,
         "keys of scenes": write_scene_keys,
     }
     if mark in makers:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Run
+from tests.report.live.pages import require_three
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 GUIDES = sorted(path.name for path in (DOCS / "guides").glob("*.md") if path.name != "README.md")
@@ -36,6 +37,8 @@ def run_command(command: str, folder: Path, run: Run) -> None:
 def run_page(page: Path, folder: Path, run: Run) -> dict[str, object]:
     """Run all blocks of a page; return the names that its Python leaves."""
     text = page.read_text(encoding="utf-8")
+    if "codegen show" in text:
+        require_three()
     names: dict[str, object] = {}
     for block in BLOCK.finditer(text):
         language, code = block.groups()

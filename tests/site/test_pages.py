@@ -18,6 +18,7 @@ DOCS = ROOT / "docs"
 sys.path.append(str(DOCS))
 
 from site_pages.expand import expand_page  # noqa: E402
+from site_pages.gallery import find_scenes  # noqa: E402
 from site_pages.links import FENCE, LINK, point_links  # noqa: E402
 
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
@@ -88,6 +89,16 @@ def test_every_key_of_scenes_has_an_entry(expanded: dict[str, str]) -> None:
     for name, table in tables.items():
         section = text.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
         assert re.findall(r"^`(\w+)` \(", section, re.MULTILINE) == list(table["properties"]), name
+
+
+def test_the_gallery_shows_every_scene_with_its_file(expanded: dict[str, str]) -> None:
+    scenes = find_scenes()
+    assert len({path.stem for path in scenes}) == len(scenes) >= 12
+    for path in scenes:
+        text = path.read_text(encoding="utf-8")
+        assert f"```toml\n{text}```" in expanded["gallery.md"]
+        assert f'href="gallery/{path.stem}.html"' in expanded["gallery.md"]
+        assert tensegrity_codegen.load_scene(path)[0].member_name
 
 
 def test_an_unknown_mark_or_text_is_an_error() -> None:

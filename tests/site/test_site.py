@@ -13,6 +13,7 @@ import pytest
 
 from tests.report.browser import find_browser
 from tests.report.driver import Tab, running_browser
+from tests.report.live.pages import require_three
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [pytest.mark.thorough, pytest.mark.timeout(1200)]
@@ -26,6 +27,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.importorskip(
             name, reason=f"{name} is not installed: pip install '.[docs]'", exc_type=ImportError
         )
+    require_three()  # the gallery's pages contain it
     folder = tmp_path_factory.mktemp("docs") / "site"
     done = subprocess.run(
         [sys.executable, str(ROOT / "docs" / "build_site.py"), "--out", str(folder)],
