@@ -10,7 +10,7 @@ from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.sweeps.tasks.operation import Output
 
-__all__ = ["AXES", "describe_quantity", "label_axis", "real_dtype"]
+__all__ = ["AXES", "describe_quantity", "label_axis", "list_axis_names", "real_dtype"]
 
 AXES = ("x", "y", "z")
 
@@ -51,10 +51,20 @@ def label_axis(manifest: Manifest, word: str, quantity: str) -> tuple[str, tuple
     }
     if word == "n_axes":  # axes of planar scenes are fewer than those of positions in space
         return "axis" if len(manifest.axes) == len(AXES) else "plane_axis", names[word]
+    return _name_axis(word, quantity), names.get(word, ())
+
+
+def _name_axis(word: str, quantity: str) -> str:
     if word.startswith("n_"):
-        singular = word.removeprefix("n_").removesuffix("s").replace("switche", "switch")
-        return singular, names.get(word, ())
-    return f"{quantity}_{word}", ()
+        return word.removeprefix("n_").removesuffix("s").replace("switche", "switch")
+    return f"{quantity}_{word}"
+
+
+def list_axis_names() -> frozenset[str]:
+    """Return the names that axes of any quantity of any structure have."""
+    names = {_name_axis(word, name) for name, row in QUANTITIES.items() for word in row.shape}
+    names |= {"axis", "plane_axis", "mode"}
+    return frozenset(names | {f"{name}_column" for name in names})
 
 
 def real_dtype(manifest: Manifest) -> str:

@@ -26,6 +26,7 @@ from tensegrity_codegen.errors import (
 )
 from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION, parse_condition
+from tensegrity_codegen.sweeps.tasks.dimensions import list_axis_names
 
 __all__ = ["REDUCTIONS", "KeptText", "parse_kept"]
 
@@ -110,9 +111,9 @@ def _parse_one(text: str, results: Sequence[str]) -> KeptText:
     label, body = labelled.groups() if labelled else ("", text)
     body = body.strip()
     kept = KeptText(label or _make_name(body), body, *_split(body))
-    if label in TAKEN:
+    if _is_taken(label):
         raise InvalidValueError(
-            "every sweep has an array of this name", where="keep", given=label, allowed="another name"
+            "sweeps have an array or an axis of this name", where="keep", given=label, allowed="another name"
         )
     if kept.expression in results:
         return kept
@@ -178,6 +179,11 @@ def _check_reduction(body: str) -> None:
         )
 
 
+def _is_taken(name: str) -> bool:
+    """Return whether every store has an array of this name, or an axis of some result has it."""
+    return name in TAKEN or name in list_axis_names() or name.startswith(f"time_{EVERY}_")
+
+
 def _text_of(whole: str, node: ast.expr) -> str:
     return ast.get_source_segment(whole, node) or ast.unparse(node)
 
@@ -209,8 +215,9 @@ def _name_apart(kept: KeptText, others: Sequence[KeptText], *, is_labelled: bool
         raise DuplicateNameError(
             "kept twice", where="keep", given=kept.text, allowed="each thing once, under a name of its own"
         )
-    name, number = kept.name, 1
-    while name in names or name in TAKEN:
+    first = f"{kept.name}_value" if _is_taken(kept.name) else kept.name
+    name, number = first, 1
+    while name in names:
         number += 1
-        name = f"{kept.name}_{number}"
+        name = f"{first}_{number}"
     return replace(kept, name=name)

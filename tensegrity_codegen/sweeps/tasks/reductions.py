@@ -62,15 +62,14 @@ def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArr
 
 
 def find_first_time(values: RealArray, time: RealArray) -> RealArray:
-    """Return the first time at which values (count, n_t) are positive, (count,) [s], NAN if never.
+    """Return the first time at which values (count, n_t, ...) are positive, (count, ...) [s], NAN if never.
 
     Between the sample before and the one at which they are, they are taken as a straight line.
     """
     holds = values > 0
     k = holds.argmax(axis=1)
-    rows = np.arange(len(values))
     before = np.maximum(k - 1, 0)
-    low, high = values[rows, before], values[rows, k]
+    low, high = (np.take_along_axis(values, place[:, None], axis=1)[:, 0] for place in (before, k))
     with np.errstate(all="ignore"):
         part = np.where(k > 0, -low / (high - low), 0.0)
     first: RealArray = time[before] + part * (time[k] - time[before])

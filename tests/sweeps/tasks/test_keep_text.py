@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, TensegrityError
+from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, TensegrityError
 from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
 from tensegrity_codegen.sweeps.tasks.reductions import find_first_time, reduce_values
 
@@ -93,3 +93,20 @@ def test_reductions_over_time(reduction: str, wanted: list[float]) -> None:
 def test_the_first_time_lies_between_samples() -> None:
     np.testing.assert_allclose(find_first_time(VALUES, TIME), [0.5, 0.0, np.nan])
     np.testing.assert_allclose(find_first_time(-VALUES, TIME), [0.0, 0.5, 0.0])
+
+
+@pytest.mark.parametrize("name", ["member", "node", "axis", "plane_axis", "state_column", "mode", "time"])
+def test_names_of_axes_are_refused_and_never_made(name: str) -> None:
+    """Zarr keeps the labels of an axis in an array of its name."""
+    with pytest.raises(InvalidValueError, match="another name"):
+        parse_kept([f"{name} = max(member_tension)"], over_time=True)
+    (kept,) = parse_kept([name], [name], over_time=True)
+    assert kept.name == f"{name}_value"
+    with pytest.raises(InvalidValueError, match="another name"):
+        parse_kept([f"time_every_3 = {name} + 1"], over_time=True)
+
+
+def test_each_member_has_a_first_time_of_its_own() -> None:
+    values = np.stack([VALUES, -VALUES], axis=-1)
+    found = find_first_time(values, TIME)
+    np.testing.assert_allclose(found, [[0.5, 0.0], [0.0, 0.5], [np.nan, 0.0]])

@@ -51,7 +51,8 @@ def test_rows_are_those_of_single_runs(scene: dict[str, Any], method: str) -> No
 
 
 def test_small_blocks_give_the_same() -> None:
-    operation = Simulate(("member_tension", "first(m.z < 0.299)"), t_end=0.1, samples=5)
+    kept = ("member_tension", "first(m.z < 0.299)", "each = first(node_position < 0.299)")
+    operation = Simulate(kept, t_end=0.1, samples=5)
     model = compile_for(TRIANGLE, operation)
     given = vary(model, 19, 2)
     whole = operation.run(model, given, 19)
@@ -62,6 +63,8 @@ def test_small_blocks_give_the_same() -> None:
     first = whole.arrays["first_m_z_0_299"]
     assert np.nanmin(first) >= 0
     assert np.nanmax(first) <= 0.1
+    node = model.manifest.node_name.index("m")
+    np.testing.assert_allclose(whole.arrays["each"][:, node, 2], first, rtol=1e-12)
 
 
 def test_a_motion_that_fails_leaves_the_others_alone() -> None:
