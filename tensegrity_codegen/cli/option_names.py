@@ -60,8 +60,9 @@ def name_options(value: Any) -> Any:
 
 
 def name_options_in_error(error: TensegrityError) -> None:
-    """Replace arguments by options in an error's texts; its place may be an argument as a whole."""
-    error.where = _options.get(error.where, error.where)
+    """Replace arguments by options in an error's texts; its place may be one, or one and its 'value'."""
+    name, quote, rest = error.where.partition(" '")
+    error.where = _options.get(name, name) + quote + rest
     error.problem = name_options(error.problem)
     error.allowed = name_options(error.allowed)
     error.hint = name_options(error.hint)

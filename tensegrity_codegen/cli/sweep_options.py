@@ -119,7 +119,8 @@ SchedulerOption = Annotated[
     str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, as tcp://10.0.0.1:8786.")
 ]
 WaitOption = Annotated[
-    float, typer.Option("--wait", help="Longest time to wait for the scheduler and its workers [s].")
+    float | None,
+    typer.Option("--wait", help="Longest time to wait for the scheduler and its workers [s]; default: 30."),
 ]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the plan, and do nothing.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Allow more than 100,000 cases.")]

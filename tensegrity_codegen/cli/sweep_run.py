@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["SweepCall"]
 
 # How messages of the cases name their options.
-NAMES = {"over": "--over", "sample": "--sample", "table": "--table", "n": "--n", "yes": "--yes"}
+NAMES = {name: f"--{name}" for name in ("over", "sample", "table", "n", "seed", "sampling", "yes")}
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class SweepCall:
     format: str | None
     workers: int | None
     scheduler: str | None
-    wait: float
+    wait: float | None
     task_size: int | None
     stop_after: int | None
     yes: bool
@@ -70,26 +70,19 @@ class SweepCall:
 
     def _check(self, dry_run: bool) -> None:
         """Check the options of files and engines before any work."""
+        from tensegrity_codegen.sweeps.check_call import check_engine, check_stop_after
+        from tensegrity_codegen.sweeps.store.folder import check_store_name
+
         if self.out is None and not dry_run:
             raise InvalidValueError(
                 "the folder of results is missing",
                 where="--out",
                 allowed="a name that ends in .zarr; or --dry-run",
             )
-        if self.workers is not None and self.scheduler is not None:
-            raise InvalidValueError(
-                "workers of this machine beside those of a cluster",
-                where="--workers",
-                given=self.workers,
-                allowed="--workers or --scheduler",
-            )
-        if self.stop_after is not None and self.stop_after < 1:
-            raise InvalidValueError(
-                "not a number of cases",
-                where="--stop-after",
-                given=self.stop_after,
-                allowed="a whole number from 1 on",
-            )
+        if self.out is not None:
+            check_store_name(self.out)
+        check_engine(self.workers, self.scheduler, self.wait)
+        check_stop_after(self.stop_after)
         if self.format is not None:
             from tensegrity_codegen.sweeps.store.table import check_table
 

@@ -106,8 +106,8 @@ class KeyPath:
         return dict(_write(document, self.steps, number, self.vector))
 
 
-def parse_path(text: str) -> Steps:
-    """Return the steps of a path; raises InvalidValueError for a text that is none."""
+def parse_path(text: str, where: str = "key") -> Steps:
+    """Return the steps of a path; raises InvalidValueError, which names `where`, for a text that is none."""
     steps, end = [], 0
     for match in _STEP.finditer(text):
         if match.start() != end:
@@ -117,7 +117,7 @@ def parse_path(text: str) -> Steps:
     if not steps or end != len(text) or isinstance(steps[0], int):
         raise InvalidValueError(
             "not the path of a number",
-            where="key",
+            where=where,
             given=text,
             allowed="names joined by points, numbers of lists in brackets: loads[0].force[2]",
         )

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import SWEEP, import_extra
+from tensegrity_codegen.sweeps.check_call import check_stop_after
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome, SweepProgress
@@ -68,7 +68,7 @@ def run_sweep(
     MissingExtraError
         Zarr is not installed.
     """
-    _check_stop_after(stop_after)
+    check_stop_after(stop_after)
     check_zarr()
     started = time.monotonic()
     with locked_store(out):
@@ -156,10 +156,3 @@ def check_zarr() -> None:
 
     if importlib.util.find_spec("zarr") is None:
         import_extra("zarr", SWEEP)
-
-
-def _check_stop_after(stop_after: int | None) -> None:
-    if stop_after is not None and (isinstance(stop_after, bool) or stop_after < 1):
-        raise InvalidValueError(
-            "not a number of cases", where="stop_after", given=stop_after, allowed="a whole number from 1 on"
-        )

@@ -12,6 +12,12 @@ from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.long_work.forked import count_workers
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.check_call import (
+    check_engine,
+    check_on_progress,
+    check_scene_source,
+    check_stop_after,
+)
 from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, identify_sweep
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
 from tensegrity_codegen.sweeps.engines.engine import Engine
@@ -52,7 +58,7 @@ class PreparedSweep:
         out: str | Path,
         *,
         scheduler: str | None = None,
-        wait: float = 30.0,
+        wait: float | None = None,
         stop_after: int | None = None,
         on_progress: ShowProgress | None = None,
     ) -> SweepOutcome:
@@ -64,8 +70,8 @@ class PreparedSweep:
             Folder of the results (.zarr).
         scheduler : str, optional
             Address of a Dask scheduler; by default processes of this machine compute.
-        wait : float
-            Longest time to wait for the scheduler and its workers [s].
+        wait : float, optional
+            Longest time to wait for the scheduler and its workers; by default 30 s.
         stop_after : int, optional
             Stop once so many cases have failed.
         on_progress : callable, optional
@@ -84,7 +90,9 @@ class PreparedSweep:
             No scheduler, no workers, or workers with other versions.
         """
         engine: Engine = (
-            DaskEngine(scheduler, wait) if scheduler else LocalEngine(self.workers, self.planned.libraries)
+            LocalEngine(self.workers, self.planned.libraries)
+            if scheduler is None
+            else DaskEngine(scheduler, **({} if wait is None else {"wait": wait}))
         )
         return run_sweep(
             self.planned.work,
@@ -168,7 +176,7 @@ def sweep(
     out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    wait: float = 30.0,
+    wait: float | None = None,
     task_size: int | None = None,
     stop_after: int | None = None,
     yes: bool = False,
@@ -205,8 +213,8 @@ def sweep(
         Number of processes on this machine; by default one a core.
     scheduler : str, optional
         Address of a Dask scheduler whose workers compute instead.
-    wait : float
-        Longest time to wait for the scheduler and its workers [s].
+    wait : float, optional
+        Longest time to wait for the scheduler and its workers; by default 30 s.
     task_size : int, optional
         Most cases of a task; by default so many that a task takes about half a second.
     stop_after : int, optional
@@ -243,13 +251,10 @@ def sweep(
     >>> found["member_tension"].dims, found["status"].values.tolist()
     (('gravity[2]', 'member'), [0, 0, 0])
     """
-    if scheduler is not None and workers is not None:
-        raise InvalidValueError(
-            "workers of this machine beside those of a cluster",
-            where="workers",
-            given=workers,
-            allowed="workers or scheduler",
-        )
+    check_engine(workers, scheduler, wait)
+    check_stop_after(stop_after)
+    check_on_progress(on_progress)
+    check_scene_source(scene)
     check_zarr()
     cases = build_cases(over, sample, table, n=n, seed=seed, method=sampling, yes=yes)
     operation = build_operation(do, keep, **options)

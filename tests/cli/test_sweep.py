@@ -213,6 +213,15 @@ BAD = {
     "no such format": (("--over", "gravity[2]=1,2", "--format", "xls"), "parquet"),
     "task size": (("--over", "gravity[2]=1,2", "--task-size", "0"), "--task-size"),
     "stop after": (("--over", "gravity[2]=1,2", "--stop-after", "0"), "--stop-after"),
+    "sampling of no sample": (("--over", "gravity[2]=1,2", "--sampling", "sobol"), "--sampling"),
+    "seed of no sample": (("--over", "gravity[2]=1,2", "--seed", "-1"), "--seed"),
+    "malformed key": (("--over", "gravity[-1]=0:1:3"), "--over"),
+    "malformed key of a sample": (("--sample", "gravity[-1]=normal(0,1)", "--n", "2"), "--sample"),
+    "wait": (("--over", "gravity[2]=1,2", "--wait", "-3"), "--wait"),
+    "wait for nobody": (("--over", "gravity[2]=1,2", "--wait", "3"), "--scheduler"),
+    "empty scheduler": (("--over", "gravity[2]=1,2", "--scheduler", ""), "--scheduler"),
+    "name of an axis": (("--over", "gravity[2]=1,2", "--keep", "member = max(member_tension)"), "--keep"),
+    "empty name": (("--over", "gravity[2]=1,2", "--out", "", "--format", "csv"), "--out"),
     "workers and scheduler": (
         ("--over", "gravity[2]=1,2", "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"), "--scheduler",
     ),
@@ -225,7 +234,8 @@ def test_bad_input_is_named_and_nothing_is_written(
 ) -> None:
     words, said = BAD[name]
     before = sorted(folder.iterdir())
-    ended = run("sweep", two_nodes, "--do", "evaluate", *words, "--out", "b.zarr", "--json")
+    out = () if "--out" in words else ("--out", "b.zarr")
+    ended = run("sweep", two_nodes, "--do", "evaluate", *words, *out, "--json")
     assert ended.code == 2, ended.out
     assert said in str(ended.data)
     assert "Traceback" not in ended.err

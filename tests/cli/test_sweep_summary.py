@@ -132,3 +132,18 @@ def test_all_kinds_of_cases_have_a_summary(run: Run, folder: Path) -> None:
         ended = run("sweep", "summary", f"{kind}.zarr", "--json")
         assert ended.code == 0, ended.err
         assert ended.data["n_cases"] == cases.count
+
+
+def test_wrong_options_of_a_summary_are_named_as_options(stored: Path, run: Run) -> None:
+    for option in ("--result", "--over"):
+        ended = run("sweep", "summary", stored, option, "foo", "--json")
+        assert (ended.code, ended.data["where"]) == (2, option)
+
+
+def test_a_reader_is_shown_the_sweeps_that_there_are(stored: Path, run: Run, folder: Path) -> None:
+    for name in ("b.zarr", "."):
+        ended = run("sweep", "summary", name)
+        assert ended.code == 2
+        assert "a.zarr" in ended.err
+        assert "remove" not in ended.err
+        assert "new name" not in ended.err

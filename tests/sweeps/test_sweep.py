@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, OutputError, TensegrityError
 from tensegrity_codegen.pipeline import compile_scene
 from tensegrity_codegen.sweeps.sweep import sweep
+from tensegrity_codegen.sweeps.tasks.operations import build_operation
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
 pytest.importorskip("xarray", reason="xarray is missing: pip install '.[sweep]'")
@@ -118,6 +120,21 @@ def test_wrong_calls_are_errors_that_leave_nothing(tmp_path: Path) -> None:
         {"keep": "member_tensions"},
         {"task_size": 0},
         {"stop_after": 0},
+        {"stop_after": "2"},
+        {"over": None},
+        {"over": 3},
+        {"sample": 3},
+        {"seed": -1},
+        {"sampling": "sobol"},
+        {"keep": 3},
+        {"out": 3},
+        {"out": ""},
+        {"out": "."},
+        {"workers": None, "scheduler": " "},
+        {"wait": 5.0},
+        {"on_progress": 3},
+        {"do": "simulate", "samples": 2.5},
+        {"do": "equilibrium", "tolerance": "small"},
         {"out": tmp_path / "no" / "file.csv"},
     ]
     for options in wrong:
@@ -129,6 +146,49 @@ def test_wrong_calls_are_errors_that_leave_nothing(tmp_path: Path) -> None:
         assert not list(tmp_path.iterdir())
     with pytest.raises(InvalidValueError):
         sweep(SCENE, do="evaluate")
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        ({"over": 3}, "over"),
+        ({"over": {3: [1, 2]}}, "over"),
+        ({"sample": {"gravity[-1]": "normal(0,1)"}, "n": 2}, "sample"),
+        ({"sampling": "sobol"}, "sampling"),
+        ({"seed": 4}, "seed"),
+        ({"keep": 3}, "keep"),
+        ({"out": 3}, "out"),
+        ({"workers": None, "scheduler": ""}, "scheduler"),
+        ({"wait": 5.0}, "wait"),
+        ({"wait": "long"}, "wait"),
+        ({"do": "simulate", "samples": "a"}, "samples"),
+        ({"do": "equilibrium", "max_iterations": 2.5}, "max_iterations"),
+    ],
+)
+def test_a_wrong_argument_is_named(options: dict[str, Any], where: str) -> None:
+    with pytest.raises(TensegrityError) as caught:
+        sweep(SCENE, **{"do": "evaluate", "over": OVER, "workers": 1, **options})
+    assert caught.value.where == where
+
+
+def test_a_scene_that_is_none_is_named() -> None:
+    wrong: Any = 3
+    with pytest.raises(InvalidValueError, match="not a scene"):
+        sweep(wrong, do="evaluate", over=OVER)
+
+
+def test_the_current_folder_is_no_folder_of_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty folder of results is replaced, and that would be the folder in which the user is."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("", ".", "..", Path(), "a\0.zarr"):
+        with pytest.raises(OutputError, match="the name of the folder"):
+            sweep(SCENE, do="evaluate", over=OVER, out=name, workers=1)
+    assert tmp_path.is_dir()
+
+
+def test_numbers_of_numpy_are_options() -> None:
+    operation = build_operation("simulate", t_end=np.float32(0.5), samples=np.int64(5))
+    assert json.loads(json.dumps(operation.describe()))["samples"] == 5
 
 
 def test_without_zarr_the_error_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:

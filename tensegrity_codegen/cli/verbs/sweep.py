@@ -78,7 +78,7 @@ def sweep(
     format: FormatOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
-    wait: WaitOption = 30.0,
+    wait: WaitOption = None,
     task_size: TaskSizeOption = None,
     stop_after: StopAfterOption = None,
     dry_run: DryRunOption = False,

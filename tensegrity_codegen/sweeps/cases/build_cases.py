@@ -12,6 +12,7 @@ from tensegrity_codegen.sweeps.cases.points import Points
 from tensegrity_codegen.sweeps.cases.ranges import RANGE_RULE, read_axis
 from tensegrity_codegen.sweeps.cases.sampled import build_sample
 from tensegrity_codegen.sweeps.cases.table import columns_of
+from tensegrity_codegen.sweeps.keys import parse_path
 
 __all__ = ["LARGEST_SAMPLE", "MOST_CASES", "build_cases"]
 
@@ -19,7 +20,7 @@ MOST_CASES = 100_000  # without an express yes
 LARGEST_SAMPLE = 2**30  # rows, that a Sobol' sequence can have
 
 # KEY=RANGE texts of the command line, or a mapping of key to range.
-Stated = Mapping[str, Any] | Iterable[str]
+Stated = Mapping[str, Any] | Iterable[str] | None
 
 
 def build_cases(
@@ -53,7 +54,7 @@ def build_cases(
     yes : bool
         Whether more than MOST_CASES cases are meant.
     options : mapping, optional
-        How messages name over, sample, table, n and yes; by default as here.
+        How messages name over, sample, table, n, seed, sampling and yes; by default by these names.
 
     Returns
     -------
@@ -65,12 +66,16 @@ def build_cases(
     InvalidValueError, NonFiniteError, UnknownNameError, DuplicateNameError, SceneError
         Nothing varies, an impossible range, distribution or table, a key stated twice, too many cases.
     """
-    words = {name: name for name in ("over", "sample", "table", "n", "yes")} | dict(options or {})
+    names = ("over", "sample", "table", "n", "seed", "sampling", "yes")
+    words = {name: name for name in names} | dict(options or {})
     axes = [(key, given) for key, given in _pairs(over, words["over"], RANGE_RULE)]
     drawn = _pairs(sample, words["sample"], "normal(m,s), uniform(a,b), lognormal(m,s)")
     points = _build_points(drawn, table, n, seed, method, words)
     keys = [*(key for key, _ in axes), *(points.keys if points else ())]
     _check_keys(keys, words)
+    for option, pairs in (("over", axes), ("sample", drawn)):
+        for key, _ in pairs:
+            parse_path(key, words[option])
     cases = Cases(tuple(read_axis(key, given, f"{words['over']} {key}") for key, given in axes), points)
     _check_count(cases, yes, words)
     return cases
@@ -80,8 +85,15 @@ def _pairs(given: Stated, where: str, rule: str) -> list[tuple[str, Any]]:
     """Return pairs of key and what is stated for it, from texts KEY=... or a mapping."""
     if isinstance(given, Mapping):
         return [(str(key), item) for key, item in given.items()]
+    if given is not None and not isinstance(given, Iterable):
+        raise InvalidValueError(
+            "not keys with their values",
+            where=where,
+            given=given,
+            allowed=f"a dictionary of keys, or texts KEY={rule}",
+        )
     pairs = []
-    for text in [given] if isinstance(given, str) else given:
+    for text in [given] if isinstance(given, str) else given or ():
         key, equals, value = str(text).partition("=")
         if not (equals and key.strip() and value.strip()):
             raise InvalidValueError(
@@ -102,19 +114,30 @@ def _build_points(
             allowed=f"{words['sample']} or {words['table']}, each also with {words['over']}",
         )
     if not drawn:
-        if n is not None:
-            raise InvalidValueError(
-                "a number of samples without distributions",
-                where=words["n"],
-                given=n,
-                allowed=f"with {words['sample']} KEY=normal(m,s), for example",
-            )
+        _check_no_sample(n, seed, method, words)
         return None if table is None else columns_of(table, words["table"])
     if n is None:
         raise InvalidValueError(
             "the number of samples is missing", where=words["n"], allowed="a whole number from 1 on"
         )
     return build_sample(drawn, n, seed, method, words["sample"])
+
+
+def _check_no_sample(n: Any, seed: Any, method: Any, words: Mapping[str, str]) -> None:
+    """Raise InvalidValueError for what is stated of a sample where none is drawn."""
+    stated = (
+        ("n", n, n is not None, "a number of samples"),
+        ("seed", seed, seed not in (0, None), "a seed"),
+        ("sampling", method, method not in ("random", None), "a way of sampling"),
+    )
+    for name, given, is_stated, what in stated:
+        if is_stated:
+            raise InvalidValueError(
+                f"{what} without distributions",
+                where=words[name],
+                given=given,
+                allowed=f"with {words['sample']} KEY=normal(m,s), for example",
+            )
 
 
 def _check_keys(keys: list[str], words: Mapping[str, str]) -> None:

@@ -35,8 +35,7 @@ def connect(address: str, wait: float) -> Iterator[Any]:
     ClusterError
         There is no scheduler, it has no workers, or a worker has other versions.
     """
-    if isinstance(wait, bool) or not 0.0 <= wait < 1e7:
-        raise InvalidValueError("not a time", where="wait", given=wait, allowed="seconds, from 0 on")
+    check_wait(wait)
     distributed = import_extra("distributed", CLUSTER)
     deadline = time.monotonic() + wait
     client = _open(distributed, address, wait)
@@ -47,6 +46,12 @@ def connect(address: str, wait: float) -> Iterator[Any]:
     finally:
         with suppress(Exception):
             client.close(timeout=2.0)
+
+
+def check_wait(wait: Any) -> None:
+    """Raise InvalidValueError for what is no time to wait [s]."""
+    if isinstance(wait, bool) or not isinstance(wait, int | float) or not 0.0 <= wait < 1e7:
+        raise InvalidValueError("not a time", where="wait", given=wait, allowed="seconds, from 0 on")
 
 
 def count_threads(client: Any) -> int:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
-from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.errors import OutputError, suggest
 from tensegrity_codegen.files import check_ending, explain_unwritable
 from tensegrity_codegen.output_folder import check_folder
 
@@ -21,6 +21,7 @@ __all__ = [
     "FORMAT",
     "StoredSweep",
     "check_store_folder",
+    "check_store_name",
     "find_finished",
     "locked_store",
     "read_stored_sweep",
@@ -63,15 +64,32 @@ def check_store_folder(path: str | Path) -> StoredSweep | None:
     OutputError
         The folder cannot be made or written, or holds something else.
     """
-    check_ending(path, ENDING)
+    check_store_name(path)
     target = check_folder(path)
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
         return None
-    return read_stored_sweep(target)
+    return read_stored_sweep(target, is_output=True)
 
 
-def read_stored_sweep(path: str | Path) -> StoredSweep:
-    """Return what the folder of a sweep says of it; raises OutputError for any other folder."""
+def check_store_name(path: Any) -> None:
+    """Raise OutputError for what cannot be the name of a folder of results."""
+    problem, given = "", str(path) if isinstance(path, Path) else path
+    if not isinstance(path, str | Path):
+        problem = "not the name of a folder"
+    elif Path(path).name in ("", ".."):
+        problem = "the name of the folder is empty, or leads to the current folder or one above"
+    elif "\0" in str(path):
+        problem = "the name of the folder has a zero character"
+    if problem:
+        raise OutputError(problem, where="out", given=given, allowed=f"a name that ends in {ENDING}")
+    check_ending(path, ENDING)
+
+
+def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSweep:
+    """Return what the folder of a sweep says of it; raises OutputError for any other folder.
+
+    is_output: whether a sweep is to be written there; else it is only read, and near names are shown.
+    """
     folder = Path(path)
     try:
         data = json.loads((folder / METADATA).read_bytes())
@@ -80,12 +98,12 @@ def read_stored_sweep(path: str | Path) -> StoredSweep:
         found = own["format"]
         stored = StoredSweep(folder, own["identity"], int(own["task_size"]), attributes)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        problem = "there is no such folder" if not folder.exists() else "this is not a sweep"
+        new = ", or a new name for another one" if is_output else ""
         raise OutputError(
-            problem,
+            "this is not a sweep" if folder.exists() else "there is no such folder",
             where=str(path),
-            allowed="a Zarr folder that `sweep` wrote, or a new name for another one",
-            hint="choose another name, or remove what is there",
+            allowed=f"a Zarr folder that `sweep` wrote{new}",
+            hint="choose another name, or remove what is there" if is_output else _suggest_near(folder),
         ) from error
     if found != FORMAT:
         raise OutputError(
@@ -96,6 +114,15 @@ def read_stored_sweep(path: str | Path) -> StoredSweep:
             hint="use the version of tensegrity_codegen that wrote it, or choose another name",
         )
     return stored
+
+
+def _suggest_near(folder: Path) -> str:
+    """Return a hint that lists the sweeps beside a folder that is none."""
+    place = folder if folder.is_dir() else folder.parent
+    with suppress(OSError):
+        found = [path.name for path in place.iterdir() if path.suffix == ENDING and path != folder]
+        return f"in {place.absolute()}: {suggest(folder.name, found)}" if found else ""
+    return ""
 
 
 def find_finished(path: str | Path) -> frozenset[int]:

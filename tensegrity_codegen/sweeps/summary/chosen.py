@@ -74,13 +74,13 @@ def _read_spec(results: SweepResults, text: str) -> list[tuple[str, KeptQuantity
     found = _SPEC.fullmatch(text)
     if found is None:
         raise InvalidValueError(
-            "not the name of a result", where="`result`", given=text, allowed="NAME or NAME[PART,...]"
+            "not the name of a result", where="result", given=text, allowed="NAME or NAME[PART,...]"
         )
     name, inside = found[1], found[2]
     if name not in results.kept:
         raise UnknownNameError(
             "unknown result",
-            where="`result`",
+            where="result",
             given=name,
             allowed="a quantity that the sweep kept",
             hint=suggest(name, results.kept),
@@ -95,7 +95,7 @@ def _read_spec(results: SweepResults, text: str) -> list[tuple[str, KeptQuantity
     if len(parts) != len(quantity.dims) and not alone:
         raise InvalidValueError(
             f"{len(parts)} parts for a quantity with {len(quantity.dims)} dimensions",
-            where="`result`",
+            where="result",
             given=text,
             allowed=_describe_parts(quantity),
         )
@@ -122,7 +122,7 @@ def _find_place(quantity: KeptQuantity, place: int, part: str) -> int:
         return int(part)
     raise UnknownNameError(
         f"unknown {quantity.dims[place]} of {quantity.name}",
-        where="`result`",
+        where="result",
         given=part,
         allowed=f"a label, a place from 0 to {size - 1}, or max, min, mean",
         hint=suggest(part, labels),

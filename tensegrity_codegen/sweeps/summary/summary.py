@@ -132,7 +132,7 @@ def _find_key(results: SweepResults, key: str) -> int:
     if key not in results.keys:
         raise UnknownNameError(
             "this key does not vary",
-            where="`over`",
+            where="over",
             given=key,
             allowed=", ".join(results.keys) or "the sweep varies no key",
             hint=suggest(key, results.keys),

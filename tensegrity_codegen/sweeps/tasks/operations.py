@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any
 
@@ -43,18 +44,15 @@ def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> 
     UnknownNameError, UnknownKeyError
         An unknown operation, or an option that it does not have.
     InvalidValueError
-        Something else than texts is to be kept.
+        Something else than texts is to be kept, or an option that needs a number is none.
     """
     check_choice(do, OPERATIONS, "operation", "do")
     kind = OPERATIONS[do]
-    texts = (keep,) if isinstance(keep, str) else tuple(keep)
-    if not all(isinstance(text, str) for text in texts):
-        raise InvalidValueError(
-            "not a text", where="keep", given=keep, allowed="texts such as member_tension"
-        )
-    known = [item.name for item in dataclasses.fields(kind) if item.name != "keep"]
+    texts = _list_texts(keep)
+    types = {item.name: str(item.type) for item in dataclasses.fields(kind) if item.name != "keep"}
+    known = list(types)
     stated = {name: value for name, value in options.items() if value is not None}
-    for name in stated:
+    for name, value in stated.items():
         if name not in known:
             raise UnknownKeyError(
                 f"the operation {do!r} has no such option",
@@ -63,4 +61,30 @@ def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> 
                 allowed=", ".join(known) or "no options",
                 hint=suggest(name, known),
             )
+        stated[name] = _read_option(name, value, types[name])
     return kind(keep=texts, **stated)
+
+
+def _list_texts(keep: Any) -> tuple[str, ...]:
+    """Return what is to be kept as a tuple; None for nothing stated."""
+    texts = (keep,) if isinstance(keep, str) or not isinstance(keep, Iterable) else tuple(keep)
+    if keep is None:
+        return ()
+    if not all(isinstance(text, str) for text in texts):
+        raise InvalidValueError(
+            "not a text", where="keep", given=keep, allowed="texts such as member_tension"
+        )
+    return texts
+
+
+def _read_option(name: str, value: Any, declared: str) -> Any:
+    """Return an option, a number where the annotation of its field says so; raises InvalidValueError."""
+    if not declared.startswith(("int", "float")):
+        return value
+    is_whole = declared.startswith("int")
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return int(value) if is_whole else float(value)
+    if isinstance(value, Real) and not (is_whole or isinstance(value, bool)):
+        return float(value)
+    words = "a whole number" if is_whole else "a number"
+    raise InvalidValueError(f"not {words}", where=name, given=value, allowed=words)
