@@ -10,7 +10,7 @@ from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.engines.cluster import check_wait
 
-__all__ = ["check_engine", "check_on_progress", "check_scene_source", "check_stop_after"]
+__all__ = ["check_engine", "check_on_progress", "check_scene_source", "check_stop_after", "check_yes"]
 
 
 def check_engine(workers: Any, scheduler: Any, wait: Any) -> None:
@@ -39,6 +39,12 @@ def check_engine(workers: Any, scheduler: Any, wait: Any) -> None:
             given=wait,
             allowed="with `scheduler`",
         )
+
+
+def check_yes(yes: Any) -> None:
+    """Raise InvalidValueError for what is neither yes nor no, such as the text "no"."""
+    if not isinstance(yes, bool):
+        raise InvalidValueError("neither yes nor no", where="yes", given=yes, allowed="True or False")
 
 
 def check_on_progress(on_progress: Any) -> None:

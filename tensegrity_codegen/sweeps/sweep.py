@@ -17,6 +17,7 @@ from tensegrity_codegen.sweeps.check_call import (
     check_on_progress,
     check_scene_source,
     check_stop_after,
+    check_yes,
 )
 from tensegrity_codegen.sweeps.describe import SceneSource, describe_facts, identify_sweep
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
@@ -254,6 +255,7 @@ def sweep(
     check_engine(workers, scheduler, wait)
     check_stop_after(stop_after)
     check_on_progress(on_progress)
+    check_yes(yes)
     check_scene_source(scene)
     check_zarr()
     cases = build_cases(over, sample, table, n=n, seed=seed, method=sampling, yes=yes)

@@ -160,6 +160,7 @@ def test_wrong_calls_are_errors_that_leave_nothing(tmp_path: Path) -> None:
         ({"out": 3}, "out"),
         ({"workers": None, "scheduler": ""}, "scheduler"),
         ({"wait": 5.0}, "wait"),
+        ({"yes": "no"}, "yes"),
         ({"wait": "long"}, "wait"),
         ({"do": "simulate", "samples": "a"}, "samples"),
         ({"do": "equilibrium", "max_iterations": 2.5}, "max_iterations"),

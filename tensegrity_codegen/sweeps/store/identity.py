@@ -14,6 +14,12 @@ __all__ = ["check_same_sweep", "find_differences"]
 MOST_NAMED = 8
 LONGEST = 60  # characters of a value in a message
 ABSENT = object()
+# Values of an identity, and those that they follow from by the beginnings of their keys.
+FOLLOWING = {
+    "structure_hash": ("scene",),
+    "cases.method": ("cases.points.method",),
+    "cases.count": ("cases.axes", "cases.points"),
+}
 
 
 def check_same_sweep(path: str | Path, stored: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
@@ -33,12 +39,15 @@ def check_same_sweep(path: str | Path, stored: Mapping[str, Any], asked: Mapping
 
 
 def find_differences(stored: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    """Return a line for each value that differs: its key, what is stored, what is asked for."""
-    first, second = _normalise(stored), _normalise(asked)
-    return [
-        f"{key}: {_show(old)} in the folder, {_show(new)} now"
-        for key, old, new in _compare("", first, second)
-    ]
+    """Return a line for each value that differs: its key, what is stored, what is asked for.
+
+    Values that follow from others, such as the number of cases, are listed where only they differ.
+    """
+    found = {key: (old, new) for key, old, new in _compare("", _normalise(stored), _normalise(asked))}
+    for result, sources in FOLLOWING.items():
+        if result in found and any(key != result and key.startswith(sources) for key in found):
+            del found[result]
+    return [f"{key}: {_show(old)} in the folder, {_show(new)} now" for key, (old, new) in found.items()]
 
 
 def _normalise(value: Mapping[str, Any]) -> Any:

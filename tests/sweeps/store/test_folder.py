@@ -13,6 +13,23 @@ from tensegrity_codegen.sweeps.store.identity import check_same_sweep, find_diff
 from tests.sweeps.store.conftest import KINDS, make_contents
 
 
+def test_what_follows_from_another_difference_is_not_counted() -> None:
+    stored = {
+        "scene": {"gravity": [0, 0, -9.81]},
+        "structure_hash": "2b58",
+        "cases": {"method": "random", "count": 30, "points": {"method": "random", "n": 30}},
+    }
+    asked = {
+        "scene": {"gravity": [0, 0, -1.62]},
+        "structure_hash": "77aa",
+        "cases": {"method": "sobol", "count": 31, "points": {"method": "sobol", "n": 31}},
+    }
+    keys = [line.split(":")[0] for line in find_differences(stored, asked)]
+    assert keys == ["scene.gravity", "cases.points.method", "cases.points.n"]
+    other = {**stored, "structure_hash": "77aa"}  # a file beside the scene differs
+    assert [line.split(":")[0] for line in find_differences(stored, other)] == ["structure_hash"]
+
+
 def test_differences_are_named_by_their_keys() -> None:
     stored = {
         "scene": {"nodes": {"n1": {"position": [0.0, 1.0, 2.0]}}, "gravity": [0.0, 0.0, -9.81]},
