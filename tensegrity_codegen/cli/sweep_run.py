@@ -182,8 +182,10 @@ def _list_lines(outcome: SweepOutcome, operation: str) -> list[str]:
         for word, count in sorted(outcome.counts.items(), key=lambda item: -item[1])
     ]
     rate = f", {outcome.computed / outcome.seconds:,.0f} cases/s" if outcome.computed else ""
+    kept = outcome.finished - outcome.computed
+    before = f"; {kept:,} of them were there before" if kept else ""
     lines = [
-        f"{outcome.good:,} of {outcome.cases:,} cases are good ({operation}{rate})",
+        f"{outcome.good:,} of {outcome.cases:,} cases are good ({operation}{rate})" + before,
         *rows,
         f"wrote {outcome.path}; see: tensegrity-codegen sweep summary {outcome.path} -o page.html",
     ]

@@ -14,6 +14,7 @@ from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.scene_document import read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.key_sentences import describe_key
 from tensegrity_codegen.sweeps.plan import SweepPlan
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.version import VERSION
@@ -42,12 +43,13 @@ def identify_sweep(scene: SceneSource, cases: Cases, operation: Operation) -> di
 
 def describe_facts(scene: SceneSource, plan: SweepPlan, operation: Operation) -> dict[str, Any]:
     """Return what else is kept with the results: attributes of the data set, JSON-ready."""
-    structure = plan.groups[0].structure
+    structure, (document, _) = plan.groups[0].structure, read_scene_document(scene)
     return {
         "title": f"sweep of {structure.name}: {operation.name} of {plan.cases.count} cases",
         "source": f"tensegrity_codegen {VERSION}",
         "scene_name": structure.name,
         "scene_text": _read_text(scene),
+        "key_attributes": {key: describe_key(key, document, structure) for key in plan.cases.keys},
         "sampling_method": plan.cases.method,
         "seed": plan.cases.seed,
         "libraries": [

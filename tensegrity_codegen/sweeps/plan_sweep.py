@@ -113,7 +113,7 @@ class PlannedSweep:
         yield f"{len(plan.tasks)} tasks of up to {plan.layout.task_size:,} cases"
         workers = f"{self.workers} worker{'s' if self.workers > 1 else ''}"
         yield (
-            f"about {format_seconds(self.seconds)} with {workers} "
+            f"about {format_seconds(self.seconds)} of computing with {workers} "
             f"({format_seconds(self.case_seconds)} a case and core), "
             f"{format_bytes(plan.bytes or 0)} of results before compression"
         )

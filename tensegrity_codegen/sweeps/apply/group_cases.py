@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_LIBRARIES = 50  # without an express yes
+MOST_CONFIRMED = 1000  # with it
 MOST_TRIED = 300  # cases that are tried before a sweep without a good one is given up
 BLOCK = 65_536  # cases that are looked at together
 MIXED = 6  # probes with values between those of cases
@@ -166,16 +167,22 @@ class _GroupFinder:
         self, keys: tuple[int, ...], probes: Sequence[_Probe], yes: bool, option: str
     ) -> list[range | IntArray]:
         """Return the cases of each library, those that are no scene with the cases of the first one."""
-        labels, sets = self._label_sets(keys, None if yes else 20 * MOST_LIBRARIES)
+        most = MOST_CONFIRMED if yes else MOST_LIBRARIES
+        option = "" if yes else option
+        labels, sets = self._label_sets(keys, 20 * most)
         if not labels.size:
-            self._refuse(keys, probes, len(sets), option, at_least=True)
-        hashes = [self._hash_set(labels, number) for number in range(len(sets))]
-        distinct = list(dict.fromkeys(item for item in hashes if item))
+            self._refuse(keys, probes, most, option)
+        hashes: list[str] = []
+        distinct: dict[str, int] = {}
+        for number in range(len(sets)):
+            hashes.append(self._hash_set(labels, number))
+            if hashes[-1]:
+                distinct.setdefault(hashes[-1], len(distinct))
+            if len(distinct) > most:
+                self._refuse(keys, probes, most, option)
         if not distinct:
             self._raise_nothing_good(min(MOST_TRIED, self.cases.count))
-        if len(distinct) > MOST_LIBRARIES and not yes:
-            self._refuse(keys, probes, len(distinct), option)
-        group = np.array([distinct.index(item) if item else 0 for item in hashes], dtype=np.int64)
+        group = np.array([distinct[item] if item else 0 for item in hashes], dtype=np.int64)
         chosen = group[labels]
         return [_as_range(np.flatnonzero(chosen == number)) for number in range(len(distinct))]
 
@@ -206,9 +213,8 @@ class _GroupFinder:
         self,
         keys: tuple[int, ...],
         probes: Sequence[_Probe],
-        count: int,
+        most: int,
         option: str,
-        at_least: bool = False,
     ) -> None:
         names = ", ".join(self.assembler.keys[key].text for key in keys)
         changed = next(
@@ -216,10 +222,10 @@ class _GroupFinder:
         )
         what = f", since {' and '.join(changed)} cannot change at run time" if changed else ""
         raise InvalidValueError(
-            f"{'more than ' if at_least else ''}{count:,} libraries for the values of {names}{what}",
+            f"more than {most:,} libraries for the values of {names}{what}",
             where=self.assembler.where,
-            given=f"{count:,} sets of values",
-            allowed=f"up to {MOST_LIBRARIES} libraries; more with {option}",
+            allowed=f"up to {most:,} libraries"
+            + (f"; up to {MOST_CONFIRMED:,} with {option}" if option else ""),
             hint="give bars a mass in place of a density"
             if changed == ["member_mass"] and not any("density" in self.assembler.keys[k].text for k in keys)
             else f"fewer values, as {self.assembler.keys[keys[0]].text}=a,b,c",

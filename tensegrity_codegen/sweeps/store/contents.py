@@ -136,7 +136,8 @@ class StoreContents:
         return {**self.facts, **coordinates, "tensegrity_codegen_sweep": own}
 
     def _describe_key(self, key: str) -> dict[str, Any]:
-        return {"long_name": f"{key} of the scene"}
+        known: Mapping[str, dict[str, Any]] = self.facts.get("key_attributes", {})
+        return dict(known.get(key, {"long_name": f"{key} of the scene"}))
 
     def _axes(self) -> Iterator[StoredArray]:
         for axis in self.cases.axes:
