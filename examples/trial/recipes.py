@@ -17,7 +17,17 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.errors import CompilerMissingError
 from trial.browser import find_browser
 
-__all__ = ["BUNDLES", "EXAMPLES", "RECIPES", "Bundle", "Recipe", "Tool", "find_ament_python", "find_missing"]
+__all__ = [
+    "BUNDLES",
+    "CARGO",
+    "EXAMPLES",
+    "RECIPES",
+    "Bundle",
+    "Recipe",
+    "Tool",
+    "find_ament_python",
+    "find_missing",
+]
 
 EXAMPLES = Path(__file__).resolve().parents[1]
 
@@ -206,4 +216,8 @@ def find_missing(tool: Tool) -> bool:
         return False
     if tool is BROWSER:
         return find_browser() is None
-    return shutil.which(tool.program) is None
+    path = shutil.which(tool.program)
+    if path is None or tool is not CARGO:
+        return path is None
+    # rustup's cargo is a launcher, which may have no toolchain to launch
+    return subprocess.run([path, "--version"], capture_output=True, check=False).returncode != 0

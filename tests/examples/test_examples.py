@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import run
 from trial.browser import find_browser, read_page, read_text, serve
-from trial.recipes import RECIPES, Recipe, Tool
+from trial.recipes import CARGO, RECIPES, Recipe, Tool, find_missing
 from trial.rows import compare_rows, parse_rows
 from trial.trial import Libraries, Outcome, run_examples
 
@@ -177,3 +177,15 @@ def test_an_unknown_example_is_refused(
         run.main()
     assert stopped.value.code == 2
     assert "cobol" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the launcher of the test is a script of a shell")
+def test_a_launcher_without_a_toolchain_is_a_missing_tool(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    launcher = tmp_path / CARGO.program
+    for code in (1, 0):
+        launcher.write_text(f"#!/bin/sh\nexit {code}\n", encoding="utf-8")
+        launcher.chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path))
+        assert find_missing(CARGO) == bool(code)
