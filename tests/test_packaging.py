@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TEMPLATES = sorted(
     path.relative_to(ROOT / "templates").as_posix()
     for path in (ROOT / "templates").rglob("*.*")
-    if path.suffix in (".j2", ".c", ".h")
+    if path.suffix in (".j2", ".c", ".h", ".js", ".css")
 )
 EXAMPLES = sorted(path.name for path in (ROOT / "tensegrity_codegen/scene/examples").glob("*.toml"))
 MODULES = sorted(
