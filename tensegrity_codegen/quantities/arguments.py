@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from tensegrity_codegen.quantities.quantity import Quantity
 
-__all__ = ["ABOVE_ZERO", "ARGUMENT_ROWS", "FROM_ZERO"]
+__all__ = ["ABOVE_ZERO", "ARGUMENT_ROWS", "FROM_ZERO", "INPUT_UNITS"]
 
 # Arguments that a scene allows only above zero, or from zero on.
 ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness")
 FROM_ZERO = ("damping", "node_mass")
+
+# Units of inputs by their kind.
+INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 
 ARGUMENT_ROWS = (
     Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),

@@ -28,7 +28,7 @@ from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.translate import translate
 
-__all__ = ["LARGEST_FILE", "name_source", "parse_scene", "read_document", "read_scene"]
+__all__ = ["LARGEST_FILE", "name_source", "parse_scene", "read_document", "read_scene", "to_plain"]
 
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _HEADER = re.compile(r"^[ \t]*\[+([^\[\]\n]+)\]", re.MULTILINE)
@@ -86,7 +86,7 @@ def read_scene(path: str | Path | Mapping[str, Any] | Scene) -> Scene:
         return path
     if isinstance(path, Mapping):
         try:
-            return parse_scene(_plain(path))
+            return parse_scene(to_plain(path))
         except RecursionError:
             raise SceneSyntaxError("the scene is nested too deeply", where="scene") from None
     if not isinstance(path, str | os.PathLike):
@@ -104,12 +104,12 @@ def name_source(path: str | Path | Mapping[str, Any] | Scene) -> str:
     return "scene" if isinstance(path, Mapping | Scene) else str(path)
 
 
-def _plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """Return tables and lists of NumPy's as Python's own; other values as they are."""
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: to_plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [to_plain(item) for item in value]
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 

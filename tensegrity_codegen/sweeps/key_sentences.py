@@ -8,6 +8,7 @@ from typing import Any
 
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.quantities import ARGUMENTS, QUANTITIES
+from tensegrity_codegen.quantities.arguments import INPUT_UNITS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.array_keys import INPUT
 from tensegrity_codegen.sweeps.key_schema import root_place
@@ -17,7 +18,6 @@ __all__ = ["describe_key"]
 
 UNIT = re.compile(r"\[([^\]\d][^\]]*)\]")
 OF_SHAPES = {"nodes": "node_", "members": ""}
-INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 
 
 def describe_key(key: str, document: Mapping[str, Any], subject: Subject) -> dict[str, str]:

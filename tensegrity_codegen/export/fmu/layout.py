@@ -10,7 +10,7 @@ from math import prod
 
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO
+from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS
 from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["POSITION", "Argument", "Block", "Layout"]
@@ -18,7 +18,6 @@ __all__ = ["POSITION", "Argument", "Block", "Layout"]
 POSITION = "node_position"
 MARGINS = ("cable_margin", "switch_margin")
 LEAST = dict.fromkeys(ABOVE_ZERO, "above_zero") | dict.fromkeys(FROM_ZERO, "from_zero")
-INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 Parts = tuple[str | int, ...]
 
 

@@ -8,22 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
-from tensegrity_codegen.runtime.model.parameter_values import check_parameter_values
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 
-__all__ = ["check_arguments", "find_start", "read_schedule"]
+__all__ = ["find_start", "read_schedule"]
 
 FloatArray = NDArray[np.float64]
 
@@ -41,35 +40,6 @@ def find_start(
     """
     q, v = _read(model, "coordinate", coordinate), _read(model, "velocity", velocity)
     return np.concatenate(make_consistent(model, q, v, arguments))
-
-
-def check_arguments(model: CompiledModel, arguments: Mapping[str, Any]) -> None:
-    """Raise for a word that is no argument of the model at run time, or a value that no scene has.
-
-    UnknownNameError for the former; for values see `check_parameter_values`. A value None is not checked.
-    """
-    known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
-    for name in arguments:
-        if name not in known:
-            raise UnknownNameError(
-                "the model has no such argument at run time",
-                where="arguments",
-                given=name,
-                allowed=", ".join([*known, *model.manifest.input_name]) or "none",
-                hint=_explain_missing(model, name, known),
-            )
-    check_parameter_values(model.manifest, arguments)
-
-
-def _explain_missing(model: CompiledModel, name: str, known: list[str]) -> str:
-    """Return what to do about a word that is no argument at run time."""
-    if name in ("coordinate", "velocity"):
-        return "pass the initial state as coordinate= and velocity=, outside of arguments"
-    if name == INPUT:
-        return "the scene has no inputs: state them under [[inputs]] and build again"
-    if name in ARGUMENTS:
-        return f"it is a constant of this library: list it under [parameters] {name}, and build again"
-    return suggest(name, [*known, *model.manifest.input_name])
 
 
 def read_schedule(
@@ -102,7 +72,7 @@ def read_schedule(
         )
     manifest = model.manifest
     names = schedule.values if isinstance(schedule, Profile) else merge_inputs(manifest, schedule(0.0))
-    check_arguments(model, dict.fromkeys(unify_name(manifest, name) for name in names))
+    check_arguments(model.manifest, dict.fromkeys(unify_name(manifest, name) for name in names))
     if "anchor_position" in names:
         raise InvalidValueError(
             "anchor positions cannot change during a motion", where="schedule", given="anchor_position"

@@ -14,13 +14,14 @@ from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import check_arguments, find_start, read_schedule
+from tensegrity_codegen.runtime.simulate.given import find_start, read_schedule
 from tensegrity_codegen.runtime.simulate.motion_events import stop_at_contact
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.simulate.until_condition import stop_at_condition, watch_condition
@@ -133,7 +134,7 @@ def simulate(
     if isinstance(schedule, Profile):
         check_not_constant(schedule, arguments or {}, model.manifest.input_name)
     given = merge_inputs(model.manifest, arguments)
-    check_arguments(model, given)
+    check_arguments(model.manifest, given)
     drive = read_schedule(model, schedule, options, given, t_end)
     given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
     state = find_start(model, coordinate, velocity, given)

@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.integrate.batch_integration import (
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
+from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -27,7 +28,6 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.profiles.driven import check_not_constant
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
-from tensegrity_codegen.runtime.simulate.given import check_arguments
 from tensegrity_codegen.runtime.simulate.one_by_one import simulate_one_by_one
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
@@ -166,7 +166,7 @@ def _read_starts(
     arguments: Mapping[str, Any],
     schedules: Sequence[Profile | Schedule] | Profile | Schedule | None,
 ) -> _Starts:
-    check_arguments(model, arguments)
+    check_arguments(model.manifest, arguments)
     given = {
         name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
         for name, value in arguments.items()

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.quantities.arguments import INPUT_UNITS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["INPUT_UNITS", "list_columns", "list_input_units"]
+__all__ = ["list_columns", "list_input_units"]
 
-# Units of inputs by their kind.
-INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
 FIRST_OF_BATCH = "motion"
 
 

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tensegrity_codegen.scene.read import name_source, parse_scene, read_document
+from tensegrity_codegen.scene.read import name_source, parse_scene, read_document, to_plain
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes import expand_shape
 
@@ -23,7 +21,7 @@ def read_scene_document(scene: str | Path | Mapping[str, Any] | Scene) -> tuple[
         document = dict(scene)
     else:
         document = read_document(scene, known=frozenset(Scene.model_fields))
-    plain, where = _plain(document), name_source(scene)
+    plain, where = to_plain(document), name_source(scene)
     parse_scene(plain, where)
     return plain, where
 
@@ -38,12 +36,3 @@ def expand_document(document: Mapping[str, Any], where: str) -> dict[str, Any]:
     return rest | {
         section: {**made[section], **document.get(section, {})} for section in ("nodes", "members", "groups")
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return tables and lists as Python's own, numbers of NumPy as numbers."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else value

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.simulate.given import check_arguments
 
 __all__ = ["count_samples", "find_given", "find_start"]
 
@@ -55,5 +55,5 @@ def find_given(
     given = merge_inputs(model.manifest, arguments)
     if axial_stiffness is not None:
         given["axial_stiffness"] = np.asarray(axial_stiffness, dtype=float)
-    check_arguments(model, given)
+    check_arguments(model.manifest, given)
     return given

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.runtime.model.arguments import check_argument_names
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -130,16 +131,7 @@ def _read_starts(
 ) -> _Starts:
     require_double(model.manifest, "the search for an equilibrium")
     merged = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
-    known = [item.name for item in model.manifest.arguments if item.name not in ("coordinate", "velocity")]
-    for name in merged:
-        if name not in known:
-            raise UnknownNameError(
-                "the model has no such argument at run time",
-                where="arguments",
-                given=name,
-                allowed=", ".join([*known, *model.manifest.input_name]) or "none",
-                hint=suggest(name, [*known, *model.manifest.input_name]),
-            )
+    check_argument_names(model.manifest, merged)
     given = {
         name: to_batch(value, model.nominal(name).shape, model.library.precision, name)
         for name, value in merged.items()

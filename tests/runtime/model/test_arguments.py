@@ -10,8 +10,8 @@ import pytest
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.parameter_values import check_parameter_values
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES

@@ -1,0 +1,78 @@
+"""Names and values of arguments at run time that no scene has: unknown words, negative stiffnesses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
+
+__all__ = ["check_argument_names", "check_arguments", "check_parameter_values"]
+
+
+def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
+    """Raise for a word that is no argument of the model at run time, or a value that no scene has.
+
+    See `check_argument_names` and `check_parameter_values`. A value None is not checked.
+    """
+    check_argument_names(manifest, arguments)
+    check_parameter_values(manifest, arguments)
+
+
+def check_argument_names(manifest: Manifest, names: Iterable[str]) -> None:
+    """Raise UnknownNameError for a word that is no argument of the model at run time."""
+    known = [item.name for item in manifest.arguments if item.name not in ("coordinate", "velocity")]
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(
+                "the model has no such argument at run time",
+                where="arguments",
+                given=name,
+                allowed=", ".join([*known, *manifest.input_name]) or "none",
+                hint=_explain_missing(name, [*known, *manifest.input_name]),
+            )
+
+
+def _explain_missing(name: str, known: list[str]) -> str:
+    """Return what to do about a word that is no argument at run time."""
+    if name in ("coordinate", "velocity"):
+        return "pass the initial state as coordinate= and velocity=, outside of arguments"
+    if name == INPUT:
+        return "the scene has no inputs: state them under [[inputs]] and build again"
+    if name in ARGUMENTS:
+        return f"it is a constant of this library: list it under [parameters] {name}, and build again"
+    return suggest(name, known)
+
+
+def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
+    """Raise InvalidValueError for run-time parameters with values that no scene can have.
+
+    Rest lengths and stiffnesses are above zero, dampings and masses not negative. A stiffness that is zero in
+    the scene, since the member has the other kind, may stay zero. `compute` evaluates at any values.
+    """
+    for name in (*ABOVE_ZERO, *FROM_ZERO):
+        spec = next((item for item in manifest.arguments if item.name == name), None)
+        if spec is None or arguments.get(name) is None:
+            continue
+        try:
+            value = np.asarray(arguments[name], dtype=np.float64)
+        except (TypeError, ValueError):  # no array of numbers: refused where shapes are checked
+            continue
+        wrong = value < 0
+        if name in ABOVE_ZERO and value.shape[value.ndim - len(spec.shape) :] == spec.shape:
+            wrong = wrong | ((value == 0) & (np.reshape(spec.nominal, spec.shape) > 0))
+        if wrong.any():
+            at = tuple(int(k) for k in np.argwhere(wrong)[0])
+            element = spec.over[at[-1]] if spec.over and len(spec.over) == value.shape[-1] else str(list(at))
+            raise InvalidValueError(
+                "no structure has such a value",
+                where=f"arguments.{name}: {element}",
+                given=float(value[at]),
+                allowed="above 0" if name in ABOVE_ZERO else "0 or more",
+            )
