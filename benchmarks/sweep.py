@@ -104,7 +104,7 @@ def make_work(folder: Path, scene: dict[str, Any], operation: Operation, **optio
 
 def prepare_library(group: Any, operation: Operation) -> Any:
     """Return the library of a group of cases."""
-    from tensegrity_codegen.build import build_library
+    from tensegrity_codegen.libraries import build_library
 
     return build_library(group.structure, library_request(group, operation)).load()
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.analyses import equilibrium_quantities, find_needs, want_analyses
-from tensegrity_codegen.build import BuiltLibrary, build_library, check_buildable
 from tensegrity_codegen.errors import FormulationError
+from tensegrity_codegen.libraries import BuiltLibrary, build_library, check_buildable
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.analyses import equilibrium_quantities
-from tensegrity_codegen.build import build_library
 from tensegrity_codegen.formulations import choose_formulation, find_formulation
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.subject import Subject

@@ -18,7 +18,9 @@ import tensegrity_codegen
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
-    "build",
+    "libraries.build_library",
+    "libraries.built_library",
+    "libraries.compile_source",
     "controller.build_controller",
     "controller.simulate_batch",
     "controller.loaded",

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tensegrity_codegen import compile_scene, load_scene
-from tensegrity_codegen.build import BuiltLibrary
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.libraries import BuiltLibrary
 from tensegrity_codegen.pipeline import build_library
 from trial.expected import MOTOR, expect_mast, expect_tower
 from trial.recipes import BUNDLES, EXAMPLES, Recipe, Tool, find_ament_python, find_missing

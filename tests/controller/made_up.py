@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.build import build_library
 from tensegrity_codegen.controller.build_controller import build_controller
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains

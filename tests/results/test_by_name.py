@@ -7,8 +7,8 @@ import pytest
 
 from tensegrity_codegen import PlanResult, find_equilibrium, simulate, simulate_batch
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
 from tensegrity_codegen.errors import UnknownNameError
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.results.by_name import ByName, find_row
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tensegrity_codegen.analyses import find_needs
-from tensegrity_codegen.build import build_library
 from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.accuracy.choice import choose_method
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length

@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.build import build_library
 from tensegrity_codegen.errors import ClusterError, TensegrityError
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.sweeps.engines.cluster import connect, count_threads
 from tensegrity_codegen.sweeps.engines.engine import MOST_ATTEMPTS, FinishedTask
 from tensegrity_codegen.sweeps.engines.parcel import make_parcel

@@ -6,13 +6,13 @@ import platform
 import sys
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.build import BuiltLibrary, compile_source
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
 from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, read_contents
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.errors import CompilerMissingError
+from tensegrity_codegen.libraries import BuiltLibrary, compile_source
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject

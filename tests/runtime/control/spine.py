@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.outcome import PlanResult

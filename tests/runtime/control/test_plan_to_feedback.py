@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_codegen import Gust, design_kalman, design_lqr, plan, simulate_control, time_motion
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.actuators import Sensor
 from tests.runtime.control.structures import build_prism

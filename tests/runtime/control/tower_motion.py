@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.kalman import design_kalman

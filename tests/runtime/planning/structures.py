@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.analysis.prestress import find_prestress
 from tensegrity_codegen.runtime.analysis.rank import find_rank

@@ -10,9 +10,9 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from tensegrity_codegen.build import BuiltLibrary, build_library
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.errors import CompilerMissingError
+from tensegrity_codegen.libraries import BuiltLibrary, build_library
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.sweeps.engines import parcel as parcels
 from tensegrity_codegen.sweeps.engines.parcel import load_parcel, make_parcel

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.build import build_library
+from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium

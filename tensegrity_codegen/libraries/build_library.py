@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, read_contents
-from tensegrity_codegen.codegen.compilation.compile import compile_library, object_size
+from tensegrity_codegen.codegen.compilation.compile import object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_package,
     hash_request,
@@ -25,108 +24,19 @@ from tensegrity_codegen.codegen.compilation.flags import (
     describe_toolchain,
     find_flags,
 )
-from tensegrity_codegen.codegen.compilation.machine import find_instruction_sets
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
-from tensegrity_codegen.codegen.compilation.trial import check_foreign_library, check_library
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.libraries.built_library import BuiltLibrary
+from tensegrity_codegen.libraries.compile_source import compile_source, is_library_source, read_manifest
 from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.output_folder import write_folder
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.targets import Target, find_host, find_target
+from tensegrity_codegen.targets import Target, find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
 
-__all__ = ["BuiltLibrary", "build_library", "check_buildable", "compile_source"]
-
-
-@dataclass(frozen=True)
-class BuiltLibrary:
-    """A compiled library in the cache.
-
-    Attributes
-    ----------
-    entry : CacheEntry
-        Files of the library in the cache.
-    manifest : Manifest
-        Names, shapes, units and nominal values.
-    compiler, flags : str
-        Version of the compiler, and its options.
-    from_cache : bool
-        Whether the library was in the cache before.
-    seconds : float
-        Time to find or build it [s].
-    why_emitter : str
-        Reason for the emitter that the manifest names.
-    structure : Structure, BodySystem or None
-        What the library was made from, for the models that are loaded.
-    build_again : callable or None
-        Removes the entry from the cache and builds it again; None for a library that was just built.
-    """
-
-    entry: CacheEntry
-    manifest: Manifest
-    compiler: str
-    flags: str
-    from_cache: bool
-    seconds: float
-    why_emitter: str = ""
-    structure: Subject | None = field(default=None, repr=False, compare=False)
-    build_again: Callable[[], BuiltLibrary] | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def path(self) -> Path:
-        """Path of the shared library."""
-        if self.entry.library is None:
-            raise LibraryError(
-                "the cache entry has no library", where=str(self.entry.folder), hint="build again"
-            )
-        return self.entry.library
-
-    def load(self, *, precision: str | None = None) -> CompiledModel:
-        """Load the library into this process.
-
-        LibraryError if it is not of the `precision` asked for, or was built for another machine.
-
-        A library from the cache that does not load, as after a change of the system, is built again once.
-        """
-        try:
-            return CompiledModel(self.path, self.manifest, precision=precision, structure=self.structure)
-        except LibraryError:
-            foreign = self.manifest.target not in ("", find_host())
-            if self.build_again is None or foreign or precision not in (None, self.manifest.precision):
-                raise
-        return self.build_again().load(precision=precision)
-
-    def export(
-        self,
-        folder: str | Path,
-        *,
-        overwrite: bool = True,
-        inputs: Iterable[Path] = (),
-        wheel: bool = False,
-    ) -> Path:
-        """Copy sources, example, build files, manifest and library into a folder: all of them, or none.
-
-        SHA256SUMS lists what was written. Without `overwrite`, files in the folder that this package did not
-        write, or that were changed since, are an OutputError, as everything that cannot be written; files of
-        `inputs` are never replaced. wheel: whether to add a Python package of the library, which needs NumPy
-        alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
-        """
-        from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
-        from tensegrity_codegen.wheels.wheel import build_wheel
-
-        contents = dict(sorted(read_contents(self.entry).items()))
-        contents.pop("compile.log", None)
-        sources = [name for name in contents if name.endswith(".c") and name != "example.c"]
-        bundle = emit_bundle(self.manifest, sources, self.path.name)
-        contents |= {name: text.encode("utf-8") for name, text in bundle.items()}
-        if wheel:
-            contents |= dict([build_wheel(self.manifest, self.path)])
-        return write_folder(folder, contents, overwrite=overwrite, inputs=inputs, listed=True)
+__all__ = ["build_library", "check_buildable"]
 
 
 def build_library(
@@ -267,7 +177,7 @@ class _Identity:
 
 
 def _request_key(identity: _Identity, toolchain: str, measure: bool) -> str:
-    package = hash_package(Path(__file__).resolve().parent, template_folder())
+    package = hash_package(Path(__file__).resolve().parents[1], template_folder())
     return hash_text(
         identity.structure,
         identity.request,
@@ -282,17 +192,8 @@ def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEnt
     """Return the library that a request led to, if it is in the cache, and its manifest."""
     library_key = cache.lookup_request(request_key)
     entry = cache.find(library_key) if library_key else None
-    manifest = _read_manifest(entry, identity.matches) if entry is not None else None
+    manifest = read_manifest(entry, identity.matches) if entry is not None else None
     return (entry, manifest) if manifest is not None else (None, None)
-
-
-def _read_manifest(entry: CacheEntry, matches: Callable[[CacheEntry, Manifest], bool]) -> Manifest | None:
-    """Return the manifest of an entry, None unless the library is what it should be."""
-    try:
-        manifest = Manifest.read(entry.folder / MANIFEST_FILE)
-    except LibraryError:
-        return None
-    return manifest if matches(entry, manifest) else None
 
 
 def _emit(
@@ -307,14 +208,10 @@ def _emit(
     from tensegrity_codegen.codegen.emit import emit
 
     def size(files: Mapping[str, str]) -> int:
-        sources = {name: text for name, text in files.items() if _is_library_source(name)}
+        sources = {name: text for name, text in files.items() if is_library_source(name)}
         return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
 
     return emit(structure, request, size if measure else None)
-
-
-def _is_library_source(name: str) -> bool:
-    return name.endswith((".c", ".h")) and name != "example.c"
 
 
 def _compile(
@@ -336,78 +233,3 @@ def _compile(
         scene=identity.scene,
         matches=identity.matches,
     )
-
-
-def compile_source(
-    sources: Mapping[str, str],
-    manifest: Manifest,
-    *,
-    compiler: Compiler,
-    flags: FlagSet,
-    target: Target,
-    cache: Cache,
-    scene: str,
-    matches: Callable[[CacheEntry, Manifest], bool],
-) -> tuple[CacheEntry, Manifest]:
-    """Compile generated files into a library in the cache, or find it there.
-
-    Parameters
-    ----------
-    sources : mapping of str to str
-        Generated files by name.
-    manifest : Manifest
-        What they hold.
-    compiler, flags, target
-        How they are compiled, and for which machine.
-    cache : Cache
-        Cache of compiled libraries.
-    scene : str
-        Hash of the scene, kept beside the library.
-    matches : callable
-        Whether a library in the cache is the one that is wanted.
-
-    Returns
-    -------
-    entry : CacheEntry
-        Files of the library.
-    manifest : Manifest
-        The manifest with the instruction sets that native code uses.
-
-    Raises
-    ------
-    CompileError
-        The compiler failed.
-    OutputError
-        The cache cannot be written.
-    """
-    toolchain = describe_toolchain(compiler, flags, target)
-    key = hash_text(*(part for item in sorted(sources.items()) for part in item), toolchain)
-    with cache.lock(key):
-        entry = cache.find(key)
-        if entry is not None:
-            known = _read_manifest(entry, matches)
-            if known is not None:
-                return entry, known
-            cache.drop(key)
-        artifact = compile_library(
-            {name: text for name, text in sources.items() if _is_library_source(name)},
-            name=manifest.name,
-            compiler=compiler,
-            flags=flags,
-            target=target,
-        )
-        texts, manifest = dict(sources), replace(manifest, target=target.name)
-        if not flags.portable:
-            manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
-        texts["manifest.json"] = manifest.to_json()
-        files = {name: text.encode("utf-8") for name, text in texts.items()}
-        files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
-
-        def check(folder: Path) -> None:
-            library = folder / artifact.file_name
-            if target.name:
-                check_foreign_library(library, manifest, target, compiler, artifact.log)
-            else:
-                check_library(library, manifest, compiler, artifact.log)
-
-        return cache.store(key, files, scene=scene, check=check), manifest
