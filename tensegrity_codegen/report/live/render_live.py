@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 
 from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.report.live.channels import pack_text
 from tensegrity_codegen.report.live.live_scene import LiveScene
+from tensegrity_codegen.report.pages.html_template import html_template
 
 __all__ = ["live_folder", "render_live"]
 
@@ -47,7 +46,7 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
     channels = [{"name": name, "data": channel.data} for name, channel in scene.channels.items()]
     data = {**scene.data, "channels": {name: item.describe() for name, item in scene.channels.items()}}
     is_running = "engine" in scene.data
-    return _template().render(
+    return html_template("live", "page.html.j2").render(
         title=scene.title,
         headline=scene.headline,
         facts=scene.facts,
@@ -75,16 +74,3 @@ def _raw(text: str) -> Markup:
     if "</s" in text.lower():
         raise ValueError("text of a script or style that would end its element")
     return Markup(text)
-
-
-@functools.cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(live_folder()),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("page.html.j2")

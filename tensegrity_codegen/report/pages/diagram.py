@@ -22,7 +22,13 @@ __all__ = ["Diagram", "Series", "draw_diagram", "dress_axes"]
 
 WIDTH, HEIGHT = 4.9, 3.3
 TEXT_SIZE = 9.5
-DASHES = {"line": "solid", "dashed": (0.0, (5.0, 2.0)), "dotted": (0.0, (1.2, 1.8)), "points": "none"}
+DASHES = {
+    "line": "solid",
+    "dashed": (0.0, (5.0, 2.0)),
+    "dotted": (0.0, (1.2, 1.8)),
+    "dashdot": (0.0, (5.0, 1.6, 1.2, 1.6)),
+    "points": "none",
+}
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class Series:
     name: str
     x: ArrayLike
     y: ArrayLike
-    style: Literal["line", "dashed", "dotted", "points"] = "line"
+    style: Literal["line", "dashed", "dotted", "dashdot", "points"] = "line"
     color: int = 0
     marker: str = ""
 

@@ -126,6 +126,7 @@ class Entry:
 class Page:
     """All of a page; `entries` closes it under the heading `entries_title`; facts stand in its foot.
 
+    title: the finding in numbers, computed from the data; subject: what the page is about, in a few words;
     summary_heads: headings of the table that opens the page.
     """
 
@@ -136,6 +137,7 @@ class Page:
     entries: tuple[Entry, ...] = ()
     facts: tuple[str, ...] = ()
     summary_heads: tuple[str, str, str] = ("in the paper", "what", "result")
+    subject: str = ""
 
     def __post_init__(self) -> None:
         anchors = [anchor for anchor, _ in self._anchors()]
@@ -150,6 +152,7 @@ class Page:
         """Return all words and numbers of the page, pictures as the data that they were drawn from."""
         return {
             "title": self.title,
+            "subject": self.subject,
             "papers": [
                 {
                     "name": chapter.name,

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from tensegrity_codegen.report.number_text import format_number
+from tensegrity_codegen.report.pages.table_width import ColumnText, choose_layout
 
 __all__ = ["Cell", "Column", "Table", "compare_cell", "compare_cells", "number_cell", "text_cell"]
+
+MOST_ROWS = 14  # of a table that is shown as a whole
+HEAD_ROWS = 8
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,11 @@ class Column:
     name: str
     unit: str = ""
     numeric: bool = True
+
+    @property
+    def heading(self) -> str:
+        """Heading and unit on one line."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
 @dataclass(frozen=True)
@@ -33,18 +42,62 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with its caption; every row has a cell for every column; `note` says how to read it."""
+    """A table with its caption; every row has a cell for every column; `note` says how to read it.
+
+    Of more than MOST_ROWS rows those with the indices `head` are shown (the first HEAD_ROWS where it is
+    empty), `head_note` says which they are ("the 5 largest errors"), and all rows are folded below.
+    folded: text of the line that opens a table which is folded as a whole.
+    """
 
     caption: str
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     kind: str = "table"
+    head: tuple[int, ...] = ()
+    head_note: str = ""
+    folded: str = ""
 
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"{self.caption}: a row of {len(row)} cells, {len(self.columns)} columns")
+
+    @property
+    def is_long(self) -> bool:
+        """Whether rows are folded."""
+        return len(self.rows) > MOST_ROWS
+
+    @property
+    def head_rows(self) -> tuple[tuple[Cell, ...], ...]:
+        """The rows of a long table that are always visible."""
+        return tuple(self.rows[k] for k in self.head) if self.head else self.rows[:HEAD_ROWS]
+
+    @property
+    def head_text(self) -> str:
+        """Which rows of a long table are visible, in words."""
+        count = len(self.head_rows)
+        if self.head_note:
+            return self.head_note
+        return f"the first {count}" if not self.head else f"{count} of {len(self.rows):,} rows"
+
+    @property
+    def row_count(self) -> str:
+        """The number of rows, in words."""
+        return f"{len(self.rows):,} row{'' if len(self.rows) == 1 else 's'}"
+
+    @property
+    def layout(self) -> str:
+        """The CSS classes by which narrow screens lay it out."""
+        columns = [
+            ColumnText(
+                column.numeric,
+                (column.name, column.unit),
+                [text for row in self.rows for _, text in row[k].lines],
+            )
+            for k, column in enumerate(self.columns)
+        ]
+        return choose_layout(columns)
 
     def as_dict(self) -> dict[str, Any]:
         """Return caption, columns and the values of the rows."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import re
 
-import jinja2
 from markupsafe import Markup, escape
 
-from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.report.number_text import lower_indices
+from tensegrity_codegen.report.pages.html_template import html_template
 from tensegrity_codegen.report.pages.page import VERDICTS, Page
+from tensegrity_codegen.report.pages.table_width import HINT_WIDTHS
 from tensegrity_codegen.report.pages.theme import THEME
 
 __all__ = ["render_page"]
@@ -21,23 +20,8 @@ UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µ
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
-    return (
-        _environment().get_template("report_page.html.j2").render(page=page, theme=THEME, verdicts=VERDICTS)
-    )
-
-
-@functools.cache
-def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_folder()),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["rich"] = _enrich
-    return environment
+    words = {"theme": THEME, "verdicts": VERDICTS, "hint_widths": HINT_WIDTHS}
+    return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **words)
 
 
 def _enrich(text: str) -> Markup:

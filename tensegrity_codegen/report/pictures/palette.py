@@ -35,8 +35,8 @@ SLACK = "#8c949c"
 NODE = "#f4f6f8"
 UNKNOWN = "#f2e2a0"  # a member whose tension is not known; on no scale of tensions
 
-# Lines of a diagram, in the order in which they are used.
-SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+# Lines of a diagram, in the order in which they are used: each has a contrast of at least 3 to white paper.
+SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60")
 
 # Compression, none, tension.
 _DIVERGING = ("#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04")
