@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from site_pages.markdown import escape, write_item
-from tensegrity_codegen.scene.schema.schema import scene_json_schema
+from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 
 __all__ = ["write_scene_keys"]
 

@@ -21,7 +21,7 @@ from tensegrity_codegen.errors import (
 )
 from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
-from tensegrity_codegen.scene.schema.schema import scene_json_schema
+from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 
 __all__ = ["translate"]
 

@@ -20,7 +20,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
-from tensegrity_codegen.scene.schema.schema import INTEGRATORS
+from tensegrity_codegen.scene.schema.model_schema import INTEGRATORS
 from tensegrity_codegen.tableaus import TABLEAUS
 from tests.runtime.build import bar, cable, make_structure
 from tests.tableaus.test_tableaus import dense, matrix

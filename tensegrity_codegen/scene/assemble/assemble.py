@@ -17,7 +17,8 @@ from tensegrity_codegen.scene.assemble.targets import Targets, build_inputs, bui
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.geometry import check_freedom
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.schema import ForceInput, Load, RestLengthInput, Scene, SceneParts
+from tensegrity_codegen.scene.schema.part_schema import ForceInput, Load, RestLengthInput
+from tensegrity_codegen.scene.schema.schema import Scene, SceneParts
 from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
 from tensegrity_codegen.structure.inertia_plan import find_massless

@@ -35,7 +35,8 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.body_schema import (
     Tendon,
 )
-from tensegrity_codegen.scene.schema.schema import Member, MemberClass, Scene
+from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import (
     Bar,
     BodyInput,

@@ -18,7 +18,8 @@ from tensegrity_codegen.scene.schema.body_schema import (
     PointLoad,
     TorqueInput,
 )
-from tensegrity_codegen.scene.schema.schema import RestLengthInput, Scene
+from tensegrity_codegen.scene.schema.part_schema import RestLengthInput
+from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import (
     BodyInput,
     BodyLoad,

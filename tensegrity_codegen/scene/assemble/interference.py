@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.schema import Interference
+from tensegrity_codegen.scene.schema.part_schema import Interference
 
 __all__ = ["find_bar_pairs"]
 

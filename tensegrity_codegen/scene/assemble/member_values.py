@@ -16,7 +16,7 @@ from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, sugge
 from tensegrity_codegen.laws import LAWS
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
-from tensegrity_codegen.scene.schema.schema import Member, MemberClass
+from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
 
 __all__ = ["STIFFNESS", "Columns", "resolve_values"]
 

@@ -15,7 +15,7 @@ from tensegrity_codegen.scene.assemble.member_values import STIFFNESS, Columns, 
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, compute_member_length
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
-from tensegrity_codegen.scene.schema.schema import Member, MemberClass
+from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
 
 __all__ = ["build_member_arrays", "compute_rest_length"]
 

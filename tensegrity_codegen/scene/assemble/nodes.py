@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.schema import Load, Node
+from tensegrity_codegen.scene.schema.part_schema import Load, Node
 
 __all__ = ["build_node_arrays", "spread_vectors"]
 

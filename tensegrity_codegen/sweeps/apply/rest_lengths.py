@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.laws import LINEAR
 from tensegrity_codegen.scene.assemble.assemble import list_parts
 from tensegrity_codegen.scene.assemble.member_values import Columns, resolve_values
-from tensegrity_codegen.scene.schema.schema import Member
+from tensegrity_codegen.scene.schema.part_schema import Member
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.kinematics import compute_node_position

@@ -4,8 +4,9 @@ import pytest
 from pydantic import ValidationError
 
 from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
-from tensegrity_codegen.scene.schema import schema
-from tensegrity_codegen.scene.schema.schema import Parameters, Scene, scene_json_schema
+from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.scene.schema.model_schema import EMITTERS, FORMULATIONS, INTEGRATORS, Parameters
+from tensegrity_codegen.scene.schema.schema import Scene
 from tests.scene.samples import ARCH
 
 
@@ -52,9 +53,9 @@ def test_numbers_with_dimension_state_their_unit():
 def test_schema_offers_the_known_words():
     model = scene_json_schema()["$defs"]["ModelOptions"]["properties"]
     assert model["quantities"]["items"]["enum"] == list(QUANTITIES)
-    assert model["formulation"]["enum"] == list(schema.FORMULATIONS)
-    assert model["emitter"]["enum"] == list(schema.EMITTERS)
-    assert model["integrators"]["items"]["enum"] == list(schema.INTEGRATORS)
+    assert model["formulation"]["enum"] == list(FORMULATIONS)
+    assert model["emitter"]["enum"] == list(EMITTERS)
+    assert model["integrators"]["items"]["enum"] == list(INTEGRATORS)
 
 
 def test_schema_has_no_null_since_toml_has_none():

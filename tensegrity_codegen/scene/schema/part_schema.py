@@ -1,0 +1,99 @@
+"""Nodes, members, loads, inputs and pairs of bars of a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import (
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+)
+
+from tensegrity_codegen.scene.schema.schema_types import (
+    Anchored,
+    MemberValues,
+    Name,
+    Positive,
+    Reference,
+    References,
+    Table,
+    Vector,
+    tag_by_type,
+)
+
+__all__ = ["ForceInput", "Interference", "Load", "Member", "MemberClass", "Node", "RestLengthInput"]
+
+
+class MemberClass(MemberValues):
+    """Values that many members share."""
+
+    kind: Literal["bar", "cable"] = Field(
+        description="A bar takes both signs of force, a cable tension only."
+    )
+
+
+class Member(MemberValues):
+    """One member between two nodes: a class with overrides, or a kind with all values in place."""
+
+    class_name: Reference | None = Field(None, alias="class", description="Name of a member class.")
+    kind: Literal["bar", "cable"] | None = Field(
+        None, description="Only without a class: a bar takes both signs of force, a cable tension only."
+    )
+    nodes: Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2, max_length=2)] = Field(
+        description="The two nodes that the member joins; the member vector is first minus second."
+    )
+
+
+class Node(Table):
+    """One point: where it is, what it weighs, on which axes it is held."""
+
+    position: Vector = Field(description="Position [m]: 3 numbers, or one for each modelled axis.")
+    mass: Positive | None = Field(None, description="Point mass [kg]; bars add their own.")
+    anchored: Anchored = Field(
+        False, description='Anchored: true (all axes), false, or the anchored axes, for example "xz".'
+    )
+    velocity: Vector | None = Field(None, description="Velocity at the start [m/s]; 0 on anchored axes.")
+
+
+class Load(Table):
+    """A constant force on one node."""
+
+    node: Reference = Field(description="Name of the node.")
+    force: Vector = Field(description="Force [N], constant in direction.")
+
+
+class RestLengthInput(Table):
+    """An actuator: its value u [m] is added to the rest length of every listed member."""
+
+    kind: Literal["rest_length"] = Field(description="Kind of input.")
+    name: Name = Field(description="Name of the input.")
+    members: References = Field(description="Names of members, groups or classes.")
+
+
+class ForceInput(Table):
+    """A force of value u [N] along `direction` on every listed node."""
+
+    kind: Literal["force"] = Field(description="Kind of input.")
+    name: Name = Field(description="Name of the input.")
+    nodes: References = Field(description="Names of nodes.")
+    direction: Vector = Field(description="Direction of the force; normalised, so only its direction counts.")
+
+
+class Interference(Table):
+    """Which bars may touch."""
+
+    pairs: Annotated[
+        Annotated[Literal["all"], Tag("@all")]
+        | Annotated[
+            Annotated[
+                tuple[
+                    Annotated[tuple[Reference, ...], Strict(False), Field(min_length=2, max_length=2)], ...
+                ],
+                Strict(False),
+            ],
+            Tag("@names"),
+        ],
+        Discriminator(tag_by_type(str, "@all", "@names")),
+    ] = Field("all", description='Pairs of bars whose distance is computed: "all", or a list of [bar, bar].')
