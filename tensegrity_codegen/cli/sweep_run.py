@@ -83,6 +83,14 @@ class SweepCall:
             check_store_name(self.out)
         check_engine(self.workers, self.scheduler, self.wait)
         check_stop_after(self.stop_after)
+        if self.overwrite and self.format is None:
+            raise InvalidValueError(
+                "nothing that could be replaced",
+                where="--overwrite",
+                allowed="with --format, for the table beside the folder",
+                hint="a folder of results is never replaced: the same command goes on with it, and another "
+                "sweep needs another name in --out",
+            )
         if self.format is not None:
             from tensegrity_codegen.sweeps.store.table import check_table
 

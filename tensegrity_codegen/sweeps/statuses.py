@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import check_choice
 
-__all__ = ["GOOD", "STATUSES", "decode_statuses", "encode_status", "encode_statuses", "is_good"]
+__all__ = [
+    "GOOD",
+    "NOT_COMPUTED",
+    "STATUSES",
+    "decode_statuses",
+    "encode_status",
+    "encode_statuses",
+    "is_good",
+]
 
 StatusArray = NDArray[np.int8]
 
@@ -33,6 +41,8 @@ STATUSES = (
     "bad_input",  # the values of this case make no scene; the message says why
     "set_aside",  # not computed: the task of this case ended the processes that ran it
 )
+
+NOT_COMPUTED = "not_computed"  # the word of cases whose task is not finished
 
 # The words of cases whose results are there; rows of all others are NAN.
 GOOD = ("ok", "converged", "rounding_limited")

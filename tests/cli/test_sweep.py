@@ -160,7 +160,7 @@ def test_after_ctrl_c_what_is_finished_is_kept(
     assert ended.out == ""
     assert "c.zarr keeps what is finished" in ended.err
     left = run("sweep", "summary", "c.zarr", "--json").data
-    assert (left["n_good"], left["n_not_run"]) == (8, 8)
+    assert (left["n_good"], left["n_not_computed"], left["n_not_run"]) == (8, 8, 8)
     again = run(*words).data
     assert (again["n_computed"], again["n_good"]) == (8, 16)
 
@@ -211,6 +211,7 @@ BAD = {
     "option of another operation": (("--over", "gravity[2]=1,2", "--t-end", "1"), "--t-end"),
     "no workers": (("--over", "gravity[2]=1,2", "--workers", "0"), "--workers"),
     "no such format": (("--over", "gravity[2]=1,2", "--format", "xls"), "parquet"),
+    "nothing to replace": (("--over", "gravity[2]=1,2", "--overwrite"), "--format"),
     "task size": (("--over", "gravity[2]=1,2", "--task-size", "0"), "--task-size"),
     "stop after": (("--over", "gravity[2]=1,2", "--stop-after", "0"), "--stop-after"),
     "sampling of no sample": (("--over", "gravity[2]=1,2", "--sampling", "sobol"), "--sampling"),

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.statuses import STATUSES
+from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.tasks.operation import Output
 
-__all__ = ["MESSAGE", "NOT_COMPUTED", "RECORD", "STATUS", "StoreContents", "StoredArray"]
+__all__ = ["MESSAGE", "NOT_COMPUTED_CODE", "RECORD", "STATUS", "StoreContents", "StoredArray"]
 
 STATUS, MESSAGE, RECORD, TASK = "status", "message", "task_record", "task"
-NOT_COMPUTED = -1  # status of a case whose task is not finished
-NOT_COMPUTED_WORD = "not_computed"
+NOT_COMPUTED_CODE = -1  # status of a case whose task is not finished
 OWN_NAMES = (STATUS, MESSAGE, RECORD, TASK, "case", "sample")
 TEXT = "string"
 
@@ -156,10 +155,10 @@ class StoreContents:
 
     def _results(self) -> Iterator[StoredArray]:
         shape, chunk, dims = self.layout.shape, self.layout.chunk, self.case_dims
-        words = [NOT_COMPUTED_WORD, *STATUSES]
+        words = [NOT_COMPUTED, *STATUSES]
         flags = {"flag_values": list(range(-1, len(STATUSES))), "flag_meanings": " ".join(words)}
         sentence = {"long_name": "how the case ended", **flags}
-        yield StoredArray(STATUS, dims, shape, chunk, "int8", NOT_COMPUTED, sentence)
+        yield StoredArray(STATUS, dims, shape, chunk, "int8", NOT_COMPUTED_CODE, sentence)
         sentence = {"long_name": "why the case ended so, where there is something to say"}
         yield StoredArray(MESSAGE, dims, shape, chunk, TEXT, "", sentence)
         for output in self.outputs:

@@ -16,8 +16,8 @@ from tensegrity_codegen.extras import SWEEP, TABLES, import_extra
 from tensegrity_codegen.files import check_ending, check_output, replaced
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.statuses import STATUSES
-from tensegrity_codegen.sweeps.store.contents import MESSAGE, NOT_COMPUTED_WORD, RECORD, STATUS
+from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
+from tensegrity_codegen.sweeps.store.contents import MESSAGE, RECORD, STATUS
 from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, read_stored_sweep
 
 __all__ = ["TABLE_FORMATS", "check_table", "write_sweep_table"]
@@ -140,7 +140,7 @@ class _SweepTable:
 
     def pieces(self) -> Iterator[list[NDArray[Any]]]:
         """Give the columns of the cases of one task after the other."""
-        words = np.array([*STATUSES, NOT_COMPUTED_WORD], dtype=object)
+        words = np.array([*STATUSES, NOT_COMPUTED], dtype=object)
         for task in range(self.layout.n_tasks):
             box, (first, last) = self.layout.box_of(task), self.layout.cases_of(task)
             shape = tuple(part.stop - part.start for part in box)

@@ -115,7 +115,7 @@ def draw_heat_map(results: SweepResults, places: tuple[int, int], result: Chosen
 
 def draw_failures(results: SweepResults, places: Sequence[int], name: str) -> Figure:
     """Return where cases failed: part of failed cases over one key, or over two."""
-    run = results.is_run
+    run = results.is_computed
     failed = np.where(results.is_good[run], 0.0, 100.0)
     columns = [results.key_values[run, place] for place in places[:2]]
     keys = [results.keys[place] for place in places[:2]]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.statuses import GOOD
-from tensegrity_codegen.sweeps.summary.results import NOT_RUN, SweepResults
+from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
+from tensegrity_codegen.sweeps.summary.results import SweepResults
 
 __all__ = ["Ending", "KeyDifference", "count_endings", "describe_count", "find_failing_keys"]
 
@@ -46,15 +46,15 @@ def count_endings(results: SweepResults) -> tuple[Ending, ...]:
         if len(cases):
             first = int(cases[0])
             endings.append(Ending(word, word in GOOD, len(cases), first, results.message(first)))
-    return tuple(sorted(endings, key=lambda item: (not item.good, item.status == NOT_RUN, -item.count)))
+    return tuple(sorted(endings, key=lambda item: (not item.good, item.status == NOT_COMPUTED, -item.count)))
 
 
 def describe_count(results: SweepResults) -> str:
     """Return the finding in a few words: "9,987 of 10,000 cases converged"."""
-    good, left = int(results.is_good.sum()), int((~results.is_run).sum())
+    good, left = int(results.is_good.sum()), int((~results.is_computed).sum())
     verb = VERBS.get(results.operation, "are ok")
     text = f"{good:,} of {results.count:,} cases {verb}"
-    return f"{text}, {left:,} not run yet" if left else text
+    return f"{text}, {left:,} not computed yet" if left else text
 
 
 def find_failing_keys(results: SweepResults) -> tuple[KeyDifference, ...]:
@@ -66,7 +66,7 @@ def find_failing_keys(results: SweepResults) -> tuple[KeyDifference, ...]:
     cases failed and some are good.
     """
     good = results.is_good
-    failed = results.is_run & ~good
+    failed = results.is_computed & ~good
     if not (good.any() and failed.any()):
         return ()
     rows = []

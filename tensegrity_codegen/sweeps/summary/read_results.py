@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.statuses import STATUSES
-from tensegrity_codegen.sweeps.store.contents import MESSAGE, NOT_COMPUTED, RECORD, STATUS
+from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
+from tensegrity_codegen.sweeps.store.contents import MESSAGE, NOT_COMPUTED_CODE, RECORD, STATUS
 from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, StoredSweep, read_stored_sweep
-from tensegrity_codegen.sweeps.summary.results import NOT_RUN, KeptQuantity, SweepResults
+from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 
 __all__ = ["read_results"]
 
@@ -56,8 +56,8 @@ def read_results(path: str | Path) -> SweepResults:
         ranges=_describe_ranges(cases),
         seed=cases.get("points", {}).get("seed"),
         key_values=_spread(columns, n_axes, layout),
-        status=np.where(codes == NOT_COMPUTED, len(STATUSES), codes),
-        words=(*STATUSES, NOT_RUN),
+        status=np.where(codes == NOT_COMPUTED_CODE, len(STATUSES), codes),
+        words=(*STATUSES, NOT_COMPUTED),
         message=lambda case: _read_message(group, layout, case),
         kept=_find_kept(group, set(keys.values()), layout),
     )

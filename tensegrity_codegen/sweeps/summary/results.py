@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.sweeps.statuses import GOOD
+from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 
-__all__ = ["NOT_RUN", "KeptQuantity", "SweepResults"]
+__all__ = ["KeptQuantity", "SweepResults"]
 
 FloatArray = NDArray[np.float64]
-
-NOT_RUN = "not_run"  # the word of cases that no finished task holds
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,7 @@ class KeptQuantity:
         What stands along each dimension, as texts or numbers.
     blocks : callable
         blocks() yields (first, values): the first case and the values (n, *shape) of consecutive cases, read
-        one after the other; cases that were not run need not be among them.
+        one after the other; cases that are not computed need not be among them.
     """
 
     name: str
@@ -110,9 +108,9 @@ class SweepResults:
         return np.isin(self.status, [k for k, word in enumerate(self.words) if word in GOOD])
 
     @property
-    def is_run(self) -> NDArray[np.bool_]:
-        """Which cases were run, shape (count,)."""
-        return np.isin(self.status, [k for k, word in enumerate(self.words) if word != NOT_RUN])
+    def is_computed(self) -> NDArray[np.bool_]:
+        """Which cases are computed, shape (count,)."""
+        return np.isin(self.status, [k for k, word in enumerate(self.words) if word != NOT_COMPUTED])
 
     @property
     def is_grid(self) -> bool:

@@ -68,13 +68,15 @@ class SweepSummary:
     def as_dict(self) -> dict[str, Any]:
         """Return the summary in plain types."""
         results = self.results
+        left = int((~results.is_computed).sum())
         return {
             "scene": results.scene,
             "do": results.operation,
             "headline": self.headline,
             "n_cases": results.count,
             "n_good": int(results.is_good.sum()),
-            "n_not_run": int((~results.is_run).sum()),
+            "n_not_computed": left,
+            "n_not_run": left,  # the same by its former name
             "method": results.method,
             "seed": results.seed,
             "keys": [_describe_key(results, place) for place in range(len(results.keys))],

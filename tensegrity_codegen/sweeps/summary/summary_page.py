@@ -104,9 +104,14 @@ def _outcome(summary: SweepSummary) -> Section:
     )  # fmt: skip
     note = "Cases are numbered from 0; the message is that of the first case with this status."
     blocks: list[Block] = [Table("How cases ended", columns, rows, note)]
-    left = int((~summary.results.is_run).sum())
+    left = int((~summary.results.is_computed).sum())
     if left:
-        blocks.append(Remark("differs", f"{left:,} cases are not run yet: call sweep again to run them."))
+        blocks.append(
+            Remark(
+                "differs",
+                f"{left:,} cases are not computed yet: the same command of sweep goes on with them.",
+            )
+        )
     return Section("outcome", "all", "Outcome", "plain", summary.headline, tuple(blocks))
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.statuses import GOOD
+from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
-from tensegrity_codegen.sweeps.summary.results import NOT_RUN, SweepResults
+from tensegrity_codegen.sweeps.summary.results import SweepResults
 
 __all__ = ["BuildCommands", "WorstCase", "find_worst_cases"]
 
@@ -43,7 +43,7 @@ def find_worst_cases(
     """
     reasons: dict[int, list[str]] = {}
     for place, word in enumerate(results.words):
-        if word in GOOD or word == NOT_RUN:
+        if word in GOOD or word == NOT_COMPUTED:
             continue
         for case in np.flatnonzero(results.status == place)[:most].tolist():
             reasons.setdefault(case, []).append(word.replace("_", " "))

@@ -14,7 +14,7 @@ from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 FloatArray = NDArray[np.float64]
 
 MESSAGES = ("", "", "nothing balances the loads", "no convergence in 100 steps", "")
-WORDS = ("ok", "converged", "no_equilibrium", "not_converged", "not_run")
+WORDS = ("ok", "converged", "no_equilibrium", "not_converged", "not_computed")
 
 
 def split(values: FloatArray) -> Iterator[tuple[int, FloatArray]]:

@@ -9,9 +9,9 @@ import pytest
 
 from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.statuses import STATUSES
+from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.summary.read_results import read_results
-from tensegrity_codegen.sweeps.summary.results import NOT_RUN, SweepResults
+from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tests.sweeps.store.conftest import KINDS, OUTPUTS, make_contents, make_result
 
@@ -54,12 +54,12 @@ def test_cases_and_results_are_those_that_were_written(kind: str, tmp_path: Path
 
 def test_a_sweep_that_is_not_finished_has_a_summary(tmp_path: Path) -> None:
     found = write_sweep(tmp_path / "a.zarr", KINDS["sample"], missing=2)
-    left = int((~found.is_run).sum())
+    left = int((~found.is_computed).sum())
     assert 4 < left <= 8
-    assert found.words[found.status[-1]] == NOT_RUN
-    assert set(found.words) == {*STATUSES, NOT_RUN}
+    assert found.words[found.status[-1]] == NOT_COMPUTED
+    assert set(found.words) == {*STATUSES, NOT_COMPUTED}
     summary = summarize(found, ["tension[c1]"])
-    assert summary.headline.endswith(f"{left} not run yet")
+    assert summary.headline.endswith(f"{left} not computed yet")
     assert summary.chosen[0].distribution.count == int(found.is_good.sum())
 
 

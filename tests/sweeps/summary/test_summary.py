@@ -32,10 +32,10 @@ def test_endings_are_counted_with_their_first_message() -> None:
     assert summary.headline == f"{counts['converged']:,} of 2,000 cases converged"
 
 
-def test_cases_that_were_not_run_are_no_failures() -> None:
+def test_cases_that_are_not_computed_are_no_failures() -> None:
     sweep = make_sweep(np.zeros((4, 1)), ["a"], [], status=[1, 4, 1, 4])
     summary = summarize(sweep)
-    assert summary.headline == "2 of 4 cases converged, 2 not run yet"
+    assert summary.headline == "2 of 4 cases converged, 2 not computed yet"
     assert summary.failing == ()
     assert summary.worst == ()
 
