@@ -36,6 +36,16 @@ export function buildArrows(model, textures) {
   const support = 1.1 * supportSize(model);
   const longest = LONGEST * crowd * model.size;
   const scale = Math.min(scaleOf(longest, largestLoad(model, loaded)), scaleOf(longest, model.scene.largest_reaction));
+  const put = (nodes, place, node, force, first, factor, gap) => {
+    let size = 0;
+    for (let c = 0; c < 3; c++) {
+      const value = factor * force[first + c];
+      rows[8 * place + 4 + c] = Number.isFinite(value) ? value : 0;
+      size += rows[8 * place + 4 + c] ** 2;
+    }
+    const away = 1 + gap / (Math.sqrt(size) || 1);
+    for (let c = 0; c < 3; c++) rows[8 * place + c] = nodes[3 * node + c] - away * rows[8 * place + 4 + c];
+  };
   return {
     mesh,
     points: () => Array.from({ length: count }, (_, k) => Array.from(rows.subarray(8 * k, 8 * k + 3))).flat(),
@@ -46,19 +56,8 @@ export function buildArrows(model, textures) {
     },
     /** A load ends at its node, a reaction too: both push the node from outside. */
     show(state) {
-      const put = (place, node, x, y, z, factor, gap) => {
-        const vector = [x, y, z].map((value) => (Number.isFinite(value) ? value * factor : 0));
-        const away = gap / (Math.hypot(...vector) || 1);
-        for (let c = 0; c < 3; c++) {
-          rows[8 * place + 4 + c] = vector[c];
-          rows[8 * place + c] = state.nodes[3 * node + c] - (1 + away) * vector[c];
-        }
-      };
-      loaded.forEach((node, k) => put(k, node, ...model.load.slice(3 * node, 3 * node + 3), scale, 0.012 * model.size));
-      model.held.forEach((node, k) => {
-        const force = state.reaction.subarray(3 * k, 3 * k + 3);
-        put(loaded.length + k, node, ...force, scale, support);
-      });
+      loaded.forEach((node, k) => put(state.nodes, k, node, model.load, 3 * node, scale, 0.012 * model.size));
+      model.held.forEach((node, k) => put(state.nodes, loaded.length + k, node, state.reaction, 3 * k, scale, support));
       texture.needsUpdate = true;
     },
   };

@@ -6,6 +6,12 @@ const largest = (values) => {
   return most;
 };
 
+/** Write a value for each member into `out`, which it returns. */
+function fill(out, valueOf) {
+  for (let e = 0; e < out.length; e++) out[e] = valueOf(e);
+  return out;
+}
+
 /** Return the largest known size of a channel over all its rows. */
 function largestOf(channel) {
   const row = new Float64Array(channel.width);
@@ -19,22 +25,22 @@ export function buildColorings(model) {
   const { tension, area, use } = model;
   const found = { kind: { label: "kind", unit: "", scale: null, values: () => null } };
   found.tension = {
-    label: "tension", unit: "N", scale: "diverging", limit: model.tensionLimit ?? largestOf(tension),
+    label: "tension", meaning: "tension, compression negative", unit: "N", scale: "diverging", limit: model.tensionLimit ?? largestOf(tension),
     values: (state) => state.tension,
   };
   found.density = {
     label: "force density", unit: "N/m", scale: "diverging", limit: densityLimit(model),
-    values: (state, out) => out.map((_, e) => state.tension[e] / state.length[e]),
+    values: (state, out) => fill(out, (e) => state.tension[e] / state.length[e]),
   };
   if (area.some((value) => value > 0)) {
-    const stress = (state, out) => out.map((_, e) => (area[e] > 0 ? state.tension[e] / area[e] : NaN));
+    const stress = (state, out) => fill(out, (e) => (area[e] > 0 ? state.tension[e] / area[e] : NaN));
     found.stress = { label: "stress", unit: "Pa", scale: "diverging", limit: stressLimit(model), values: stress };
   }
   if (use) {
-    found.use = { label: "use of capacity", unit: "", scale: "sequential", limit: 1, values: (state) => state.use };
+    found.use = { label: "use of capacity", meaning: "used part of the limits", unit: "", scale: "sequential", limit: 1, values: (state) => state.use };
   }
   if (model.shapes.length) {
-    found.mode = { label: "motion in the mode", unit: "", scale: "sequential", limit: 1, values: modeValues };
+    found.mode = { label: "motion in the mode", meaning: "motion, 100 % is the largest of a node", unit: "", scale: "sequential", limit: 1, values: modeValues };
   }
   return found;
 }
@@ -61,7 +67,7 @@ function stressLimit(model) {
 function modeValues(state, out) {
   const { shape, ends } = state;
   if (!shape) return out.fill(NaN);
-  return out.map((_, e) => {
+  return fill(out, (e) => {
     const i = 3 * ends[2 * e];
     const j = 3 * ends[2 * e + 1];
     return Math.hypot(shape[i] + shape[j], shape[i + 1] + shape[j + 1], shape[i + 2] + shape[j + 2]) / 2;

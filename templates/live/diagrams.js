@@ -3,6 +3,8 @@
 import { buildPlot, writeLegend } from "live/plots";
 
 const LINES = 5; // members that have a line at once
+const SAME = 0.015; // of the largest tension: lines that are nearer to each other are one
+const MOST_TRIED = 400;
 
 export function buildDiagrams(app) {
   const { model, player } = app;
@@ -23,6 +25,7 @@ export function buildDiagrams(app) {
   } else byId("energy-box").hidden = true;
   plots.tension = buildPlot(byId("tension"), byId("tension-legend"), { times, unit: "N", describe: "tension over time", seek });
   const busiest = largestMembers(model);
+  byId("tension-note").textContent = "of members where it varies most";
   const fill = () => {
     const { palette } = app;
     for (const plot of Object.values(plots)) plot.palette = palette;
@@ -34,8 +37,11 @@ export function buildDiagrams(app) {
   app.choiceChanged = fill;
   fill();
   return {
-    show() {
-      for (const plot of Object.values(plots)) plot.at(player.shown, app.state.frame);
+    point() {
+      for (const plot of Object.values(plots)) plot.point(player.shown);
+    },
+    writeValues() {
+      for (const plot of Object.values(plots)) plot.writeValues(app.state.frame);
     },
   };
 }
@@ -75,5 +81,24 @@ function largestMembers(model) {
     }
   }
   const known = Array.from({ length: memberCount }, (_, e) => e).filter((e) => high[e] >= low[e]);
-  return known.sort((a, b) => high[b] - low[b] - (high[a] - low[a]) || a - b).slice(0, LINES);
+  known.sort((a, b) => high[b] - low[b] - (high[a] - low[a]) || a - b);
+  return chooseDistinct(known, tension);
+}
+
+/** The first members whose lines can be told apart: symmetric structures have many that lie on each other. */
+function chooseDistinct(order, tension) {
+  const rows = Array.from({ length: Math.min(tension.rows, 40) }, (_, k) => Math.floor((k * tension.rows) / Math.min(tension.rows, 40)));
+  const courseOf = (e) => rows.map((k) => tension.at(k, e));
+  const chosen = [];
+  const courses = [];
+  let size = 0;
+  for (const e of order.slice(0, MOST_TRIED)) {
+    const course = courseOf(e);
+    size ||= Math.max(...course.map(Math.abs));
+    if (courses.some((other) => other.every((value, k) => Math.abs(value - course[k]) <= SAME * size))) continue;
+    chosen.push(e);
+    courses.push(course);
+    if (chosen.length === LINES) break;
+  }
+  return chosen;
 }

@@ -33,7 +33,11 @@ export function exposeHook(app) {
       return Array.from(app.textures.paint.subarray(0, 4 * model.memberCount));
     },
     get timing() {
-      return { frames: [...stage.times], work: [...stage.work], update: [...app.updates], ratio: stage.ratio };
+      return { frames: [...stage.times], work: [...stage.work], update: [...app.updates], ratio: stage.ratio,
+        isSimple: stage.isSimple && !stage.isStill };
+    },
+    forgetTimes() {
+      for (const list of [stage.times, stage.work, app.updates]) list.length = 0;
     },
     get chosen() {
       return app.chosen;

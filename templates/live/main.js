@@ -4,10 +4,13 @@ import { buildDiagrams } from "live/diagrams";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
 import { buildModel, readState } from "live/model";
+import { pace } from "live/pace";
 import { buildPanel, showClock } from "live/panel";
 import { buildPlayer } from "live/player";
 import { listenToPointer, showChosen } from "live/pointer";
 import { buildViewer, run, update } from "live/viewer";
+
+const READABLE = 120; // ms between changes of numbers while the motion plays
 
 export async function start(scene, buffers) {
   if (scene.engine) {
@@ -28,6 +31,10 @@ export async function start(scene, buffers) {
   app.stage.resize();
   update(app);
   app.reset();
+  const write = pace(() => {
+    diagrams?.writeValues();
+    showChosen(app);
+  }, READABLE);
   let shown = null;
   run(app, (seconds) => {
     const isMoving = app.player.advance(seconds);
@@ -37,8 +44,8 @@ export async function start(scene, buffers) {
       shown = mark;
       queueMicrotask(() => {
         showClock(app);
-        diagrams?.show();
-        showChosen(app);
+        diagrams?.point();
+        write(!app.player.isPlaying);
       });
     }
     return isMoving || app.modes.chosen !== null;

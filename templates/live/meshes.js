@@ -6,6 +6,8 @@ import * as glsl from "live/shaders";
 
 // Sides and rings of the capsules of so many bars at most.
 const FINENESS = [[24, 20, 6], [100, 14, 4], [600, 10, 3], [Infinity, 8, 2]];
+const SIMPLER = 1500; // members of a kind from which simpler shapes stand for them while a slow picture moves
+const THIN = [1.5, 4]; // pixels of radius below which a line stands for a cable, a ribbon for a bar
 const THINNEST = 0.75; // pixels, half of what a member has at least
 const RIM = 2.5; // pixels around what is chosen
 
@@ -36,9 +38,13 @@ export function buildMeshes(model, textures) {
   const lit = { ...shared, plain: { value: new THREE.Vector4(0, 0, 0, 0) } };
   const rim = { ...shared, growth: { value: 0 }, plain: { value: new THREE.Vector4(0, 0, 0, 1) } };
   const group = new THREE.Group();
+  const kinds = [];
   for (const kind of [1, 0]) {
     const chosen = Array.from({ length: model.memberCount }, (_, e) => e).filter((e) => model.isBar[e] === kind);
-    if (chosen.length) group.add(memberMesh(model, radii, chosen, kind, lit, THREE.FrontSide));
+    if (!chosen.length) continue;
+    const fine = memberMesh(model, radii, chosen, kind, lit, THREE.FrontSide);
+    group.add(fine);
+    if (chosen.length > SIMPLER) kinds.push({ kind, chosen, fine, simple: null, thickest: largestOf(chosen, radii) });
   }
   const { mesh: nodes, uniforms: nodeUniforms } = nodeMesh(model, shared, radii);
   group.add(nodes);
@@ -47,7 +53,17 @@ export function buildMeshes(model, textures) {
   let outline = null;
 
   return {
-    group, radii, nodes,
+    group, radii, nodes, canSimplify: kinds.length > 0,
+    /** Let simpler shapes stand for many members that are thin; pixel: metres of one pixel where the camera looks. */
+    simplify(isOn, pixel) {
+      for (const row of kinds) {
+        const isSimple = isOn && row.thickest < THIN[row.kind] * pixel;
+        if (isSimple && !row.simple) group.add((row.simple = simpleMesh(model, radii, row, lit)));
+        row.fine.visible = !isSimple;
+        if (row.simple) row.simple.visible = isSimple;
+      }
+      nodes.visible = !(isOn && model.nodeCount > SIMPLER && nodeUniforms.radius.value < 2.5 * pixel);
+    },
     show(palette) {
       const unit = (color) => color.map((value) => value / 255);
       rim.plain.value.set(...unit(palette.ink), 1);
@@ -78,6 +94,20 @@ export function buildMeshes(model, textures) {
       group.add(outline);
     },
   };
+}
+
+const largestOf = (chosen, radii) => chosen.reduce((most, e) => Math.max(most, radii[e]), 0);
+
+/** Bars as ribbons, cables as lines of one pixel. */
+function simpleMesh(model, radii, { kind, chosen }, uniforms) {
+  if (kind) return memberMesh(model, radii, chosen, 0, uniforms, THREE.DoubleSide);
+  const geometry = new THREE.BufferGeometry();
+  const rows = Float32Array.from(chosen.flatMap((e) => [0, 1].flatMap((end) => [model.ends[2 * e], model.ends[2 * e + 1], e, end])));
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array((3 * rows.length) / 4), 3));
+  geometry.setAttribute("row", new THREE.BufferAttribute(rows, 4));
+  const mesh = new THREE.LineSegments(geometry, material(glsl.LINE_VERTEX, glsl.LINE_FRAGMENT, uniforms));
+  mesh.frustumCulled = false;
+  return mesh;
 }
 
 function memberMesh(model, radii, chosen, kind, uniforms, side) {

@@ -70,6 +70,7 @@ export function showScale(app) {
   byId("scale-box").hidden = !coloring.scale;
   byId("kinds").hidden = Boolean(coloring.scale);
   if (coloring.scale) bar.style.background = gradient(palette[coloring.scale]);
+  byId("scale-name").textContent = coloring.meaning ?? coloring.label;
   const end = (value) => (coloring.unit ? withUnit(value, coloring.unit) : `${short(100 * value)} %`);
   byId("scale-low").textContent = signed ? `−${end(coloring.limit)}` : "0";
   byId("scale-middle").textContent = signed ? "0" : "";

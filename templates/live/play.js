@@ -4,12 +4,15 @@ import { startEngine } from "live/engine";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
 import { buildModel, measure } from "live/model";
+import { pace } from "live/pace";
 import { buildPanel } from "live/panel";
 import { listenToPointer, showChosen } from "live/pointer";
 import { connectControls, showRun } from "live/controls";
 import { letPull } from "live/pulling";
 import { buildRecorder } from "live/recorder";
 import { buildViewer, run, update } from "live/viewer";
+
+const READABLE = 150; // ms between changes of texts and diagrams
 
 export async function startPlay(scene, buffers) {
   const model = buildModel(scene, buffers);
@@ -34,16 +37,22 @@ export async function startPlay(scene, buffers) {
   app.stage.resize();
   update(app);
   app.reset();
+  const write = pace(() => {
+    showRun(app);
+    showChosen(app);
+    recorder.show();
+  }, READABLE);
+  let mark = null;
   run(app, () => {
     const isMoving = isNew && app.engine.last.running;
     if (isNew) {
       isNew = false;
       app.changed();
-      queueMicrotask(() => {
-        showRun(app);
-        showChosen(app);
-        recorder.show();
-      });
+      const { running, status } = app.engine.last;
+      const now = `${running} ${status} ${app.pull !== null} ${app.chosen?.member} ${app.chosen?.node}`;
+      const isUrgent = now !== mark || !running;
+      mark = now;
+      queueMicrotask(() => write(isUrgent));
     }
     return isMoving;
   });

@@ -2,6 +2,7 @@
 
 import { short, ticksBetween, withUnit } from "live/numbers";
 
+const LONG_NAME = 9; // letters from which each line of the legend has a row of its own
 const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 };
 
 /** One diagram on a canvas; series: [{name, values, color}] over `times`. */
@@ -12,13 +13,22 @@ export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
     plot.range = rangeOf(series);
     plot.draw();
   };
-  plot.draw = () => drawPlot(plot, unit);
-  plot.at = (time, k) => {
+  const mark = canvas.nextElementSibling;
+  plot.draw = () => {
+    drawPlot(plot, unit);
+    plot.point(plot.cursor);
+  };
+  /** Move the cursor, which is no part of the drawing: nothing is drawn again. */
+  plot.point = (time) => {
     plot.cursor = time;
-    plot.draw();
+    if (plot.width) mark.style.transform = `translateX(${placeOf(plot, time).toFixed(1)}px)`;
+  };
+  /** Write the values of sample `k` into the legend. */
+  plot.writeValues = (k) => {
     plot.series.forEach((line, row) => {
       const place = legend.children[row]?.lastElementChild;
-      if (place) place.textContent = withUnit(line.values[k], unit);
+      const text = withUnit(line.values[k], unit);
+      if (place && place.textContent !== text) place.textContent = text;
     });
   };
   canvas.setAttribute("role", "img");
@@ -40,12 +50,13 @@ export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
 
 /** Write the legend of a plot: a stroke, a name and the value at the cursor for each line. */
 export function writeLegend(plot) {
+  plot.legend.classList.toggle("long", plot.series.some(({ name }) => name.length > LONG_NAME));
   plot.legend.replaceChildren(...plot.series.map((line) => {
     const row = document.createElement("li");
     const stroke = document.createElement("i");
     stroke.style.background = line.color;
     const name = document.createElement("span");
-    name.textContent = line.name;
+    name.textContent = name.title = line.name;
     row.append(stroke, name, document.createElement("b"));
     return row;
   }));
@@ -66,9 +77,16 @@ function rangeOf(series) {
   return [low === 0 ? 0 : low - room, high + room];
 }
 
+/** Where a time stands on the canvas [px]. */
+function placeOf({ times, width }, time) {
+  const [start, end] = [times[0], times.at(-1)];
+  return MARGIN.left + ((time - start) / (end - start || 1)) * (width - MARGIN.left - MARGIN.right);
+}
+
 function drawPlot(plot, unit) {
-  const { canvas, times, series, palette, range, cursor } = plot;
+  const { canvas, times, series, palette, range } = plot;
   const { clientWidth: width, clientHeight: height } = canvas;
+  plot.width = width;
   if (!width || !palette || !range) return;
   const ratio = Math.min(window.devicePixelRatio || 1, 2);
   if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
@@ -76,17 +94,10 @@ function drawPlot(plot, unit) {
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
-  const [start, end] = [times[0], times.at(-1)];
-  const x = (time) => MARGIN.left + ((time - start) / (end - start || 1)) * (width - MARGIN.left - MARGIN.right);
+  const x = (time) => placeOf(plot, time);
   const y = (value) => height - MARGIN.bottom - ((value - range[0]) / (range[1] - range[0])) * (height - MARGIN.top - MARGIN.bottom);
   drawAxes(pen, plot, { x, y, width, height, unit });
   for (const line of series) strokeLine(pen, line, times, x, y);
-  pen.strokeStyle = palette.css.ink;
-  pen.lineWidth = 1;
-  pen.beginPath();
-  pen.moveTo(x(cursor), MARGIN.top);
-  pen.lineTo(x(cursor), height - MARGIN.bottom);
-  pen.stroke();
 }
 
 function drawAxes(pen, { palette, range, times }, { x, y, width, height, unit }) {

@@ -74,6 +74,7 @@ export function letPull(app) {
     stage.dirty = true;
   };
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(name, release);
+  app.labels.hasMore = () => app.pull !== null;
   stage.after.push(() => app.pull && drawPull(app, places));
 }
 

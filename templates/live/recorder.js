@@ -14,6 +14,7 @@ export function buildRecorder(app) {
   const options = (unit, describe) => ({ times, unit, describe, seek: () => {} });
   const energy = buildPlot(byId("energy"), byId("energy-legend"), options("J", "energy of the last seconds"));
   const tension = buildPlot(byId("tension"), byId("tension-legend"), options("N", "tension of the last seconds"));
+  byId("tension-note").textContent = "the largest";
   let members = chooseMembers(app, app.engine.last);
   const series = () => {
     const { lines, css } = app.palette;
@@ -52,7 +53,8 @@ export function buildRecorder(app) {
       series();
       for (const plot of [energy, tension]) {
         plot.set(plot.series);
-        plot.at(times.at(-1), times.length - 1);
+        plot.point(times.at(-1));
+        plot.writeValues(times.length - 1);
       }
     },
   };

@@ -104,6 +104,28 @@ void main() {
   outColor = vec4(plain.a > 0.5 ? plain.rgb : shade(color.rgb, normal_), 1.0);
 }`;
 
+/** Cables as lines, where a slow picture moves: one vertex an end. */
+export const LINE_VERTEX = `${READ}
+in vec4 row;
+uniform float least;
+out float along_;
+out vec4 color;
+void main() {
+  vec3 a = nodeAt(row.x), b = nodeAt(row.y);
+  vec4 place = viewMatrix * vec4(mix(a, b, row.w), 1.0);
+  color = colorAt(row.z);
+  along_ = color.a < 0.5 ? row.w * distance(a, b) / max(-least * place.z, 1e-12) : 0.0;
+  gl_Position = projectionMatrix * place;
+}`;
+export const LINE_FRAGMENT = `precision highp float;
+in float along_;
+in vec4 color;
+out vec4 outColor;
+void main() {
+  if (mod(along_, 11.0) > 6.5) discard;
+  outColor = vec4(0.92 * color.rgb, 1.0);
+}`;
+
 /** Nodes: round points that are lit as spheres. */
 export const NODE_VERTEX = `${READ}
 in float node;

@@ -5,10 +5,13 @@ import { THREE, OrbitControls } from "three";
 const FIELD = 35; // degrees of the view, from bottom to top
 const RAISE = 26; // pixels by which the picture stands above the middle, for the legend below it
 const MANY = 1000; // members from which edges are not smoothed
-const SLOW = 34; // ms of a frame above which fewer pixels are drawn
+const SLOW = 34; // ms of a frame above which simpler shapes, then fewer pixels are drawn
+const FAST = 18; // ms of a frame below which more pixels are drawn again
+const STILL = 250; // ms without a change after which the picture is drawn with all pixels and shapes
+const LEAST = 0.6; // pixels a pixel of the page
 
 export function buildStage(canvas, model) {
-  const renderer = new THREE.WebGLRenderer({ canvas, antialias: model.memberCount < MANY, preserveDrawingBuffer: false });
+  const renderer = new THREE.WebGLRenderer({ canvas, context: newContext(canvas, model) });
   renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(FIELD, 1, model.size / 500, model.size * 500);
@@ -22,11 +25,13 @@ export function buildStage(canvas, model) {
 
   const stage = {
     renderer, scene, camera, controls, canvas, model, follow: false,
-    dirty: true, ratio: Math.min(window.devicePixelRatio || 1, 2), isStill: true, gridStep: ground.step,
+    dirty: true, ratio: fullRatio(), isStill: true, gridStep: ground.step,
+    isSimple: false, canSimplify: false, lastChange: 0, lastTick: null,
     before: [], after: [], resized: [],
-    times: [], work: [],
+    times: [], work: [], recent: [],
   };
   controls.addEventListener("change", () => (stage.dirty = true));
+  controls.addEventListener("start", () => (stage.isFitted = false));
   stage.show = (palette) => {
     renderer.setClearColor(new THREE.Color(palette.css.paper).convertLinearToSRGB(), 1);
     ground.mesh.material.color.set(palette.css.grid).convertLinearToSRGB();
@@ -45,6 +50,13 @@ export function buildStage(canvas, model) {
   return stage;
 }
 
+/** A context whose picture covers what is behind it: browsers need not blend it with the page. */
+function newContext(canvas, model) {
+  const context = canvas.getContext("webgl2", { alpha: false, antialias: model.memberCount < MANY, stencil: false });
+  if (!context) throw new Error("the browser has no WebGL 2, or it is switched off");
+  return context;
+}
+
 /** Put the camera where all points are seen, along `view`, or as it looks now; also when it turns about `up`. */
 function fit(stage, nodes, view) {
   const { camera, controls, model } = stage;
@@ -61,16 +73,15 @@ function fit(stage, nodes, view) {
   const up = new THREE.Vector3().crossVectors(direction, right);
   const tanY = Math.tan((camera.fov * Math.PI) / 360);
   const tanX = tanY * camera.aspect;
+  const reachOf = model.scene.is_planar ? standing : turning;
   let distance = 0;
-  const turns = !model.scene.is_planar;
   for (let k = 0; k < nodes.length; k += 3) {
     point.set(nodes[k], nodes[k + 1], nodes[k + 2]).sub(center);
-    const [x, y, z] = turns ? turned(point, camera.up, direction) : [right, up, direction].map((axis) => point.dot(axis));
-    distance = Math.max(distance, z + Math.abs(x) / tanX, z + Math.abs(y) / tanY);
+    distance = Math.max(distance, reachOf(point, { right, up, direction, axis: camera.up, tanX, tanY }));
   }
   const { clientHeight } = stage.canvas;
   const room = clientHeight > 4 * RAISE ? clientHeight / (clientHeight - 2 * RAISE) : 1;
-  distance = Math.max((turns ? 1.08 : 1.16) * room * distance, 0.2 * model.size);
+  distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * room * distance, 0.2 * model.size);
   camera.near = distance / 300;
   camera.far = distance * 60 + 10 * model.reach;
   camera.updateProjectionMatrix();
@@ -81,16 +92,25 @@ function fit(stage, nodes, view) {
   controls.update();
   controls.enableDamping = swings;
   stage.followed = null;
+  stage.isFitted = true;
   stage.dirty = true;
 }
 
-/** The largest sideways, upward and forward places of a point while the camera turns about `axis`. */
-function turned(point, axis, direction) {
+/** How far the camera must be to see a point. */
+function standing(point, { right, up, direction, tanX, tanY }) {
+  const [x, y, z] = [right, up, direction].map((axis) => point.dot(axis));
+  return z + Math.max(Math.abs(x) / tanX, Math.abs(y) / tanY);
+}
+
+/** How far the camera must be to see a point from all sides, turning about `axis`. */
+function turning(point, { direction, axis, tanX, tanY }) {
   const height = point.dot(axis);
   const radius = Math.sqrt(Math.max(point.lengthSq() - height * height, 0));
   const rise = axis.dot(direction);
   const flat = Math.sqrt(Math.max(1 - rise * rise, 0));
-  return [radius, Math.abs(height) * flat, 0.8 * radius * flat + Math.abs(height * rise)];
+  const across = height * rise + radius * Math.hypot(flat, 1 / tanX);
+  const upright = (s) => s * radius * flat + height * rise + Math.abs(height * flat - s * radius * rise) / tanY;
+  return Math.max(across, upright(1), upright(-1));
 }
 
 /** Move the camera with the middle of the structure. */
@@ -113,13 +133,16 @@ function resize(stage) {
   const { renderer, camera, canvas } = stage;
   const { clientWidth: width, clientHeight: height } = canvas.parentElement;
   if (!width || !height) return;
-  const ratio = stage.isStill ? Math.min(window.devicePixelRatio || 1, 2) : stage.ratio;
+  const ratio = stage.isStill ? fullRatio() : stage.ratio;
+  const isResized = stage.width !== width || stage.height !== height;
+  Object.assign(stage, { width, height });
   renderer.setPixelRatio(ratio);
   renderer.setSize(width, height, false);
   camera.aspect = width / height;
   camera.setViewOffset(width, height, 0, RAISE, width, height);
   const pixelSize = (2 * Math.tan((camera.fov * Math.PI) / 360)) / height;
   for (const call of stage.resized) call(pixelSize, ratio / pixelSize);
+  if (isResized && stage.isFitted) stage.refit?.();
   stage.dirty = true;
 }
 
@@ -129,31 +152,61 @@ export function drawFrame(stage) {
   if (!stage.dirty) return false;
   stage.dirty = false;
   const start = performance.now();
+  const simple = stage.isSimple && !stage.isStill;
+  for (const call of stage.before) call(simple, pixelAt(stage));
   stage.renderer.render(stage.scene, stage.camera);
   for (const call of stage.after) call();
-  stage.work.push(performance.now() - start);
-  if (stage.work.length > 240) stage.work.shift();
+  keep(stage.work, performance.now() - start);
   return true;
 }
 
-/** A picture that stands still has all pixels, also where those of a motion have fewer. */
-export function rest(stage, isStill) {
-  if (stage.isStill === isStill) return;
-  stage.isStill = isStill;
-  if (stage.ratio < Math.min(window.devicePixelRatio || 1, 2)) resize(stage);
+/** Metres of one pixel of the drawing buffer where the camera looks. */
+function pixelAt({ camera, controls, height, renderer }) {
+  const distance = camera.position.distanceTo(controls.target);
+  return (2 * distance * Math.tan((camera.fov * Math.PI) / 360)) / (height * renderer.getPixelRatio());
 }
 
-/** Remember the time between frames of a motion, and draw fewer pixels where frames take long. */
-export function noteFrame(stage, elapsed) {
-  if (elapsed > 1000) return;
-  stage.times.push(elapsed);
-  if (stage.times.length > 240) stage.times.shift();
-  if (stage.times.length % 20 || stage.ratio <= 0.6) return;
-  const recent = stage.times.slice(-20).sort((a, b) => a - b)[10];
-  if (recent > SLOW) {
-    stage.ratio = Math.max(0.6, stage.ratio * 0.8);
-    resize(stage);
+/** Note whether the picture changes in this tick. A picture that stands still has all its pixels and shapes. */
+export function noteTick(stage, now, isMoving) {
+  stage.controls.update();
+  const isChanging = isMoving || stage.dirty;
+  if (isChanging) {
+    if (stage.lastTick !== null) noteFrame(stage, now - stage.lastTick);
+    stage.lastChange = now;
   }
+  stage.lastTick = isChanging ? now : null;
+  const isStill = now - stage.lastChange > STILL;
+  if (stage.isStill === isStill) return;
+  stage.isStill = isStill;
+  if (stage.ratio < fullRatio()) resize(stage);
+  else if (stage.isSimple) stage.dirty = true;
+}
+
+const fullRatio = () => Math.min(window.devicePixelRatio || 1, 2);
+
+function keep(list, value) {
+  list.push(value);
+  if (list.length > 600) list.shift();
+}
+
+/** Remember the time between frames of a motion; draw less where they take long. */
+function noteFrame(stage, elapsed) {
+  if (elapsed > 1000) return;
+  keep(stage.times, elapsed);
+  stage.recent.push(elapsed);
+  if (stage.recent.length < 20) return;
+  const median = stage.recent.sort((a, b) => a - b)[10];
+  stage.recent.length = 0;
+  stage.calm = median < FAST ? (stage.calm ?? 0) + 1 : 0;
+  if (median > SLOW && stage.canSimplify && !stage.isSimple) stage.isSimple = true;
+  else if (median > SLOW && stage.ratio > LEAST) setRatio(stage, Math.max(LEAST, 0.8 * stage.ratio));
+  else if (stage.calm >= 6 && stage.ratio < fullRatio()) setRatio(stage, Math.min(fullRatio(), stage.ratio / 0.8));
+}
+
+function setRatio(stage, ratio) {
+  stage.ratio = ratio;
+  stage.calm = 0;
+  resize(stage);
 }
 
 /** A grid on the ground, or behind a planar structure, with a round step. */

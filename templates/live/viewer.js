@@ -9,7 +9,7 @@ import { buildModes } from "live/modes";
 import { newState } from "live/model";
 import { paletteOf } from "live/palette";
 import { buildPicker } from "live/picking";
-import { buildStage, drawFrame, noteFrame, rest } from "live/stage";
+import { buildStage, drawFrame, noteTick } from "live/stage";
 import { newTextures } from "live/textures";
 import { showScale } from "live/panel";
 
@@ -27,6 +27,8 @@ export function buildViewer(model, read) {
   stage.scene.add(meshes.group);
   if (arrows) stage.scene.add(arrows.mesh);
   stage.resized.push(meshes.resize);
+  stage.canSimplify = meshes.canSimplify;
+  stage.before.push(meshes.simplify);
   const app = {
     model, state, textures, stage, meshes, arrows, read,
     colorings: buildColorings(model), coloringName: "tension", chosen: null, hovered: null,
@@ -118,6 +120,7 @@ function addCamera(app) {
   };
   app.fit = () => stage.fit(points());
   app.reset = () => stage.reset(points());
+  stage.refit = app.fit; // a window of another size, a phone that is turned
   app.followBy = (isOn) => {
     stage.follow = isOn;
     byId("follow").checked = isOn;
@@ -135,6 +138,7 @@ function addCamera(app) {
     const limited = Math.min(Math.max(angle + tilt, 0.02), Math.PI - 0.02) - angle;
     offset.applyAxisAngle(side, limited).multiplyScalar(zoom);
     camera.position.copy(controls.target).add(offset);
+    if (zoom !== 1) stage.isFitted = false;
     controls.update();
     stage.dirty = true;
   };
@@ -174,9 +178,8 @@ export function run(app, advance) {
   const tick = (now) => {
     const seconds = last === null ? 0 : Math.min((now - last) / 1000, 0.25);
     const isMoving = advance(seconds);
-    if (isMoving && last !== null) noteFrame(app.stage, now - last);
     last = now;
-    rest(app.stage, !isMoving);
+    noteTick(app.stage, now, isMoving || app.isStale);
     if (isMoving || app.isStale) update(app);
     drawFrame(app.stage);
     requestAnimationFrame(tick);
