@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = ["MISSING", "format_number", "lower_indices", "raise_digits"]
+__all__ = ["MISSING", "format_number", "format_short", "lower_indices", "raise_digits"]
 
 MISSING = "–"
 # A symbol of one letter with an index: T_S, M_3, H_δ.
@@ -23,6 +23,14 @@ def format_number(value: float | None, spec: str) -> str:
         mantissa = mantissa.lstrip("+-")
     mantissa = mantissa.replace("-", _MINUS)
     return f"{mantissa} × 10{raise_digits(int(exponent))}" if letter else mantissa
+
+
+def format_short(value: float | None, digits: int = 3) -> str:
+    """Return a number for a sentence: so many digits, below a million without a power of ten."""
+    if value is None or not math.isfinite(value):
+        return format_number(value, "g")
+    rounded = abs(float(f"{value:.{digits}g}"))
+    return format_number(value, ",.0f" if 10.0 ** (digits - 1) <= rounded < 1e6 else f".{digits}g")
 
 
 def raise_digits(number: int) -> str:

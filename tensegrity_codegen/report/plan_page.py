@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.joined_series import choose_looks, joined_figure
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
+    Command,
     Figure,
     Page,
     Paragraph,
     Remark,
     Section,
-    diagram_figure,
 )
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
+from tensegrity_codegen.report.plan_finding import describe_plan_finding
+from tensegrity_codegen.report.plan_limits import PROGRESS, build_limit_sections
 from tensegrity_codegen.report.plans import describe_extremes
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.planning.outcome import LIMIT_WORDS, Binding, PlanResult
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.version import VERSION
@@ -35,32 +38,37 @@ FloatArray = NDArray[np.float64]
 
 SHAPES = 4  # pictures of the path
 MOST_LINES = 6  # in a diagram
-PROGRESS = "progress [%]"
-LEAD = (
-    "Changes of rest lengths that move the structure through stable equilibria to its target. Every point "
-    "is an equilibrium within all limits. Tensions are positive, compressions negative."
-)
+LEAD = {
+    "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
+    "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
+    "until its limits leave no further step. Another path may exist: this one proves nothing about others.",
+    "infeasible": "There is no path to show: the target itself is impossible within the limits.",
+}
+POINTS = " Every point is an equilibrium within all limits. Tensions are positive, compressions negative."
+STATUS = {"found": "target reached", "blocked": "path blocked", "infeasible": "target impossible"}
 
 
-def build_plan_page(found: PlanResult, structure: Structure, limits: Limits) -> Page:
+def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, command: str = "") -> Page:
     """Return the page of a plan.
 
     structure: what is drawn, its members first those of the plan (then edges of bodies); limits: those of
-    the members of the plan.
+    the members of the plan; command: the command line that makes the page.
     """
     sections = (
         _outcome(found),
         *_proof(found, structure),
         *(_path_sections(found, structure, limits) if found.n_steps else ()),
+        *_again(command),
     )
     counts = (
         f"{len(found.node_name)} nodes, {len(found.member_name)} members, "
         f"{len(found.actuator_name)} actuators"
     )
     return Page(
-        title=f"Plan of {structure.name}",
-        lead=LEAD if found.n_steps else "There is no path to show.",
-        chapters=(Chapter("plan", structure.name, found.status, f"{counts}.", sections),),
+        subject=f"Plan of {structure.name}",
+        title=describe_plan_finding(found, limits),
+        lead=LEAD[found.status] + (POINTS if found.n_steps else ""),
+        chapters=(Chapter("plan", structure.name, STATUS[found.status], f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/planning.md."),
         summary_heads=("part", "what", "result"),
     )
@@ -70,11 +78,7 @@ def _path_sections(found: PlanResult, structure: Structure, limits: Limits) -> I
     yield _shapes(found, structure)
     yield _targets(found)
     yield _rest_lengths(found)
-    yield _tensions(found, limits)
-    if found.bar_distance.shape[1]:
-        yield _clearance(found, limits)
-    yield _stiffness(found, limits)
-    yield _binding(found)
+    yield from build_limit_sections(found, limits)
 
 
 def _outcome(found: PlanResult) -> Section:
@@ -93,7 +97,12 @@ def _outcome(found: PlanResult) -> Section:
     blocks += [Paragraph(_sentence(text)) for text in describe_extremes(found)]
     if found.time is not None and found.n_steps:
         blocks.append(Paragraph(f"The plan takes {found.time[-1]:.6g} s."))
-    return Section("outcome", "all", "Outcome", "plain", found.status, tuple(blocks))
+    return Section("outcome", "all", "Outcome", "plain", STATUS[found.status], tuple(blocks))
+
+
+def _again(command: str) -> Iterator[Section]:
+    if command:
+        yield Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
 
 
 def _ends(found: PlanResult, row: int) -> tuple[float | None, float | None]:
@@ -112,7 +121,7 @@ def _shapes(found: PlanResult, structure: Structure) -> Section:
     among = (found.node_position[rows], drawn[rows])
     figures = []
     for row in rows:
-        caption = f"Progress {found.progress[row]:.0%}: {_name_targets(found, int(row))}."
+        caption = f"Progress {format_short(100 * found.progress[row])} %: {_name_targets(found, int(row))}."
         picture = draw_tensions(
             structure, found.node_position[row], drawn[row], "member tension [N]", among=among
         )
@@ -124,7 +133,7 @@ def _shapes(found: PlanResult, structure: Structure) -> Section:
 
 def _name_targets(found: PlanResult, row: int) -> str:
     shown = [
-        f"{name} {value:.6g} {unit}".strip()
+        f"{name} {format_short(float(value), 4)} {unit}".strip()
         for name, value, unit in zip(found.target_name, found.target[row], found.target_unit, strict=True)
     ]
     return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
@@ -134,24 +143,32 @@ def _targets(found: PlanResult) -> Section:
     figures: list[Figure] = []
     for unit in dict.fromkeys(found.target_unit):
         rows = [k for k, other in enumerate(found.target_unit) if other == unit][:MOST_LINES]
-        series = [_line(found, found.target_name[k], found.target[:, k], n) for n, k in enumerate(rows)]
-        marks = tuple((float(found.goal[k]), "goal") for k in rows[:1])
+        series = [
+            Series(found.target_name[k], 100 * found.progress, found.target[:, k], color=n)
+            for n, k in enumerate(rows)
+        ]
+        goals = dict.fromkeys(float(found.goal[k]) for k in rows)
+        marks = tuple((goal, f"goal {format_short(goal, 4)} {unit}".rstrip()) for goal in goals)
         label = f"target [{unit}]" if unit else "target [SI]"
         diagram = Diagram(PROGRESS, label, series, horizontal=marks, legend_columns=2)
         caption = "Values of the targets along the path."
-        figures.append(diagram_figure(f"targets{len(figures)}", diagram, caption, caption))
+        figures.append(joined_figure(f"targets{len(figures)}", diagram, caption, caption))
     count = len(found.target_name)
-    text = f"{count} value{'s' * (count > 1)}"
+    shown = _name_targets(found, -1)
+    text = f"{shown} at the end" if count <= 3 else f"{count} values"
     return Section("targets", "targets", "Targets", "plain", text, tuple(figures))
 
 
 def _rest_lengths(found: PlanResult) -> Section:
     moved = found.change - found.change[0]
     order = np.argsort(-np.abs(moved).max(axis=0), kind="stable")[:MOST_LINES]
+    looks = choose_looks(found.actuator_name[k] for k in sorted(order))
     series = [
-        _line(found, found.actuator_name[k], 1000 * moved[:, k], n) for n, k in enumerate(sorted(order))
+        Series(name, 100 * found.progress, 1000 * moved[:, found.actuator_name.index(name)], style, color)
+        for name, (color, style) in looks.items()
     ]
-    caption = "Changes of rest lengths of the actuators that move most."
+    few = "" if len(found.actuator_name) <= MOST_LINES else f" of the {MOST_LINES} that move most"
+    caption = f"Changes of rest lengths of the actuators{few}."
     diagram = Diagram(PROGRESS, "change of rest length [mm]", series)
     rows = tuple(
         (
@@ -168,98 +185,11 @@ def _rest_lengths(found: PlanResult) -> Section:
         Column("end", "m"),
         Column("change", "mm"),
     )
-    text = f"largest change {1000 * float(np.abs(moved).max()):.4g} mm"
-    blocks = (diagram_figure("rest", diagram, caption, text), Table("Rest lengths", columns, rows))
+    text = f"largest change {format_short(1000 * float(np.abs(moved).max()))} mm"
+    farthest = tuple(np.argsort(-np.abs(moved[-1]), kind="stable")[:8].tolist())
+    table = Table("Rest lengths", columns, rows, head=farthest, head_note="those that change most")
+    blocks = (joined_figure("rest", diagram, caption, text), table)
     return Section("rest-lengths", "actuators", "Rest lengths", "plain", text, blocks)
-
-
-def _tensions(found: PlanResult, limits: Limits) -> Section:
-    cables = np.flatnonzero(found.is_cable)
-    names = [name for name in _binding_members(found) if found.is_cable[found.member_name.index(name)]]
-    series = []
-    if len(cables):
-        series = [
-            _line(found, "least of the cables", found.member_tension[:, cables].min(axis=1), 0),
-            _line(found, "largest of the cables", found.member_tension[:, cables].max(axis=1), 1),
-        ]
-    for name in names[: MOST_LINES - len(series)]:
-        series.append(
-            _line(found, name, found.member_tension[:, found.member_name.index(name)], len(series), "dashed")
-        )
-    bounds = (("least", limits.least_tension), ("largest", limits.most_tension))
-    marks = [
-        (value, f"{word} tension")
-        for word, values in bounds
-        for value in np.unique(values[cables][np.isfinite(values[cables])])[:3].tolist()
-    ]
-    diagram = Diagram(PROGRESS, "tension [N]", series, horizontal=tuple(marks), legend_columns=2)
-    text = describe_extremes(found)[0] if len(cables) else "no cables"
-    caption = "Tensions of the cables, with their limits; dashed: cables that limit a step."
-    return Section(
-        "tensions", "limits", "Tensions", "plain", text, (diagram_figure("tension", diagram, caption, text),)
-    )
-
-
-def _clearance(found: PlanResult, limits: Limits) -> Section:
-    nearest = np.unique(found.bar_distance.argmin(axis=1))[: MOST_LINES - 1]
-    series = [_line(found, "least", 1000 * found.bar_distance.min(axis=1), 0)]
-    series += [
-        _line(found, found.bar_pair_name[k], 1000 * found.bar_distance[:, k], n + 1, "dashed")
-        for n, k in enumerate(nearest)
-    ]
-    marks = ((1000 * limits.clearance, "clearance"),) if math.isfinite(limits.clearance) else ()
-    diagram = Diagram(PROGRESS, "distance between bars [mm]", series, horizontal=marks, legend_columns=2)
-    text = f"least distance {1000 * float(found.bar_distance.min()):.4g} mm"
-    caption = "Distances between the surfaces of the nearest bars."
-    return Section(
-        "clearance", "limits", "Clearance", "plain", text, (diagram_figure("clear", diagram, caption, text),)
-    )
-
-
-def _stiffness(found: PlanResult, limits: Limits) -> Section:
-    marks = ((limits.least_stiffness, "limit"),) if math.isfinite(limits.least_stiffness) else ()
-    series = [_line(found, "", found.smallest_eigenvalue, 0)]
-    diagram = Diagram(PROGRESS, "smallest eigenvalue [N/m]", series, horizontal=marks)
-    text = f"smallest eigenvalue {float(found.smallest_eigenvalue.min()):.4g} N/m"
-    caption = "Smallest eigenvalue of the tangent stiffness without rigid motions: positive where stable."
-    return Section(
-        "stiffness", "limits", "Stability", "plain", text, (diagram_figure("stiff", diagram, caption, text),)
-    )
-
-
-def _binding(found: PlanResult) -> Section:
-    columns = (Column("progress", "%"), Column("limit", numeric=False), Column("of", numeric=False))
-    rows = []
-    for step, items in enumerate(found.binding):
-        for limit, names in _group(items).items():
-            value = number_cell(100 * float(found.progress[step]), ".2f")
-            rows.append((value, text_cell(LIMIT_WORDS[limit]), text_cell(names)))
-    blocks: list[Block] = []
-    text = "no limit binds along the path"
-    if rows:
-        text = f"limits bind in {sum(1 for items in found.binding if items)} of {found.n_steps} steps"
-        blocks.append(Table("Limits that bind in the step to a point", columns, tuple(rows)))
-    if found.block is not None:
-        gained = tuple(
-            (
-                text_cell(LIMIT_WORDS[item.limit]),
-                text_cell(item.name),
-                text_cell(f"{item.bound:.6g} {item.unit}"),
-                number_cell(100 * item.multiplier, ".4g"),
-            )
-            for item in found.block.binding
-        )
-        heads = (
-            Column("limit", numeric=False),
-            Column("of", numeric=False),
-            Column("value"),
-            Column("progress for a unit", "% per N, m or N/m"),
-        )
-        text = f"blocked at {found.block.progress:.1%}"
-        blocks.append(Table("Where the path is blocked", heads, gained))
-    return Section(
-        "binding", "limits", "What binds", "plain", text, tuple(blocks) or (Paragraph(_sentence(text)),)
-    )
 
 
 def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
@@ -274,7 +204,9 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
         f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by "
         f"{proof.cable_lengthening:.1e} at most."
     )
-    table = Table("Changes of length, A^T d", (Column("member", numeric=False), Column("change")), rows, note)
+    table = Table(
+        "Changes of length, A^T d", (Column("member", numeric=False), Column("change", "1")), rows, note
+    )
     text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
     why = Paragraph(
         "Tensions t that balance loads f satisfy t . e = f . d in all displacements d, where e = A^T d are "
@@ -289,25 +221,6 @@ def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
         blocks.append(Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {text}.", text, data))
     blocks.append(table)
     yield Section("proof", "proof", "Why there is no plan", "plain", text, tuple(blocks))
-
-
-def _line(found: PlanResult, name: str, values: FloatArray, color: int, style: str = "line") -> Series:
-    return Series(name, 100 * found.progress, values, "dashed" if style == "dashed" else "line", color)
-
-
-def _binding_members(found: PlanResult) -> list[str]:
-    """Return the members whose tensions limit steps, those of the end first."""
-    kinds = ("least_tension", "most_tension", "yield", "buckling")
-    items = [item for step in reversed(found.binding) for item in step]
-    items = [*(found.block.binding if found.block else ()), *items]
-    return list(dict.fromkeys(item.name for item in items if item.limit in kinds))
-
-
-def _group(items: tuple[Binding, ...]) -> dict[str, str]:
-    names: dict[str, list[str]] = {}
-    for item in items:
-        names.setdefault(item.limit, []).append(item.name)
-    return {limit: ", ".join(name for name in of if name) for limit, of in names.items()}
 
 
 def _sentence(text: str) -> str:

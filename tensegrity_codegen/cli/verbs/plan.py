@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.option_names import name_options
+from tensegrity_codegen.cli.option_names import name_options, quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.timed_plan import MotionOption, check_motion_file, describe_motion, time_plan
@@ -190,7 +190,7 @@ def _write_page(found: PlanResult, subject: Subject, path: Path) -> None:
     from tensegrity_codegen.structure.outline import outline_bodies
 
     found = replace(found, message=name_options(found.message))
-    text = render_page(build_plan_page(found, outline_bodies(subject), subject.limits))
+    text = render_page(build_plan_page(found, outline_bodies(subject), subject.limits, quote_command()))
     with replaced(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.report.number_text import raise_digits
+from tensegrity_codegen.report.pages.axis_numbers import number_axis
 from tensegrity_codegen.report.pictures.canvas import new_figure
-from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
+from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER, SEQUENCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,8 @@ __all__ = ["Diagram", "Series", "draw_diagram", "dress_axes"]
 
 WIDTH, HEIGHT = 4.9, 3.3
 TEXT_SIZE = 9.5
+# Behind texts that stand among lines.
+BEHIND = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.0, "alpha": 0.8}
 DASHES = {
     "line": "solid",
     "dashed": (0.0, (5.0, 2.0)),
@@ -107,19 +109,13 @@ def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIG
 
 def dress_axes(axes: Axes, x_label: str, y_label: str, *, log: tuple[bool, bool] = (False, False)) -> None:
     """Give axes their names, grid and quiet frame; powers of ten are written without mathematical fonts."""
-    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
-
     axes.set_xlabel(x_label, fontsize=TEXT_SIZE, color=INK)
     axes.set_ylabel(y_label, fontsize=TEXT_SIZE, color=INK)
     axes.grid(True, color=GRID, linewidth=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=TEXT_SIZE - 1, colors=MUTED, length=0, which="both")
-    for axis, is_log in zip((axes.xaxis, axes.yaxis), log, strict=True):
-        if is_log:
-            axis.set_major_formatter(FuncFormatter(_format_power))
-            axis.set_minor_formatter(NullFormatter())
-        else:
-            axis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10], min_n_ticks=3))
+    number_axis(axes.xaxis, axes.get_xlim(), log[0])
+    number_axis(axes.yaxis, axes.get_ylim(), log[1])
     for side, spine in axes.spines.items():
         spine.set_visible(side in ("left", "bottom"))
         spine.set_color(GRID)
@@ -129,27 +125,20 @@ def _finite(values: ArrayLike) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in np.asarray(values, dtype=float).tolist()]
 
 
-def _format_power(value: float, _: object) -> str:
-    """Return a power of ten as 10⁻³, any other tick of a logarithmic axis in short."""
-    exponent = round(math.log10(value)) if value > 0 else 0
-    if value > 0 and math.isclose(value, 10.0**exponent, rel_tol=1e-9):
-        return f"10{raise_digits(exponent)}"
-    return f"{value:g}"
-
-
 def _draw_marks(axes: Axes, diagram: Diagram) -> None:
     """Draw a thin line with its text at each marked value."""
     for value, text in diagram.horizontal:
         axes.axhline(value, color=MUTED, linewidth=1.0, linestyle=DASHES["dotted"], zorder=2)
         axes.annotate(
             text, (1.0, value), xycoords=("axes fraction", "data"), xytext=(-3, 3), ha="right", va="bottom",
-            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED,
+            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, bbox=BEHIND, zorder=5,
         )  # fmt: skip
     for value, text in diagram.vertical:
         axes.axvline(value, color=MUTED, linewidth=1.0, linestyle=DASHES["dotted"], zorder=2)
         axes.annotate(
             text, (value, 1.0), xycoords=("data", "axes fraction"), xytext=(-3, -3), ha="right", va="top",
-            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, rotation=90,
+            textcoords="offset points", fontsize=TEXT_SIZE - 1, color=MUTED, rotation=90, bbox=BEHIND,
+            zorder=5,
         )  # fmt: skip
 
 
