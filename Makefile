@@ -101,7 +101,8 @@ $(DOCS): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed $(DOCS_PACKAGES)
 	@touch $@
 
-wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/
+wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/; both contain three.js of a pinned hash
+	$(BIN)/python -c "from tensegrity_codegen.report.live.three_module import write_three; write_three()"
 	$(BIN)/python -m build --no-isolation
 
 golden: $(STAMP) ## rewrite the committed files in generated/
@@ -113,5 +114,5 @@ format: $(STAMP) ## let ruff lay out the code and mend what it can
 
 clean: ## remove what the verbs have made, .venv included
 	rm -rf $(VENV) .cache $(OUTPUT) dist build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
-	rm -rf examples/rust/Cargo.lock examples/rust/target
+	rm -rf examples/rust/Cargo.lock examples/rust/target templates/live/three
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

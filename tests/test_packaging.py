@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tensegrity_codegen.errors import MissingSourceError
+from tensegrity_codegen.report.live.three_module import BUNDLED, write_three
 from tensegrity_codegen.version import VERSION
 
 pytestmark = pytest.mark.thorough
@@ -19,8 +22,10 @@ ROOT = Path(__file__).resolve().parent.parent
 TEMPLATES = sorted(
     path.relative_to(ROOT / "templates").as_posix()
     for path in (ROOT / "templates").rglob("*.*")
-    if path.suffix in (".j2", ".c", ".h", ".js", ".css")
+    if path.suffix in (".j2", ".c", ".h", ".js", ".css") and path.parent.name != "three"
 )
+THREE = [f"templates/live/three/{name}" for name in BUNDLED]
+LEFT_OUT = (".git", ".venv", ".*_cache", "__pycache__", "output", "dist", "build", "three")
 EXAMPLES = sorted(path.name for path in (ROOT / "tensegrity_codegen/scene/examples").glob("*.toml"))
 MODULES = sorted(
     path.relative_to(ROOT).as_posix()
@@ -65,7 +70,13 @@ def run(*command: str | Path, folder: Path, **environment: str) -> str:
 def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the sdist, and the wheel that was built from the sdist."""
     folder = tmp_path_factory.mktemp("dist")
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT, folder=folder)
+    copy = folder / "source"
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    try:
+        write_three(copy / "templates" / "live" / "three")
+    except MissingSourceError as error:
+        pytest.skip(f"{error.problem} ({error.given})")
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, copy, folder=folder)
     return folder
 
 
@@ -85,6 +96,7 @@ def test_the_sdist_holds_all_that_the_project_is_built_and_tested_with(dist: Pat
     wanted = {
         *MODULES,
         *(f"templates/{name}" for name in TEMPLATES),
+        *THREE,
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
         *(
             "tensegrity_codegen/py.typed",
@@ -108,6 +120,7 @@ def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(d
     wanted = {
         *MODULES,
         *(f"tensegrity_codegen/templates/{name}" for name in TEMPLATES),
+        *(f"tensegrity_codegen/{name}" for name in THREE),
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
         *(path.relative_to(ROOT).as_posix() for path in ROOT.glob("tensegrity_codegen/papers/data/*.csv")),
         "tensegrity_codegen/py.typed",
@@ -136,6 +149,18 @@ def test_the_installed_package_renders_with_its_own_templates(installed: Path, t
     assert Path(home) == installed / "tensegrity_codegen"
     assert files.split() == ["Makefile", "example.c", "manifest.json", "prism.c", "prism.h"]
     assert int(size) > 10_000
+
+
+def test_the_installed_package_writes_live_pages_without_a_network(installed: Path, tmp_path: Path) -> None:
+    scene = installed / "tensegrity_codegen/scene/examples/two_nodes.toml"
+    cache = tmp_path / "empty"
+    cache.mkdir(mode=0o700)
+    words = ("show", scene, "--out", tmp_path / "two.html", "--modes", "0")
+    offline = {"PIP_NO_INDEX": "1", "XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(installed)}
+    run(sys.executable, "-m", "tensegrity_codegen", *words, folder=tmp_path, **offline)
+    page = (tmp_path / "two.html").read_text(encoding="utf-8")
+    assert "three.js authors" in page
+    assert not list(cache.rglob("*.whl"))
 
 
 def test_the_console_script_is_declared(installed: Path) -> None:

@@ -12,6 +12,7 @@ from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.toolchain import check_compiler, find_compiler, find_compilers
 from tensegrity_codegen.errors import TensegrityError, UnsafeCacheError
 from tensegrity_codegen.extras import name_install
+from tensegrity_codegen.report.live.three_module import THREE_REVISION, describe_three
 from tensegrity_codegen.version import VERSION
 
 __all__ = ["describe_installation", "examine_installation"]
@@ -49,6 +50,7 @@ def examine_installation() -> dict[str, Any]:
     problems += _compiler_problems(compilers)
     cache = Cache()
     size, problem = _measure_cache(cache)
+    three = describe_three()
     problems += problem
     return {
         "status": "error" if problems else "ok",
@@ -59,6 +61,7 @@ def examine_installation() -> dict[str, Any]:
         "compilers": compilers,
         "cache": str(cache.root),
         "cache_bytes": size,
+        "three": {"is_here": three[0], "where": three[1], "revision": THREE_REVISION},
         "ffmpeg": shutil.which("ffmpeg") is not None,
         "problems": problems,
     }
@@ -127,5 +130,8 @@ def describe_installation(data: dict[str, Any]) -> list[str]:
         state = "ok " if row["works"] else "BAD"
         lines.append(f"  {state} {row['name']:<6} {row['version']}: {row['report']}")
     lines.append(f"  cache {data['cache']}, {data['cache_bytes'] / 2**20:.1f} MiB")
+    three = data["three"]
+    state = "" if three["is_here"] else "not here: "
+    lines.append(f"  three.js r{three['revision']} for live pages: {state}{three['where']}")
     lines.append(f"  ffmpeg {'found' if data['ffmpeg'] else 'not found (needed for .mp4 only)'}")
     return lines + [f"problem: {problem}" for problem in data["problems"]]

@@ -106,6 +106,14 @@ class PinnedFile:
                     _keep(kept, root, content)
         return content
 
+    def is_kept(self) -> bool:
+        """Return whether the file is in the cache of this package, undamaged; nothing is downloaded."""
+        root = find_cache_root()
+        try:
+            return self._read_kept(root / "sources" / self.file, root) is not None
+        except UnsafeCacheError:
+            return False
+
     def download(self) -> bytes:
         """Return what pip downloads from its index; raises MissingSourceError."""
         with tempfile.TemporaryDirectory(prefix="tensegrity_codegen_") as folder:

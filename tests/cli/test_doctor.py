@@ -20,6 +20,7 @@ def test_it_says_what_is_here(run: Run) -> None:
     assert ended.code == 0
     assert ended.data["version"] == VERSION
     assert ended.data["problems"] == []
+    assert ended.data["three"]["where"]
     assert any(row["works"] for row in ended.data["compilers"])
     assert all(ended.data["packages"][name] for name in installation.NEEDED)
 
