@@ -236,13 +236,13 @@ def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> Non
             where=where,
             given=given,
             allowed=", ".join(known),
-            hint=suggest(str(given)[:80], known),
+            hint=suggest(given, known),
         )
 
 
-def suggest(given: str, known: Iterable[str], *, most: int = 12) -> str:
+def suggest(given: Any, known: Iterable[str], *, most: int = 12) -> str:
     """Return a hint for an unknown word: the closest known ones, else the list, the nearest names first."""
-    names = sorted(known)
+    given, names = str(given)[:80], sorted(known)
     close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
     if close:
         return "did you mean " + " or ".join(repr(name) for name in close) + "?"

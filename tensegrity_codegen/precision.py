@@ -42,7 +42,7 @@ def find_precision(name: str, where: str = "model.precision") -> Precision:
             where=where,
             given=name,
             allowed=", ".join(PRECISIONS),
-            hint=suggest(str(name)[:80], PRECISIONS),
+            hint=suggest(name, PRECISIONS),
         )
     return PRECISIONS[name]
 

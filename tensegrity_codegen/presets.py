@@ -51,6 +51,6 @@ def find_preset(name: str, where: str = "model.preset") -> Preset:
             where=where,
             given=name,
             allowed=", ".join(PRESETS),
-            hint=suggest(str(name)[:80], PRESETS),
+            hint=suggest(name, PRESETS),
         )
     return PRESETS[name]

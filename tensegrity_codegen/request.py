@@ -52,7 +52,7 @@ def complete_options(
                 where=f"{where}.{name}",
                 given=value,
                 allowed=", ".join(known[name]),
-                hint=suggest(str(value)[:80], known[name]),
+                hint=suggest(value, known[name]),
             )
     return {name: options.get(name, words[0]) for name, words in known.items()}
 

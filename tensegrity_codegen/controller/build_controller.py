@@ -9,6 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -18,7 +19,6 @@ from tensegrity_codegen.controller.loaded import LoadedController, load_controll
 from tensegrity_codegen.controller.parts import collect_parts
 from tensegrity_codegen.controller.subject import find_described, find_motion
 from tensegrity_codegen.controller.write import ControllerFiles, write_files
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -188,14 +188,7 @@ def build_controller(
 
 def _check_iterations(given: int) -> int:
     """Return the largest number of iterations; raises InvalidValueError."""
-    if isinstance(given, bool) or not isinstance(given, int) or not 1 <= given <= MOST_ITERATIONS:
-        raise InvalidValueError(
-            "out of range",
-            where="qp_iterations",
-            given=given,
-            allowed=f"a whole number, 1 to {MOST_ITERATIONS}",
-        )
-    return given
+    return check_whole(given, "qp_iterations", 1, MOST_ITERATIONS)
 
 
 def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:

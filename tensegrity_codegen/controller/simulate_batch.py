@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.controller.closed_loop import CompiledLoop, LoopDraw
 from tensegrity_codegen.controller.parts import ControllerParts, collect_parts
 from tensegrity_codegen.controller.subject import find_described
 from tensegrity_codegen.controller.write import write_files
-from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -26,7 +27,7 @@ from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, fi
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["simulate_control_batch"]
@@ -122,6 +123,7 @@ def simulate_control_batch(
     >>> [run.status for run in runs], max(run.worst_error(last=0.2) for run in runs) < 1e-4
     (['ok', 'ok'], True)
     """
+    require_model(model)
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     workers = _check_threads(threads)
@@ -162,6 +164,4 @@ def _read_draw(
 def _check_threads(threads: int | None) -> int:
     if threads is None:
         return os.cpu_count() or 1
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
-        raise InvalidValueError("out of range", where="threads", given=threads, allowed="1 or more")
-    return threads
+    return check_whole(threads, "threads", 1)

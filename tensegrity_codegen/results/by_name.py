@@ -81,5 +81,5 @@ def find_row(name: str, names: Sequence[str], what: str) -> int:
         where=what,
         given=name,
         allowed=f"the names of the {len(names)} {what}s" if names else f"there are no {what}s",
-        hint=suggest(str(name)[:80], names),
+        hint=suggest(name, names),
     )

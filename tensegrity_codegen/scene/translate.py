@@ -94,7 +94,7 @@ def _translate_one(detail: ErrorDetails, where: str) -> SceneError:
             )
         return InvalidNameError(problem, where=place, given=given, allowed=allowed, hint="rename it")
     if kind == "unknown_name":
-        hint = suggest(str(given)[:80], context["known"])
+        hint = suggest(given, context["known"])
         known_names = ", ".join(context["known"])
         return UnknownNameError(
             f"unknown {context['what']}", where=place, given=given, allowed=known_names, hint=hint

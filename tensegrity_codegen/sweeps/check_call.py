@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.engines.cluster import check_wait
@@ -59,10 +60,7 @@ def check_stop_after(stop_after: Any) -> None:
     """Raise InvalidValueError for what is no number of failed cases."""
     if stop_after is None:
         return
-    if isinstance(stop_after, bool) or not isinstance(stop_after, int) or stop_after < 1:
-        raise InvalidValueError(
-            "not a number of cases", where="stop_after", given=stop_after, allowed="a whole number from 1 on"
-        )
+    check_whole(stop_after, "stop_after", 1, problem="not a number of cases")
 
 
 def check_scene_source(scene: Any) -> None:

@@ -190,7 +190,7 @@ def _unknown(
             allowed=format_path(above) if place.is_number else ", ".join(place.names()) or "no list",
         )
     names = place.names()
-    near = suggest(str(step), names)
+    near = suggest(step, names)
     return UnknownKeyError(
         "unknown key",
         where=key_path(where, *steps),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.long_work.forked import count_workers
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
@@ -280,8 +280,4 @@ def sweep(
 def _check_workers(workers: int | None) -> int:
     if workers is None:
         return count_workers()
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise InvalidValueError(
-            "not a number of workers", where="workers", given=workers, allowed="a whole number from 1 on"
-        )
-    return workers
+    return check_whole(workers, "workers", 1, problem="not a number of workers")

@@ -42,7 +42,7 @@ def test_parts_of_another_model_sample_or_range_are_refused(
         build_controller(model, motion, gains, rate=0.01, out=out)
     with pytest.raises(InvalidValueError, match="no place in a controller"):
         build_controller(model, motion, gains, arguments={"m_top1": 0.01}, out=out)
-    with pytest.raises(InvalidValueError, match="2 or more knots"):
+    with pytest.raises(InvalidValueError, match="a whole number from 2 on"):
         build_controller(model, motion, gains, knots=1, out=out)
     with pytest.raises(FormulationError, match="unknown precision"):
         build_controller(model, motion, gains, precision="half", out=out)

@@ -26,6 +26,7 @@ from tensegrity_codegen.runtime.analysis.prestress_stability import (
 )
 from tensegrity_codegen.runtime.analysis.rank import RANK_TOLERANCE, Rank, find_rank
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.newton import find_stability
 
 __all__ = ["MODES", "Analysis", "analyse"]
@@ -85,6 +86,7 @@ def analyse(
     >>> found.status, found.rank.rank, len(found.rank.selfstress), found.mechanism.shape[2]
     ('stable', 11, 1, 1)
     """
+    require_model(model)
     _check_options(rank_tolerance, n_modes)
     at = read_configuration(model, coordinate, arguments)
     rank = find_rank(at.matrix, tolerance=rank_tolerance, rounding=at.rounding)

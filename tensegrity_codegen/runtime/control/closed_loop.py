@@ -28,7 +28,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["simulate_control"]
@@ -119,6 +119,7 @@ def simulate_control(
     >>> run.status, run.worst_error(last=0.2) < 1e-4
     ('ok', True)
     """
+    require_model(model)
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     step = find_sample(gains, estimator, sample)

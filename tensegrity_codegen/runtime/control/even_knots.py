@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.checks import check_whole
 
 __all__ = ["choose_even_knots"]
 
@@ -32,8 +32,7 @@ def choose_even_knots(total: int, count: Any) -> NDArray[np.int64] | None:
     InvalidValueError
         `count` is no integer >= 2.
     """
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-        raise InvalidValueError("out of range", where="count", given=count, allowed="2 or more knots")
+    count = check_whole(count, "count", 2, problem="not a number of knots")
     if total <= count:
         return None
-    return np.round(np.linspace(0, total - 1, int(count))).astype(np.int64)
+    return np.round(np.linspace(0, total - 1, count)).astype(np.int64)

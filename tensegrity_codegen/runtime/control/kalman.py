@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.linear_samples import (
@@ -31,7 +32,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor
@@ -119,6 +120,7 @@ def design_kalman(
     >>> estimator.state_name, estimator.L.shape
     (('n2.z', "n2.z'", 'force on n2.z'), (2, 3, 1))
     """
+    require_model(model)
     check_independent(model)
     require_quantities(model, QUANTITIES, "an estimator needs")
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
@@ -239,9 +241,7 @@ def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
 
 
 def _check_knots(knots: int) -> int:
-    if isinstance(knots, bool) or not isinstance(knots, int | np.integer) or not 2 <= knots <= 10_000:
-        raise InvalidValueError("out of range", where="knots", given=knots, allowed="2 to 10,000")
-    return int(knots)
+    return check_whole(knots, "knots", 2, 10_000)
 
 
 def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:

@@ -26,6 +26,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import check_finite
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
@@ -98,6 +99,7 @@ def design_lqr(
     >>> gains.K.shape, abs(gains.E).round(3).tolist()
     ((2, 1, 2), [0.815, 0.086])
     """
+    require_model(model)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
     if not way.actuators:
         raise InvalidValueError(

@@ -19,7 +19,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
 
 __all__ = ["Distributed", "TensionDistribution", "design_distribution"]
@@ -232,6 +232,7 @@ def design_distribution(
     >>> design_distribution(model, motion, least_tension=1.0).least_tension[-1].tolist()
     1.0
     """
+    require_model(model)
     require_solver()
     check_motion(model, motion)
     require_quantities(model, QUANTITIES, "a distribution of tensions needs")

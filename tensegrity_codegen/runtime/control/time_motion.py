@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.control.feedforward import (
@@ -27,6 +28,7 @@ from tensegrity_codegen.runtime.control.rates import check_rates, find_shortest
 from tensegrity_codegen.runtime.control.smooth_path import build_smooth_path
 from tensegrity_codegen.runtime.control.time_law import QUINTIC, TimeLaw, read_law
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel
 
@@ -101,6 +103,7 @@ def time_motion(
     >>> motion.input.shape, motion.shortest_duration < 1.0
     ((201, 6), True)
     """
+    require_model(model)
     _check_samples(samples)
     check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
     shape = read_law(law).returning() if there_and_back else read_law(law)
@@ -150,14 +153,7 @@ def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: flo
 
 
 def _check_samples(samples: int) -> None:
-    if (
-        isinstance(samples, bool)
-        or not isinstance(samples, int)
-        or not LEAST_SAMPLES <= samples <= MOST_SAMPLES
-    ):
-        raise InvalidValueError(
-            "out of range", where="samples", given=samples, allowed=f"{LEAST_SAMPLES} to {MOST_SAMPLES}"
-        )
+    check_whole(samples, "samples", LEAST_SAMPLES, MOST_SAMPLES)
 
 
 def _read_duration(duration: float | None, law: TimeLaw) -> float | None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.checks import check_positive, check_whole
+from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.raw_results import MOST_STEPS
 
@@ -95,14 +96,7 @@ def _check_keep(keep: str, method: str) -> None:
     """Raise UnknownNameError or InvalidValueError for what no method, or not this one, can keep."""
     if not keep:
         return
-    if keep not in KEPT:
-        raise UnknownNameError(
-            "unknown quantity to keep constant",
-            where="keep",
-            given=keep,
-            allowed="energy",
-            hint=suggest(keep, KEPT),
-        )
+    check_choice(keep, KEPT, "quantity to keep constant", "keep")
     if not find_method(method).keeps_energy:
         raise InvalidValueError(
             f"method {method!r} cannot keep the energy",
@@ -131,18 +125,14 @@ def _check_control(options: RunOptions) -> None:
 
 
 def _check_span(t_end: float, samples: int) -> None:
-    _check_positive("t_end", t_end)
-    if not 2 <= samples <= MOST_SAMPLES:
-        few = "few" if samples < 2 else "many"
-        raise InvalidValueError(
-            f"too {few} samples", where="samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
-        )
+    check_positive(t_end, "t_end")
+    check_whole(samples, "samples", 2, MOST_SAMPLES, "not a number of samples")
 
 
 def _check_tolerances(options: RunOptions) -> None:
-    _check_positive("rtol", options.rtol)
+    check_positive(options.rtol, "rtol")
     if options.atol is not None:
-        _check_positive("atol", options.atol)
+        check_positive(options.atol, "atol")
     if options.rtol >= 1.0:
         raise InvalidValueError(
             "the relative tolerance is out of range",
@@ -172,17 +162,14 @@ def _check_steps(options: RunOptions, t_end: float) -> None:
         raise InvalidValueError(
             "only fixed-step methods take a step", where="step", given=options.step, hint='`method="rk4"`'
         )
-    if not 1 <= options.max_steps <= LARGEST_COUNT:
-        raise InvalidValueError(
-            "out of range", where="max_steps", given=options.max_steps, allowed=f"1 to {LARGEST_COUNT}"
-        )
+    check_whole(options.max_steps, "max_steps", 1, LARGEST_COUNT)
     if options.step is not None:
         _check_step(options.step, t_end, max(options.max_steps, MOST_FIXED_STEPS))
 
 
 def _check_step(step: float, t_end: float, most: int) -> None:
     """Raise for a fixed step [s] of which more than `most` go into the time."""
-    _check_positive("step", step, " [s]")
+    check_positive(step, "step", "[s]")
     if t_end > most * step * (1.0 + 1e-9):
         raise InvalidValueError(
             "too small for the simulated time",
@@ -191,9 +178,3 @@ def _check_step(step: float, t_end: float, most: int) -> None:
             allowed=f"at least {t_end / most:.3g} s, which makes {most} steps",
             hint="a longer step, a shorter time, or more steps by `max_steps`",
         )
-
-
-def _check_positive(key: str, value: float, unit: str = "") -> None:
-    is_number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not (is_number and np.isfinite(value) and value > 0):
-        raise InvalidValueError("out of range", where=key, given=value, allowed=f"a finite number > 0{unit}")

@@ -27,7 +27,7 @@ from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
@@ -169,6 +169,7 @@ def linearize(
     >>> linear.A.shape, round(float(linear.natural_frequency[-1]), 4)  # sqrt(80 N/m / 0.5 kg) / (2 pi)
     ((6, 6), 2.0132)
     """
+    require_model(model)
     require_double(model.manifest, "linearization")
     _check_lengths(model.manifest)
     inputs = model.manifest.input_name

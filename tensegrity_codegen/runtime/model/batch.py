@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Pattern
 from tensegrity_codegen.runtime.model.arrays import to_batch
@@ -165,10 +166,7 @@ class BatchFunction:
 
 def check_threads(threads: int) -> None:
     """Raise InvalidValueError for what is no number of threads."""
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise InvalidValueError(
-            "not a number of threads", where="threads", given=threads, allowed="a whole number from 1 on"
-        )
+    check_whole(threads, "threads", 1, problem="not a number of threads")
 
 
 def _check_on_error(on_error: str) -> None:

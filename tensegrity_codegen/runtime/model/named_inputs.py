@@ -12,7 +12,7 @@ from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.quantities import ARGUMENTS
 
-__all__ = ["INPUT", "merge_inputs", "unify_name"]
+__all__ = ["INPUT", "merge_inputs", "read_arguments", "unify_name"]
 
 DOUBLE: np.dtype[Any] = np.dtype(np.float64)
 INPUT = "input"  # the argument that holds all inputs
@@ -45,7 +45,7 @@ def merge_inputs(
     InvalidValueError where an input is no number, or inputs are given by name and as an array too;
     NonFiniteError for a number that is not finite.
     """
-    given = dict(arguments or {})
+    given = read_arguments(arguments)
     named = [name for name in given if unify_name(manifest, name) == INPUT and name != INPUT]
     if not named:
         return given
@@ -63,6 +63,18 @@ def merge_inputs(
     for name, value in values.items():
         merged[..., manifest.input_name.index(name)] = value
     return given | {INPUT: merged}
+
+
+def read_arguments(arguments: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return run-time arguments by name as a new dictionary; raises InvalidValueError for anything else."""
+    if arguments is not None and not isinstance(arguments, Mapping):
+        raise InvalidValueError(
+            "not values by name",
+            where="arguments",
+            given=arguments,
+            allowed='a dictionary, such as {"gravity": [0, 0, -9.81]}',
+        )
+    return dict(arguments or {})
 
 
 def unify_name(manifest: Manifest, name: str) -> str:

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
-from tensegrity_codegen.errors import FormulationError, LibraryError
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.interface import Model
 
-__all__ = ["require_double", "require_quantities"]
+__all__ = ["require_double", "require_model", "require_quantities"]
+
+
+def require_model(model: Any) -> None:
+    """Raise InvalidValueError for what is no model, such as the path of a scene."""
+    if not isinstance(getattr(model, "manifest", None), Manifest):
+        raise InvalidValueError(
+            "not a compiled model",
+            where="model",
+            given=model,
+            allowed="what compile_scene(...) or build_library(...).load() returns",
+            hint="model = compile_scene(...) of the scene's path, dictionary or Scene",
+        )
 
 
 def require_quantities(model: Model, quantities: Iterable[str], purpose: str) -> None:

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_whole, is_number
 from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.planning.actuation import Actuation, find_actuation
 from tensegrity_codegen.runtime.planning.infeasible import (
     find_contradiction,
@@ -109,6 +111,7 @@ def plan(
     >>> found.status, found.n_steps
     ('found', 20)
     """
+    require_model(model)
     _check_options(steps, max_steps, least_progress, duration)
     require_solver()
     texts = read_targets(targets)
@@ -179,11 +182,8 @@ def _find_proof(
 
 def _check_options(steps: int, max_steps: int, least_progress: float, duration: float | None) -> None:
     for name, value in (("steps", steps), ("max_steps", max_steps)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise InvalidValueError(
-                "not a number of steps", where=name, given=value, allowed="a whole number, 1 or more"
-            )
-    if not 0 <= least_progress < 1:
+        check_whole(value, name, 1, problem="not a number of steps")
+    if not (is_number(least_progress) and 0 <= least_progress < 1):
         raise InvalidValueError(
             "not a part of a step", where="least_progress", given=least_progress, allowed="from 0 to below 1"
         )

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from tensegrity_codegen.checks import is_number
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
 from tensegrity_codegen.runtime.sensitivity.columns import Columns, select_columns
 from tensegrity_codegen.runtime.sensitivity.gauge import find_gauge, find_node_velocities, name_gauge
@@ -91,7 +92,8 @@ def equilibrium_sensitivity(
     >>> found.node[1].round(9).tolist()  # a weight hangs lower by as much as its spring is longer
     [[0.0], [0.0], [-1.0]]
     """
-    if not 0 < tolerance < 1:
+    require_model(model)
+    if not (is_number(tolerance) and 0 < tolerance < 1):
         raise InvalidValueError(
             "the tolerance is out of range", where="tolerance", given=tolerance, allowed="above 0, below 1"
         )

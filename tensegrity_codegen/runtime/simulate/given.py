@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.arguments import check_arguments
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
@@ -110,7 +111,9 @@ def _check_method(model: CompiledModel, method: str, schedule: Schedule) -> None
 
 def _read(model: CompiledModel, name: str, value: ArrayLike | None) -> FloatArray:
     nominal = model.nominal(name)
-    given = nominal if value is None else np.asarray(value, dtype=np.float64)
+    given = (
+        nominal if value is None else to_array(value, PRECISIONS["double"], name, f"shape {nominal.shape}")
+    )
     check_shape(given, nominal.shape, name)
     check_finite(given, "simulate", f"the initial {name} is not finite")
     return given

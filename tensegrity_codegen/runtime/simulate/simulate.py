@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -127,6 +127,7 @@ def simulate(
     >>> trajectory.status, trajectory.node_position.shape
     ('ok', (11, 2, 3))
     """
+    require_model(model)
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
     check_options(options, t_end, samples)
     require_double(model.manifest, "a simulation from Python")

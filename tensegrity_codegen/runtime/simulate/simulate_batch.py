@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.profiles.driven import check_not_constant
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
@@ -126,6 +127,7 @@ def simulate_batch(
     >>> batch.status, batch.node_position.shape
     (('ok', 'ok'), (2, 3, 2, 3))
     """
+    require_model(model)
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
     check_options(options, t_end, samples)
     options = choose_batch_control(options, control)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_whole, is_number
 from tensegrity_codegen.errors import (
     ConvergenceError,
     InvalidValueError,
@@ -16,8 +17,10 @@ from tensegrity_codegen.errors import (
     check_choice,
 )
 from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.precision import PRECISIONS
+from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
-from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.equilibrium_record import (
@@ -152,6 +155,7 @@ def find_equilibrium(
     >>> found.status, round(float(found.member_length[0]), 6)  # 1 m + 0.5 kg 9.81 m/s2 / (80 N/m)
     ('converged', 1.061313)
     """
+    require_model(model)
     check_search_options(tolerance, max_iterations, method)
     problem = build_problem(model, arguments)
     start = problem.enter(_start(problem, coordinate))
@@ -231,7 +235,7 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
     """Return a checked copy of the starting coordinates."""
     if coordinate is None:
         return problem.model.nominal("coordinate").ravel()
-    start = np.array(coordinate, dtype=float)
+    start = to_array(coordinate, PRECISIONS["double"], "coordinate", f"({problem.size},)").copy()
     if start.shape != (problem.size,):
         raise InvalidValueError(
             "the starting coordinate has the wrong shape",
@@ -250,13 +254,11 @@ def _start(problem: StaticProblem, coordinate: ArrayLike | None) -> FloatArray:
 def check_search_options(tolerance: float, max_iterations: int, method: str) -> None:
     """Raise InvalidValueError for options of a search that are out of range, UnknownNameError for methods."""
     check_choice(method, METHODS, "method", "method")
-    if not 0 < tolerance < 1:
+    if not (is_number(tolerance) and 0 < tolerance < 1):
         raise InvalidValueError(
             "the tolerance is out of range", where="tolerance", given=tolerance,
             allowed="above 0, below 1", hint="1e-9 is the default",
         )  # fmt: skip
-    if max_iterations < 1:
-        raise InvalidValueError(
-            "no iterations are allowed", where="max_iterations", given=max_iterations,
-            allowed="1 or more", hint="500 is the default",
-        )  # fmt: skip
+    check_whole(
+        max_iterations, "max_iterations", 1, problem="not a number of iterations", hint="500 is the default"
+    )

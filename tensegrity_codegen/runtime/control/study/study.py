@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.runtime.control.closed_loop import simulate_control
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -43,6 +44,7 @@ from tensegrity_codegen.runtime.control.study.tuning import Tuning, choose_weigh
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["study_control"]
@@ -140,6 +142,7 @@ def study_control(
     >>> study.status, list(study.loops)
     ('holds', ['open', 'true_state'])
     """
+    require_model(model)
     check_times(t_end=t_end, last=last)
     held = HELD if t_end is None else t_end
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
@@ -265,5 +268,4 @@ def _rank(row: RunMeasures) -> float:
 
 
 def _check_count(draws: int) -> None:
-    if isinstance(draws, bool) or not isinstance(draws, int) or not 1 <= draws <= MOST_DRAWS:
-        raise InvalidValueError("out of range", where="draws", given=draws, allowed=f"1 to {MOST_DRAWS}")
+    check_whole(draws, "draws", 1, MOST_DRAWS)

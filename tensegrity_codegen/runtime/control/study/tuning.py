@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.checks import check_positive
 from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.study.scales import Scales, find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.structure.frozen import freeze_fields
 
@@ -134,6 +134,7 @@ def choose_weights(
     >>> (tuning.Q**-0.5).round(4).tolist()[0], (tuning.R**-0.5).round(4).tolist(), tuning.integral_action
     (0.01, [0.0005], ('n2.z',))
     """
+    require_model(model)
     check_independent(model)
     check_motion(model, motion)
     require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
@@ -161,12 +162,7 @@ def choose_weights(
 def _read_positive(value: float | None, where: str, unit: str) -> float | None:
     if value is None:
         return None
-    is_number = isinstance(value, int | float | np.floating) and not isinstance(value, bool)
-    if not is_number or not (np.isfinite(value) and value > 0):
-        raise InvalidValueError(
-            "out of range", where=where, given=value, allowed=f"a finite number > 0 [{unit}]"
-        )
-    return float(value)
+    return check_positive(value, where, f"[{unit}]")
 
 
 def _find_time(scales: Scales, motion: Motion, sample: float) -> float:

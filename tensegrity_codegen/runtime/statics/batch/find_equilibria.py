@@ -16,7 +16,7 @@ from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria, EquilibriaTable
 from tensegrity_codegen.runtime.statics.batch.side_by_side import (
     block_size,
@@ -99,6 +99,7 @@ def find_equilibria(
     >>> found.status, found.member_length.round(4).ravel().tolist()
     (('converged', 'converged'), [1.0613, 1.0613])
     """
+    require_model(model)
     check_search_options(tolerance, max_iterations, method)
     check_threads(threads)
     starts = _read_starts(model, coordinate, arguments)
