@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
@@ -17,6 +18,7 @@ from platformdirs import user_cache_path
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
 from tensegrity_codegen.codegen.compilation.private_files import check_parents, make_private
 from tensegrity_codegen.errors import UnsafeCacheError
+from tensegrity_codegen.sweeps.engines.threads import limit_threads
 from tests.codegen.quickly import without_optimisation
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -32,6 +34,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 def pytest_configure(config: pytest.Config) -> None:
     if hasattr(config, "workerinput"):  # a worker of pytest-xdist has the controller's environment
         return
+    # Tests use all cores and their matrices are small: further threads of BLAS would wait for each other.
+    limit_threads()
+    # Hundreds of tests start Python, which would compile the package each time; pytest rewrites each test.
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # so do shells start what runs in the background
         signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ[CACHE_VARIABLE] = find_folder(config)
