@@ -23,6 +23,7 @@ WRAPPER = """<!doctype html><meta charset="utf-8"><title>wrapper</title>
 <script>
 document.getElementById("frame").addEventListener("load", event => {{
   const page = event.target.contentDocument, root = page.documentElement;
+  page.querySelectorAll("details").forEach(item => {{ item.open = true; }});
   const box = item => item.getBoundingClientRect();
   const ids = [...page.querySelectorAll("[id]")].map(item => item.id);
   const visible = item => box(item).width > 0 && box(item).height > 0;

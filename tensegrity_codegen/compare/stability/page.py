@@ -1,142 +1,128 @@
-"""The page of outcomes: tables of verdicts, of every case with every method, and of what methods said."""
+"""The page of outcomes: what is wrong, verdicts by method, errors, all cases, messages."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
+from tensegrity_codegen.compare.stability.error_figure import draw_errors
+from tensegrity_codegen.compare.stability.finding import WORDS, describe_counts, describe_finding
 from tensegrity_codegen.compare.stability.judge import RULES, VERDICTS
 from tensegrity_codegen.compare.stability.outcome import NOT_RUN, Limits, Outcome
-from tensegrity_codegen.long_work.processor import name_processor
-from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.page import Chapter, Page, Paragraph, Section, Verdict
-from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, text_cell
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.compare.stability.page_tables import (
+    RULE_WORDS,
+    build_grid,
+    build_messages,
+    build_verdicts,
+    build_worst,
+)
+from tensegrity_codegen.long_work.provenance import describe_provenance
+from tensegrity_codegen.report.pages.page import Block, Chapter, Page, Remark, Section, Verdict
+from tensegrity_codegen.report.pages.page_table import Column, Table, text_cell
 
 __all__ = ["build_page"]
 
 LEAD = (
-    "Stiff and extreme cases made from each scene, run with every method. A result that a method calls good "
-    "must be right: its error against a certified reference may be at most ten times the tolerance asked "
-    "for. A reference is certified by two methods that agree, or by extended precision with two step "
-    "lengths. Where a run itself states a bound for the velocities of vibrating bars, velocities must keep "
-    "that bound; such results are marked and counted. Tensions must be as exact as errors of states within "
-    "the tolerance make them. Methods with a fixed step know no tolerance; they may be off by a hundredth of "
-    "the mean member length and of the largest speed, peers by a hundredth of the mean member length in "
-    "coordinates."
+    "A result that a method reports as good is wrong if its certified error is more than ten times the "
+    "tolerance. A reference is certified by two methods that agree, or by extended precision with two step "
+    "lengths."
 )
-MARKS = {"plain": "", "told": " (speeds: stated bound)", "positions": " (positions only)"}
+FIXED = (
+    "Methods with a fixed step have no tolerance: their results are wrong from a hundredth of the mean "
+    "member length, or of the largest speed; those of other programs from a hundredth of the mean member "
+    "length."
+)
 
 
 def build_page(outcomes: dict[str, tuple[Outcome, ...]], t_end: float, limits: Limits) -> Page:
     """Return the page of outcomes by name of the scene; t_end [s] and limits are stated on it."""
     return Page(
-        title="Stiff and extreme cases",
-        lead=LEAD,
+        title=describe_finding(outcomes),
+        subject=f"Stiff and extreme cases of {', '.join(outcomes)}",
+        lead=f"{describe_counts(outcomes)} {LEAD}",
         chapters=tuple(
-            _chapter(name, rows, f"scene{n}", t_end) for n, (name, rows) in enumerate(outcomes.items())
+            _chapter(name, rows, f"scene{n}", t_end, is_alone=len(outcomes) == 1)
+            for n, (name, rows) in enumerate(outcomes.items())
         ),
         facts=(
-            f"tensegrity_codegen {VERSION}.",
-            f"Processor: {name_processor()}.",
+            *describe_provenance(),
             f"At most {limits.run:g} s of CPU time a run, {limits.reference:g} s a run for a reference, "
             f"{limits.total:g} s by the clock for everything.",
-            *(f"{word}: {meaning}." for word, meaning in VERDICTS.items()),
-            *(f"Rule {rule!r}: {meaning}." for rule, meaning in RULES.items()),
+            FIXED,
+            *(f"{WORDS[word]}: {meaning}." for word, meaning in VERDICTS.items()),
+            *(f"Checked by {RULE_WORDS[rule]}: {meaning}." for rule, meaning in RULES.items()),
         ),
         summary_heads=("part", "what", "result"),
     )
 
 
-def _chapter(name: str, rows: tuple[Outcome, ...], anchor: str, t_end: float) -> Chapter:
+def _chapter(name: str, rows: tuple[Outcome, ...], anchor: str, t_end: float, *, is_alone: bool) -> Chapter:
     own = tuple(row for row in rows if row.is_own)
     peers = tuple(row for row in rows if not row.is_own)
     sections = [
+        *_wrong(own, f"{anchor}-wrong"),
         *_list_not_run(rows, f"{anchor}-not-run"),
-        _survival(rows, f"{anchor}-who"),
-        _grid(own, f"{anchor}-own", "ours", "Our methods", "error over tolerance"),
+        _verdicts(rows, f"{anchor}-who"),
+        *_errors(own, name, f"{anchor}-errors"),
+        _grid(own, f"{anchor}-own", "Every case with our methods", "error over tolerance"),
     ]
     if peers:
-        sections.append(_grid(peers, f"{anchor}-peers", "peers", "Peers", "error [m]"))
-    sections.append(_reasons(own, f"{anchor}-reasons"))
-    return Chapter(
-        anchor, name, f"{t_end:g} s", f"{len({(r.group, r.case) for r in rows})} cases.", tuple(sections)
-    )
+        sections.append(_grid(peers, f"{anchor}-peers", "Every case with other programs", "error [m]"))
+    sections.append(_messages(own, f"{anchor}-reasons"))
+    cases = f"{len({(r.group, r.case) for r in rows})} cases of {t_end:g} s"
+    title = cases if is_alone else describe_finding({name: rows})
+    return Chapter(anchor, name, title, "" if is_alone else f"{cases}.", tuple(sections))
 
 
-def _list_not_run(rows: tuple[Outcome, ...], anchor: str) -> tuple[Section, ...]:
-    """Return a section of the cases that were not run, none if all were."""
+def _wrong(own: Sequence[Outcome], anchor: str) -> Iterator[Section]:
+    """Yield a section of wrong results of our methods, none if there are none."""
+    wrong = [row for row in own if row.verdict == "wrong"]
+    if wrong:
+        remark = Remark("wrong", "These results have status ok, and must not be used.")
+        table = build_messages(wrong, "Wrong results of our methods")
+        yield Section(anchor, "ours", "Wrong results", "wrong", describe_finding({"": own}), (remark, table))
+
+
+def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
+    """Yield a section of the cases that were not run, none if all were."""
     cases = dict.fromkeys((row.group, row.case, row.message) for row in rows if row.verdict == NOT_RUN)
-    if not cases:
-        return ()
-    columns = tuple(Column(name, numeric=False) for name in ("case", "value", "reason"))
-    table = Table("Cases without a result", columns, tuple(tuple(map(text_cell, case)) for case in cases))
-    result = f"{len(cases)} cases; the same command runs them; finished cases are kept"
-    return (Section(anchor, "all", "Not run", "plain", result, (table,)),)
+    if cases:
+        columns = tuple(Column(name, numeric=False) for name in ("case", "value", "reason"))
+        table = Table("Cases without a result", columns, tuple(tuple(map(text_cell, case)) for case in cases))
+        result = f"{len(cases)} cases; the same command runs them, finished cases are kept"
+        yield Section(anchor, "all", "Not run", "plain", result, (table,))
 
 
-def _survival(rows: tuple[Outcome, ...], anchor: str) -> Section:
-    """Return the table of how often each method and each peer came to which verdict."""
-    contenders = list(dict.fromkeys(row.contender for row in rows))
-    columns = (Column("method", numeric=False), *(Column(word) for word in VERDICTS))
-    counts = {(name, word): 0 for name in contenders for word in VERDICTS}
-    for row in rows:
-        counts[row.contender, row.verdict] += 1
-    cells = tuple(
-        (text_cell(name), *(text_cell(str(counts[name, word])) for word in VERDICTS)) for name in contenders
-    )
-    block = Table("Cases by verdict", columns, cells)
-    return Section(anchor, "all", "Verdicts by method", "plain", f"{len(contenders)} methods", (block,))
+def _verdicts(rows: Sequence[Outcome], anchor: str) -> Section:
+    methods = len({row.contender for row in rows if row.is_own})
+    peers = len({row.contender for row in rows if not row.is_own})
+    result = f"{methods} methods of ours" + (f", {peers} of other programs" if peers else "")
+    return Section(anchor, "all", "Verdicts by method", "plain", result, (build_verdicts(rows),))
 
 
-def _grid(rows: tuple[Outcome, ...], anchor: str, source: str, title: str, what: str) -> Section:
-    contenders = list(dict.fromkeys(row.contender for row in rows))
-    by_case: dict[tuple[str, str], dict[str, Outcome]] = {}
-    for row in rows:
-        by_case.setdefault((row.group, row.case), {})[row.contender] = row
-    columns = (
-        Column("case", numeric=False),
-        Column("value", numeric=False),
-        *(Column(name, numeric=False) for name in contenders),
-    )
-    table = Table(
-        f"Verdict, with {what} where it is certified",
-        columns,
-        tuple(
-            (text_cell(group), text_cell(case), *(_cell(found.get(name)) for name in contenders))
-            for (group, case), found in by_case.items()
-        ),
-    )
+def _errors(own: Sequence[Outcome], name: str, anchor: str) -> Iterator[Section]:
+    """Yield the diagram and the table of the largest errors, nothing where none is certified."""
+    known = [row for row in own if row.error is not None]
+    if known:
+        worst = max(known, key=lambda row: row.error or 0.0)
+        result = (
+            f"largest: {worst.error:.3g} times the tolerance, {worst.contender}, {worst.group}: {worst.case}"
+        )
+        blocks: tuple[Block, ...] = (*draw_errors(known, name, f"{anchor}-figure"), build_worst(own))
+        yield Section(anchor, "ours", "Errors over tolerance", "plain", result, blocks)
+
+
+def _grid(rows: Sequence[Outcome], anchor: str, title: str, what: str) -> Section:
     counts = {word: sum(row.verdict == word for row in rows) for word in VERDICTS}
-    result = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-    result += _rules(rows) if source == "ours" else ""
-    verdict: Verdict = "differs" if source == "ours" and counts["wrong"] else "plain"
-    return Section(anchor, source, title, verdict, result, (table,))
+    result = ", ".join(f"{count} {WORDS[word]}" for word, count in counts.items() if count)
+    is_own = all(row.is_own for row in rows)
+    verdict: Verdict = "wrong" if is_own and counts["wrong"] else "plain"
+    return Section(anchor, "ours" if is_own else "others", title, verdict, result, (build_grid(rows, what),))
 
 
-def _rules(rows: tuple[Outcome, ...]) -> str:
-    """Return by which rules results with a certified error were judged, in words."""
-    counts = {rule: sum(row.rule == rule for row in rows) for rule in RULES}
-    return (
-        f"; of the certified ones {counts['plain']} are judged by the plain rule, {counts['told']} by the "
-        f"stated bound of velocities, {counts['positions']} by positions only"
-    )
-
-
-def _cell(row: Outcome | None) -> Cell:
-    if row is None:
-        return text_cell("–")
-    if row.error is None:
-        return text_cell(row.verdict if row.verdict != "stopped" else f"stopped: {row.status}")
-    mark = MARKS.get(row.rule, "") if row.is_own else ""
-    return Cell((("", f"{row.verdict}, {format_number(row.error, '.1e')}{mark}"),), row.error)
-
-
-def _reasons(rows: tuple[Outcome, ...], anchor: str) -> Section:
-    stopped = [row for row in rows if row.verdict in ("stopped", "over time", "wrong")]
-    columns = tuple(Column(name, numeric=False) for name in ("case", "value", "method", "verdict", "message"))
-    cells = tuple(
-        tuple(text_cell(word) for word in (r.group, r.case, r.contender, r.verdict, r.message))
-        for r in stopped
-    )
-    block = Table("Messages of our methods", columns, cells) if cells else Paragraph("All runs succeeded.")
+def _messages(own: Sequence[Outcome], anchor: str) -> Section:
+    stopped = [row for row in own if row.verdict in ("stopped", "over time", "unchecked")]
+    table = build_messages(stopped, "Runs of our methods without a checked result")
+    blocks: tuple[Block, ...] = (table,) if stopped else ()
     return Section(
-        anchor, "words", "Runs of ours without a good result", "plain", f"{len(stopped)} runs", (block,)
+        anchor, "ours", "Messages of runs without a checked result", "plain", f"{len(stopped)} runs", blocks
     )

@@ -25,10 +25,11 @@ __all__ = [
     "diagram_figure",
 ]
 
-Verdict = Literal["agrees", "differs", "unstated", "new", "plain"]
+Verdict = Literal["agrees", "differs", "wrong", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
     "agrees": "agrees",
     "differs": "differs",
+    "wrong": "wrong",
     "unstated": "no numbers in print",
     "new": "not in print",
     "plain": "",  # nothing to compare with
