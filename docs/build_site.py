@@ -29,16 +29,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if missing:
         print(f"not installed: {', '.join(missing)}; pip install '.[docs]'", file=sys.stderr)
         return 2
-    from site_pages.gallery import write_live_pages
+    from site_pages.live_pages import write_live_pages
     from sphinx.cmd.build import build_main
 
     began = time.monotonic()
     quiet = [] if chosen.verbose else ["-q"]
-    cache = ["-d", str(chosen.out.parent / f".{chosen.out.name}-cache")]
+    cache = chosen.out.parent / f".{chosen.out.name}-cache"
     jobs = ["-j", str(min(os.cpu_count() or 1, 4))]
-    code = build_main(["-W", "--keep-going", *quiet, *jobs, "-b", "html", *cache, str(HERE), str(chosen.out)])
+    code = build_main(
+        ["-W", "--keep-going", *quiet, *jobs, "-b", "html", "-d", str(cache), str(HERE), str(chosen.out)]
+    )
     if code == 0:
-        failed = write_live_pages(chosen.out / "gallery")
+        failed = write_live_pages(chosen.out, cache / "live_pages.json")
         if failed:
             print(f"no live page of: {', '.join(failed)}; see the errors above", file=sys.stderr)
             return 1

@@ -25,6 +25,7 @@ exclude_patterns = ["site_pages", "notebooks", "pictures", "**/README.txt"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
 default_role = "literal"
+smartquotes = False  # options of commands begin with two hyphens
 nitpicky = False  # types of parameters are sentences here, not references
 
 myst_enable_extensions = ["deflist"]

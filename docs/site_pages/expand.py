@@ -3,7 +3,9 @@
     <!-- site: include README.md -->               the file, from the root; `after TEXT` begins after a text
                                                    and `before TEXT` ends before one
     <!-- site: command line -->                    every verb with its help
-    <!-- site: gallery -->                         scenes with their live pages
+    <!-- site: cards NAME NAME ... -->             scenes of the gallery, each with picture and title
+    <!-- site: live NAME -->                       the live page of a scene, in a frame
+    <!-- site: scene NAME -->                      the text of a scene's file, folded
     <!-- site: keys of scenes -->                  every table and key of scene files
     <!-- site: file docs/derivations/bodies.py --> a program, as code
     <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
@@ -18,7 +20,7 @@ import re
 from collections.abc import Callable
 
 from site_pages.command_line import write_command_line
-from site_pages.gallery import write_gallery
+from site_pages.gallery import write_cards, write_live_frame, write_scene_file
 from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
 from site_pages.scene_keys import write_scene_keys
@@ -39,12 +41,17 @@ def expand_page(text: str, page: str) -> str:
 def _replace(mark: str, page: str) -> str:
     makers: dict[str, Callable[[], str]] = {
         "command line": write_command_line,
-        "gallery": write_gallery,
         "keys of scenes": write_scene_keys,
     }
     if mark in makers:
         return makers[mark]()
     word, _, rest = mark.partition(" ")
+    if word == "cards":
+        return write_cards(rest.split(), page)
+    if word == "live":
+        return write_live_frame(rest, page)
+    if word == "scene":
+        return write_scene_file(rest)
     if word == "python":
         return write_names(rest.split())
     if word == "include":
@@ -54,7 +61,7 @@ def _replace(mark: str, page: str) -> str:
     if word == "pages":
         names = "\n".join(rest.split())
         return f"```{{toctree}}\n:hidden:\n:glob:\n\n{names}\n```"
-    allowed = ", ".join([*makers, "file", "include", "pages", "python"])
+    allowed = ", ".join([*makers, "cards", "file", "include", "live", "pages", "python", "scene"])
     raise ValueError(f"{page}: no mark of the site is called {mark!r}; allowed: {allowed}")
 
 

@@ -20,6 +20,7 @@ sys.path.append(str(DOCS))
 from site_pages.expand import expand_page  # noqa: E402
 from site_pages.gallery import find_scenes  # noqa: E402
 from site_pages.links import FENCE, LINK, point_links  # noqa: E402
+from site_pages.live_pages import compute_fingerprint  # noqa: E402
 
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 
@@ -91,14 +92,31 @@ def test_every_key_of_scenes_has_an_entry(expanded: dict[str, str]) -> None:
         assert re.findall(r"^`(\w+)` \(", section, re.MULTILINE) == list(table["properties"]), name
 
 
-def test_the_gallery_shows_every_scene_with_its_file(expanded: dict[str, str]) -> None:
+def test_every_scene_of_the_gallery_has_a_card_and_a_page(expanded: dict[str, str]) -> None:
     scenes = find_scenes()
-    assert len({path.stem for path in scenes}) == len(scenes) >= 12
-    for path in scenes:
-        text = path.read_text(encoding="utf-8")
-        assert f"```toml\n{text}```" in expanded["gallery.md"]
-        assert f'href="gallery/{path.stem}.html"' in expanded["gallery.md"]
-        assert tensegrity_codegen.load_scene(path)[0].member_name
+    assert len(scenes) >= 18
+    cards = re.findall(r'class="card" href="gallery/(\w+)\.html"', expanded["gallery.md"])
+    assert sorted(cards) == sorted(scenes)
+    assert expanded["gallery.md"].count('<svg class="thumbnail"') == len(scenes)
+    for name, path in scenes.items():
+        text = expanded[f"gallery/{name}.md"]
+        assert f"```toml\n{path.read_text(encoding='utf-8')}```" in text
+        assert f'src="../live/{name}.html"' in text
+        words = re.sub(r"<[^>]+>|```.*?```", "", text, flags=re.DOTALL).split()
+        assert len(words) > 50, name
+
+
+def test_a_live_page_is_due_where_scene_code_or_command_changed(tmp_path: Path) -> None:
+    scene = tmp_path / "a.toml"
+    scene.write_text('name = "a"', encoding="utf-8")
+    marks = [
+        compute_fingerprint(scene, "code", ["play"]),
+        compute_fingerprint(scene, "changed code", ["play"]),
+        compute_fingerprint(scene, "code", ["play", "--settle"]),
+    ]
+    scene.write_text('name = "b"', encoding="utf-8")
+    marks.append(compute_fingerprint(scene, "code", ["play"]))
+    assert len(set(marks)) == 4
 
 
 def test_an_unknown_mark_or_text_is_an_error() -> None:
