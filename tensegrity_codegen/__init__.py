@@ -20,13 +20,14 @@ if TYPE_CHECKING:
     from tensegrity_codegen.controller.simulate_batch import simulate_control_batch
     from tensegrity_codegen.errors import TensegrityError
     from tensegrity_codegen.export.export_fmu import export_fmu
+    from tensegrity_codegen.pictures.draw import draw
+    from tensegrity_codegen.pictures.view import LivePage, view
     from tensegrity_codegen.pipeline import (
         build_library,
         compile_scene,
         load_scene,
         read_scene,
     )
-    from tensegrity_codegen.report.pictures.draw import draw
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -81,6 +82,7 @@ __all__ = [
     "Gains",
     "Gust",
     "LinearModel",
+    "LivePage",
     "LoadedController",
     "ModelRequest",
     "Motion",
@@ -124,6 +126,7 @@ __all__ = [
     "sweep",
     "symbolic_functions",
     "time_motion",
+    "view",
 ]
 
 _HOME = {
@@ -140,6 +143,7 @@ _HOME = {
     "Gains": "runtime.control.design.gains",
     "Gust": "runtime.control.loop.disturbances",
     "LinearModel": "runtime.linear.linearize",
+    "LivePage": "pictures.view",
     "LoadedController": "controller.loaded",
     "ModelRequest": "request",
     "Motion": "runtime.control.motion",
@@ -161,7 +165,7 @@ _HOME = {
     "design_distribution": "runtime.control.tension_distribution",
     "design_kalman": "runtime.control.kalman",
     "design_lqr": "runtime.control.lqr",
-    "draw": "report.pictures.draw",
+    "draw": "pictures.draw",
     "equilibrium_sensitivity": "runtime.sensitivity.sensitivity",
     "export_fmu": "export.export_fmu",
     "find_equilibria": "runtime.statics.batch.find_equilibria",
@@ -178,6 +182,7 @@ _HOME = {
     "simulate_control": "runtime.control.closed_loop",
     "simulate_control_batch": "controller.simulate_batch",
     "study_control": "runtime.control.study.study",
+    "view": "pictures.view",
 }
 
 

@@ -9,15 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses import equilibrium_quantities
+from tensegrity_codegen.analyses import equilibrium_quantities, find_needs
 from tensegrity_codegen.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["has_statics", "is_corrected", "move_near_origin", "settle_structure", "with_statics"]
+__all__ = [
+    "find_settled",
+    "has_statics",
+    "is_corrected",
+    "move_near_origin",
+    "settle_structure",
+    "with_statics",
+]
 
 
 def has_statics(request: ModelRequest) -> bool:
@@ -107,6 +114,51 @@ def settle_structure(
         for text in found.warnings:
             warn(text)
     return structure.with_changes(node_position=found.node_position + offset)
+
+
+def find_settled(
+    subject: Subject, request: ModelRequest, *, warn: Callable[[str], None] | None = None
+) -> tuple[Subject, Equilibrium]:
+    """Return the structure or bodies at the equilibrium, at rest, and the equilibrium itself.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        At its stated positions.
+    request : ModelRequest
+        Of any formulation; the equilibrium is found in one that supports it.
+    warn : callable, optional
+        Called with each warning of the equilibrium, a sentence.
+
+    Returns
+    -------
+    settled : Structure or BodySystem
+        At the equilibrium, with zero velocities.
+    found : Equilibrium
+        Positions at their place, tensions (those of rigid bars too), evidence.
+
+    Raises
+    ------
+    ConvergenceError, UnstableError
+        No stable equilibrium was found.
+    FormulationError, CompilerMissingError, CompileError
+        As for build_library.
+    """
+    statics = with_statics(subject, request)
+    near, offset = move_near_origin(subject, request)
+    wanted = find_needs("equilibrium", near, statics).alone(statics)
+    found = find_equilibrium(build_library(near, wanted).load())
+    if warn is not None:
+        for text in found.warnings:
+            warn(text)
+    found = replace(found, node_position=found.node_position + offset)
+    settled: Subject
+    if isinstance(subject, Structure):
+        still = np.zeros_like(subject.node_position)
+        settled = subject.with_changes(node_position=found.node_position, node_velocity=still)
+    else:
+        settled = subject.with_changes(coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
+    return settled, found
 
 
 def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, NDArray[np.float64]]:

@@ -53,6 +53,12 @@ def main(folder: Path) -> dict[str, object]:
     gust = tc.Gust("load", (0.0, 0.0, -0.5), 0.1, 0.1)
     run: tc.ControlRun = tc.simulate_control(model, found, gains, estimator=estimator, t_end=0.5, gust=gust)
     tc.draw(motion, time=0.5, labels=True).savefig(folder / "lift.png")
+    tc.draw(model, view="front", size="600x500", settle=True).savefig(folder / "rest.png")
+    try:
+        page: tc.LivePage = tc.view(motion, labels="nodes", follow=True)
+        page.write(folder / "lift.html")
+    except tc.TensegrityError as error:  # three.js can be neither found nor downloaded
+        print(error)
     length: float = float(found.member_length[0])
     speed: float = float(np.abs(motion.velocity_of("load")).max())
     pull: float = float(motion.tension("cord")[-1])

@@ -7,27 +7,36 @@ const MOST = 160; // names at once
 export function buildLabels(canvas, stage, model) {
   const labels = { kind: "none", palette: null, omitted: false };
   const places = new Float64Array(3 * model.nodeCount);
-  const wish = () => (labels.kind === "nodes" ? model.nodeNames : labels.kind === "members" ? model.memberNames : []);
+  const named = { members: model.memberNames, nodes: model.nodeNames };
+  const wish = () => Object.keys(named).filter((kind) => labels.kind === kind || labels.kind === "all");
   /** A canvas over the picture costs time in every frame: it is there only while something stands on it. */
   labels.draw = (nodes) => {
-    const names = wish();
-    const isNeeded = names.length > 0 || Boolean(labels.hasMore?.());
+    const kinds = wish();
+    const isNeeded = kinds.length > 0 || Boolean(labels.hasMore?.());
     if (canvas.hidden === isNeeded) canvas.hidden = !isNeeded;
     if (!isNeeded) return;
     const { width, height } = stage;
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     canvas.width = width * ratio;
     canvas.height = height * ratio;
-    if (!names.length) return;
+    if (!kinds.length) return;
     projectNodes(stage, nodes, places);
-    const isNodes = labels.kind === "nodes";
-    const placeOf = isNodes ? at : middle;
     const isSeen = ([x, y, depth]) => depth > 0 && x > 0 && x < width && y > 0 && y < height;
-    const shown = Array.from(names.keys()).filter((k) => isSeen(placeOf(k)));
-    labels.omitted = shown.length > MOST;
     const pen = penOf(ratio);
-    if (labels.omitted) write(pen, `${shown.length} names: zoom in until at most ${MOST} are in the picture`, 16, 24, "left");
-    else for (const k of shown) write(pen, names[k], placeOf(k)[0] + (isNodes ? 9 : 0), placeOf(k)[1] - (isNodes ? 9 : 0), isNodes ? "left" : "center");
+    labels.omitted = false;
+    let line = 24;
+    for (const kind of kinds) {
+      const isNodes = kind === "nodes";
+      const [placeOf, shift] = isNodes ? [at, 9] : [middle, 0];
+      const shown = Array.from(named[kind].keys()).filter((k) => isSeen(placeOf(k)));
+      if (shown.length > MOST) {
+        labels.omitted = true;
+        write(pen, `${shown.length} names of ${kind}: zoom in until at most ${MOST} are in the picture`, 16, line, "left");
+        line += 18;
+        continue;
+      }
+      for (const k of shown) write(pen, named[kind][k], placeOf(k)[0] + shift, placeOf(k)[1] - shift, isNodes ? "left" : "center");
+    }
   };
   const penOf = (ratio) => {
     const pen = canvas.getContext("2d");

@@ -31,6 +31,9 @@ export async function start(scene, buffers) {
   app.stage.resize();
   update(app);
   app.reset();
+  const first = scene.start ?? {};
+  if (first.labels && first.labels !== "none") app.labelBy(first.labels);
+  if (first.follow) app.followBy(true);
   const write = pace(() => {
     diagrams?.writeValues();
     showChosen(app);

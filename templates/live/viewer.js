@@ -77,7 +77,7 @@ function addLooks(app) {
     byId("labels").value = kind;
     app.changed();
   };
-  app.nextLabels = () => app.labelBy(after(["none", "nodes", "members"], app.labels.kind));
+  app.nextLabels = () => app.labelBy(after(["none", "nodes", "members", "all"], app.labels.kind));
   app.toggleTheme = () => {
     const theme = app.palette.isDark ? "light" : "dark";
     document.documentElement.dataset.theme = theme;

@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import replaced
 
 if TYPE_CHECKING:
+    from tensegrity_codegen.cli.picture import ShowOptions
     from tensegrity_codegen.request import ModelRequest
-    from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["ThreeOption", "play_live", "show_live"]
 
 PLAYED = "rk54"
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")
-MOST_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
 
 ThreeOption = Annotated[
     Path | None,
@@ -30,20 +29,36 @@ ThreeOption = Annotated[
 
 
 def show_live(
-    output: Output, scene: Path, out: Path, trajectory: Path | None, modes: int, three: Path | None
+    output: Output,
+    scene: Path,
+    out: Path,
+    trajectory: Path | None,
+    modes: int,
+    three: Path | None,
+    options: ShowOptions,
 ) -> tuple[dict[str, Any], str]:
     """Write a live page of a scene; return the result of the verb as data and as text."""
-    from tensegrity_codegen.report.live.live_scene import build_live_scene
+    from tensegrity_codegen.cli.picture import describe_left_out
+    from tensegrity_codegen.pictures.modes import find_modes
+    from tensegrity_codegen.report.live.live_scene import MOST_NAMES, LiveStart, build_live_scene
     from tensegrity_codegen.report.live.render_live import render_live
     from tensegrity_codegen.report.live.three_module import find_three
+    from tensegrity_codegen.report.pictures.draw import find_rigid
     from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
+    from tensegrity_codegen.settle import find_settled
     from tensegrity_codegen.structure.outline import outline_tendons
 
-    subject, request = output.load(scene)
+    subject, request = output.load(scene, settles=options.settle)
     motion = None if trajectory is None else read_trajectory(trajectory, outline_tendons(subject))
     module, licence = find_three(three)
-    analysis, note = find_modes(output, subject, request, modes)
-    shown = build_live_scene(subject, motion, analysis, modes_note=note)
+    known: dict[str, Any] = {"rigid": find_rigid(subject, request)}
+    if options.settle:
+        subject, found = find_settled(subject, request, warn=output.warn)
+        known = {"tension": found.member_tension}
+    analysis, note = find_modes(subject, request, modes, output.warn)
+    choices = options.choices
+    start = LiveStart(choices.view, choices.labels, choices.follow)
+    shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **known)
     text = render_live(shown, module, licence)
     with replaced(out) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -56,6 +71,7 @@ def show_live(
         "n_modes": len(shown.data["modes"]),
         "modes_note": note,
         "rounding": dict(shown.data["rounding"]),
+        **describe_left_out(output, subject, choices.labels, MOST_NAMES),
     }
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
 
@@ -98,20 +114,10 @@ def play_live(
 
 def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> Subject:
     """Return the structure at its equilibrium, at rest; raises ConvergenceError where none is found."""
-    import numpy as np
+    from tensegrity_codegen.settle import find_settled
 
-    from tensegrity_codegen.pipeline import build_library, find_needs, settle_structure
-    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-    from tensegrity_codegen.structure.structure import Structure
-
-    if isinstance(subject, Structure):
-        settled = settle_structure(subject, request, warn=output.warn)
-        return settled.with_changes(node_velocity=np.zeros_like(settled.node_position))
-    wanted = find_needs("equilibrium", subject, request).alone(request)
-    found = find_equilibrium(build_library(subject, wanted).load())
-    for text in found.warnings:
-        output.warn(text)
-    return replace(subject, coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
+    settled, _ = find_settled(subject, request, warn=output.warn)
+    return settled
 
 
 def request_play(subject: Subject, request: ModelRequest) -> ModelRequest:
@@ -134,27 +140,3 @@ def _check_tolerance(rtol: float) -> None:
         raise InvalidValueError(
             "the tolerance is out of range", where="--rtol", given=rtol, allowed="1e-12 to 1e-2"
         )
-
-
-def find_modes(
-    output: Output, subject: Subject, request: ModelRequest, count: int
-) -> tuple[Analysis | None, str]:
-    """Return the analysis with natural modes and mechanisms, or None and why there is none."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
-    from tensegrity_codegen.runtime.analysis.analyse import analyse
-
-    if count == 0:
-        return None, ""
-    size = subject.n_coordinates
-    if size > MOST_COORDINATES:
-        return None, f"No modes: more than {MOST_COORDINATES} coordinates ({size})."
-    if size == 0:
-        return None, "No modes: no node can move."
-    try:
-        near, _ = move_near_origin(subject, request)
-        statics = with_statics(near, request)
-        wanted = find_needs("analyse", near, statics).alone(statics)
-        return analyse(build_library(near, wanted).load(), n_modes=count), ""
-    except TensegrityError as error:
-        output.warn(f"the page has no modes: {error.problem}")
-        return None, f"No modes: {error.problem}."

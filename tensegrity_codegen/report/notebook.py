@@ -9,7 +9,8 @@ from typing import Any
 from markupsafe import escape
 
 from tensegrity_codegen.errors import TensegrityError
-from tensegrity_codegen.report.pictures.draw import draw
+from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.report.pictures.draw import draw_shot, find_shot
 from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -46,7 +47,7 @@ def _picture(item: Any) -> str:
         if isinstance(item, Motion):
             figure = _plot_rest_lengths(item)
         elif isinstance(item, DRAWN) and _count_members(item) <= MOST_MEMBERS:
-            figure = draw(item)
+            figure, _ = draw_shot(find_shot(item), PictureChoices(follow=True))
         else:
             return ""
         data = io.BytesIO()

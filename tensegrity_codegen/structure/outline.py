@@ -13,7 +13,7 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["outline_bodies", "outline_tendons"]
+__all__ = ["find_faces", "find_joints", "is_edge", "outline_bodies", "outline_tendons"]
 
 FloatArray = NDArray[np.float64]
 
@@ -87,21 +87,75 @@ def outline_bodies(subject: Structure | BodySystem) -> Structure:
     )
 
 
+def is_edge(subject: Structure | BodySystem) -> NDArray[np.bool_]:
+    """Return which members of `outline_bodies` are edges of rigid bodies, (n_members,)."""
+    if isinstance(subject, Structure):
+        return np.zeros(subject.n_members, dtype=np.bool_)
+    edges: list[bool] = []
+    for body, item in enumerate(subject.bodies):
+        edges += [isinstance(item, RigidBody)] * len(_find_pairs(subject, body))
+    return np.array([False] * subject.n_members + edges, dtype=np.bool_)
+
+
+def find_joints(subject: Structure | BodySystem) -> NDArray[np.int64]:
+    """Return the nodes of other bodies that hold a bar, whose force no member of the outline shows."""
+    bodies = () if isinstance(subject, Structure) else subject.bodies
+    return np.array([item.anchor for item in bodies if isinstance(item, Bar) and item.held], dtype=np.int64)
+
+
+def find_faces(subject: Structure | BodySystem) -> list[tuple[int, ...]]:
+    """Return triangles of nodes on the surface of rigid bodies, for pictures.
+
+    Bodies of up to MOST_CORNERS points have all triangles of these, others those of their convex hull, none
+    where all points lie in a plane.
+    """
+    if isinstance(subject, Structure):
+        return []
+    faces: list[tuple[int, ...]] = []
+    for body, item in enumerate(subject.bodies):
+        corners = _find_corners(subject, body) if isinstance(item, RigidBody) else []
+        if len(corners) <= MOST_CORNERS:
+            faces += combinations(corners, 3)
+        else:
+            faces += _find_hull(subject, corners)
+    return faces
+
+
+def _find_hull(system: BodySystem, corners: list[int]) -> list[tuple[int, ...]]:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(system.node_local[corners])
+    except QhullError:
+        return []
+    return [tuple(corners[int(k)] for k in triangle) for triangle in hull.simplices]
+
+
+def _find_corners(system: BodySystem, body: int) -> list[int]:
+    """Return the points of a body without its centre."""
+    return [int(node) for node in np.flatnonzero(system.node_body == body) if np.any(system.node_local[node])]
+
+
+def _find_pairs(system: BodySystem, body: int) -> list[tuple[int, int]]:
+    """Return the pairs of nodes that are drawn as lines of a body."""
+    item = system.bodies[body]
+    if isinstance(item, Bar):
+        return [system.bar_ends(body)]
+    if not isinstance(item, RigidBody):
+        return []
+    corners = _find_corners(system, body)
+    if len(corners) <= MOST_CORNERS:
+        return list(combinations(corners, 2))
+    return [(corners[k - 1], corners[k]) for k in range(len(corners))]
+
+
 def _edges(system: BodySystem) -> tuple[list[tuple[int, int]], list[str], list[float]]:
     """Return node pairs, names that no tendon has, and radii of bars and edges."""
     edges: list[tuple[int, int]] = []
     names: list[str] = []
     radii: list[float] = []
     for body, item in enumerate(system.bodies):
-        nodes = [int(node) for node in np.flatnonzero(system.node_body == body)]
-        if isinstance(item, Bar):
-            pairs = [(nodes[0], nodes[1])]
-        elif isinstance(item, RigidBody):
-            corners = [node for node in nodes if np.any(system.node_local[node])]
-            ring = [(corners[k - 1], corners[k]) for k in range(len(corners))]
-            pairs = list(combinations(corners, 2)) if len(corners) <= MOST_CORNERS else ring
-        else:
-            pairs = []
+        pairs = _find_pairs(system, body)
         for number, pair in enumerate(pairs):
             name = item.name if len(pairs) == 1 else f"{item.name}_edge{number + 1}"
             while name in system.member_name:

@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensegrity_codegen.cli.scene_files import read_example
 from tests.cli.conftest import Run
 from tests.report.live.pages import require_three
+from tests.report.samples import png_size
 
 pytest.importorskip("matplotlib")
+Image = pytest.importorskip("PIL.Image")
 SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF", ".gif": b"GIF8"}
 
 
@@ -54,6 +57,86 @@ def test_another_file_than_three_js_is_refused(run: Run, folder: Path, two_nodes
         assert ended.data["error"] == "MissingSourceError"
         assert "--three" in ended.data["hint"]
     assert not Path("a.html").exists()
+
+
+def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Path) -> None:
+    options = ("--view", "front", "--size", "400x300", "--color", "force_density", "--no-forces", "--json")
+    for more in (("--settle",), ("--labels", "nodes"), ("--trajectory", motion, "--follow")):
+        assert run("show", two_nodes, *more, *options, "--out", "a.png").code == 0
+        assert png_size(Path("a.png")) == (400, 300)
+    film = ("--trajectory", motion, "--fps", 10, "--size", "301x200", "--out", "a.gif")
+    assert run("show", two_nodes, *film, "--json").code == 0
+    with Image.open("a.gif") as images:
+        assert getattr(images, "n_frames", 1) == 3
+        assert images.size == (300, 200)  # video coders want even numbers
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        (("--fps", 10, "--out", "a.png"), "--fps"),
+        (("--follow", "--out", "a.pdf"), "--follow"),
+        (("--follow", "--out", "a.html"), "--follow"),
+        (("--size", "400x300", "--out", "a.html"), "--size"),
+        (("--fps", 10, "--out", "a.html"), "--fps"),
+        (("--no-forces", "--out", "a.html"), "--no-forces"),
+        (("--color", "kind", "--out", "a.html"), "--color"),
+        (("--settle", "--trajectory", "motion.npz", "--out", "a.png"), "--settle"),
+        (("--view", "top,3", "--out", "a.png"), "--view"),
+        (("--size", "12", "--out", "a.png"), "--size"),
+        (("--labels", "names", "--out", "a.png"), "--labels"),
+        (("--color", "red", "--out", "a.png"), "--color"),
+        (("--trajectory", "motion.npz", "--fps", 0, "--out", "a.gif"), "--fps"),
+    ],
+)
+def test_options_that_a_kind_of_file_cannot_have_are_refused(
+    options: tuple[object, ...], where: str, run: Run, two_nodes: Path, motion: Path
+) -> None:
+    before = set(Path().iterdir())
+    ended = run("show", two_nodes, *options, "--json")
+    assert ended.code == 2
+    assert ended.data["where"] == where
+    assert ended.data["allowed"]
+    assert set(Path().iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--labels", "two_nodes.toml", "-o", "a.png"),
+        ("two_nodes.toml", "-o", "a.png", "--labels"),
+        ("two_nodes.toml", "--labels", "-o", "a.png"),
+        ("two_nodes.toml", "--labels", "nodes,members", "-o", "a.png"),
+        ("two_nodes.toml", "--labels=members,nodes", "-o", "a.png"),
+    ],
+)
+def test_labels_without_a_value_are_all_names(words: tuple[str, ...], run: Run, two_nodes: Path) -> None:
+    assert run("show", *words).code == 0
+    with_names = Path("a.png").read_bytes()
+    assert run("show", two_nodes, "-o", "b.png", "--labels").code == 0
+    assert run("show", two_nodes, "-o", "c.png", "--labels", "none").code == 0
+    assert with_names == Path("b.png").read_bytes() != Path("c.png").read_bytes()
+
+
+def test_names_that_are_left_out_are_stated(run: Run, folder: Path) -> None:
+    Path("mast.toml").write_text(read_example("tower"), encoding="utf-8")
+    ended = run("show", "mast.toml", "--labels", "--out", "a.svg", "--json")
+    assert ended.code == 0
+    assert ended.data["labels_left_out"] == [{"kind": "members", "count": 48, "limit": 30}]
+    assert "48" in ended.err
+    assert any("members" in text for text in ended.data["warnings"])
+    assert (
+        "labels_left_out" not in run("show", "mast.toml", "--labels", "nodes", "-o", "a.svg", "--json").data
+    )
+
+
+def test_a_structure_without_equilibrium_is_not_drawn_settled(run: Run, folder: Path) -> None:
+    text = read_example("two_nodes").replace("anchor_first = true", "anchor_first = false")
+    Path("loose.toml").write_text(text, encoding="utf-8")
+    ended = run("show", "loose.toml", "--settle", "--out", "a.png", "--json")
+    assert ended.code == 3
+    assert ended.data["evidence"]["status"]
+    assert not Path("a.png").exists()
 
 
 def test_a_film_needs_a_motion(run: Run, two_nodes: Path) -> None:

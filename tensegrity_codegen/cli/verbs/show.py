@@ -7,16 +7,17 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.cli.labels_option import LabelsCommand
 from tensegrity_codegen.cli.live_page import ThreeOption, show_live
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.picture import PAGE, ShowOptions, check_kind, show_picture
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_output
 
 __all__ = ["VERB"]
 
-ANIMATED = (".gif", ".mp4")
-PAGE = ".html"
+USUAL_COLOR = "tension"
 
 
 def show(
@@ -31,7 +32,44 @@ def show(
     trajectory: Annotated[
         Path | None, typer.Option("--trajectory", help="Result file of the verb simulate (.npz).")
     ] = None,
-    labels: Annotated[bool, typer.Option("--labels", help="Write the names of nodes and members.")] = False,
+    view: Annotated[
+        str | None,
+        typer.Option(
+            "--view",
+            help="iso, front (along y), side (along x), top, or AZIMUTH,ELEVATION of the eye in degrees.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(
+            "--size",
+            help="WIDTHxHEIGHT in pixels; .svg, .pdf: 150 pixels an inch, 1200x900 is 8 x 6 in.",
+        ),
+    ] = None,
+    labels: Annotated[
+        str,
+        typer.Option(
+            "--labels",
+            metavar="[nodes|members|none]",
+            help="Write names of nodes, members or both (nodes,members); without a value: of both.",
+        ),
+    ] = "none",
+    color: Annotated[
+        str | None,
+        typer.Option(
+            "--color", help="What colours of members show: tension, force_density, stress, kind; tension."
+        ),
+    ] = None,
+    forces: Annotated[
+        bool, typer.Option("--forces/--no-forces", help="Draw loads and reactions as arrows.")
+    ] = True,
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Draw the equilibrium instead of the stated positions.")
+    ] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Let the axes move with the structure and keep their size.")
+    ] = False,
+    fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of a film; 25.")] = None,
     slow_down: Annotated[
         float, typer.Option("--slow-down", help="Seconds of film per simulated second.")
     ] = 1.0,
@@ -43,59 +81,34 @@ def show(
 ) -> None:
     """Draw a structure or a simulated motion, as a picture, a film or a live page.
 
+    Arrows are loads and reactions. A tension that is not known, such as that of a rigid bar out of
+    equilibrium, has a colour of its own; with --settle that of rigid bars is known.
+
     A live page is one HTML file to turn, play and ask members and nodes, in any browser, without a network.
 
     Example: tensegrity-codegen show prism.toml --trajectory prism.npz --out prism.html
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.errors import InvalidValueError
-        from tensegrity_codegen.report.pictures.animate import write_animation
-        from tensegrity_codegen.report.pictures.draw import outline_motion
-        from tensegrity_codegen.report.pictures.plots import plot_structure, plot_trajectory
-        from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
-        from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
-        from tensegrity_codegen.structure.outline import outline_bodies, outline_tendons
+        from tensegrity_codegen.report.pictures.choices import (
+            PictureChoices,
+            read_labels,
+            read_size,
+            read_view,
+        )
 
+        choices = PictureChoices(
+            view=read_view(view), size=read_size(size), labels=read_labels(labels),
+            color=USUAL_COLOR if color is None else color, follow=follow, forces=forces,
+        )  # fmt: skip
+        options = ShowOptions(choices, fps, slow_down, settle, is_color_given=color is not None)
         inputs = [scene] if trajectory is None else [scene, trajectory]
         check_output(out, inputs=inputs, overwrite=overwrite)
+        check_kind(out, trajectory, options)
         if out.suffix.lower() == PAGE:
-            output.result(*show_live(output, scene, out, trajectory, modes, three))
+            output.result(*show_live(output, scene, out, trajectory, modes, three, options))
             return
-        _require_packages(out)
-        subject, _ = output.load(scene)
-        structure = outline_bodies(subject)
-        motion = None
-        if trajectory is not None:
-            motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
-        if out.suffix.lower() in ANIMATED:
-            if motion is None:
-                raise InvalidValueError(
-                    "a film needs a motion",
-                    where="--trajectory",
-                    given=None,
-                    allowed="an .npz file of the verb simulate",
-                    hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
-                )
-            with output.progress("drawing") as progress:
-                write_animation(structure, motion, out, slow_down=slow_down, progress=progress)
-        elif motion is not None:
-            plot_trajectory(structure, motion, out)
-        else:
-            plot_structure(structure, out, member_tension=find_rest_tension(subject), labels=labels)
-        output.result({"status": "ok", "out": str(out)}, f"wrote {out}")
+        output.result(*show_picture(output, scene, out, trajectory, options))
 
 
-def _require_packages(out: Path) -> None:
-    """Raise MissingExtraError if what draws this kind of file is not installed."""
-    from tensegrity_codegen.extras import import_extra, require_plot
-    from tensegrity_codegen.report.pictures.film import find_ffmpeg
-
-    require_plot()
-    if out.suffix.lower() == ".gif":
-        import_extra("PIL.Image")
-    elif out.suffix.lower() == ".mp4":
-        find_ffmpeg(out)
-
-
-VERB = Verb(show, order=80)
+VERB = Verb(show, order=80, command=LabelsCommand)

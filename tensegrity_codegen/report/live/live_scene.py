@@ -10,20 +10,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.report.live.channels import Channel, pack, pack_rounded
-from tensegrity_codegen.report.live.reactions import compute_reactions
 from tensegrity_codegen.report.live.uses import compute_uses
 from tensegrity_codegen.report.live.views import choose_view
-from tensegrity_codegen.report.pictures.draw import outline_motion
+from tensegrity_codegen.report.loads import compute_loads
+from tensegrity_codegen.report.pictures.choices import Direction
+from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
 from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
+from tensegrity_codegen.report.reactions import compute_reactions
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.outline import outline_bodies
+from tensegrity_codegen.structure.outline import find_joints, outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["LiveScene", "build_live_scene"]
+__all__ = ["LiveScene", "LiveStart", "build_live_scene"]
 
 FloatArray = NDArray[np.float64]
+
+
+MOST_NAMES = 160  # of nodes or of members that a page writes at once
+
+
+@dataclass(frozen=True)
+class LiveStart:
+    """What a page shows at first; readers can change all of it.
+
+    Attributes
+    ----------
+    view : Direction or None
+        From where the structure is seen.
+    labels : tuple of str
+        Names of ``"nodes"``, ``"members"`` or both.
+    follow : bool
+        Whether the camera moves with the structure.
+    """
+
+    view: Direction | None = None
+    labels: tuple[str, ...] = ()
+    follow: bool = False
+
+    def describe(self) -> dict[str, Any]:
+        """Return labels and follow, as the page's controls call them."""
+        labels = "all" if len(self.labels) > 1 else "".join(self.labels) or "none"
+        return {"labels": labels, "follow": self.follow}
 
 
 @dataclass(frozen=True)
@@ -49,12 +78,19 @@ class LiveScene:
     channels: Mapping[str, Channel] = field(default_factory=dict)
 
 
+AS_USUAL = LiveStart()
+
+
 def build_live_scene(
     subject: Structure | BodySystem,
     motion: Trajectory | None = None,
     analysis: Analysis | None = None,
     *,
     modes_note: str = "",
+    start: LiveStart = AS_USUAL,
+    tension: FloatArray | None = None,
+    rigid: NDArray[np.bool_] | None = None,
+    load: FloatArray | None = None,
 ) -> LiveScene:
     """Return what a page of a structure shows.
 
@@ -68,6 +104,14 @@ def build_live_scene(
         An analysis at the stated positions, for natural modes and mechanisms.
     modes_note : str
         Why there are no modes.
+    start : LiveStart
+        What the page shows at first.
+    tension : ndarray, shape (n_members,) [N], optional
+        Tensions without a motion, where they are known; by default those that follow from the positions.
+    rigid : ndarray of bool, shape (n_members,), optional
+        Members that the formulation keeps rigid, by default those without a stiffness.
+    load : ndarray, shape (n_nodes, 3) [N], optional
+        Loads without a motion, by default those of the structure.
 
     Returns
     -------
@@ -77,14 +121,16 @@ def build_live_scene(
     structure = outline_bodies(subject)
     if motion is None:
         time, position = np.zeros(1), structure.node_position[None]
-        tension = find_rest_tension(subject)[None]
+        known = find_rest_tension(subject, rigid) if tension is None else pad_tension(tension, structure)
+        tension = known[None]
     else:
         moved = outline_motion(motion, structure)
         time, position, tension = moved.time, moved.node_position, moved.member_tension
     low, high = position.min(axis=(0, 1)), position.max(axis=(0, 1))
     origin = np.round((low + high) / 2, 6)
     held = np.flatnonzero(structure.node_anchored[:, list(structure.axes)].any(axis=1))
-    reaction = compute_reactions(structure, position, tension, held)
+    loads = compute_loads(subject, motion) if load is None else load[None]
+    reaction = compute_reactions(structure, position, tension, held, loads, find_joints(subject))
     shapes, labels = _list_modes(analysis)
     channels = _pack_structure(structure) | {
         "time": pack(time, "float64"),
@@ -105,7 +151,9 @@ def build_live_scene(
     rounding = {name: channels[name].rounding for name in ("node_position", "member_tension")}
     size = np.linalg.norm(reaction, axis=-1)
     data = {
-        **choose_view(structure.axes, is_supported=bool(held.size)),
+        **choose_view(structure.axes, is_supported=bool(held.size), direction=start.view),
+        "start": start.describe(),
+        "most_names": MOST_NAMES,
         "nodes": structure.node_name,
         "members": structure.member_name,
         "axes": structure.axes,

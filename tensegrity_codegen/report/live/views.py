@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
+
+from tensegrity_codegen.report.pictures.choices import Direction
+from tensegrity_codegen.report.pictures.view import check_planar_direction
 
 __all__ = ["choose_view"]
 
@@ -11,20 +15,33 @@ SPACE = (1.0, -1.6, 0.62)
 GROUND_GAP = 0.06  # of the size, between supported nodes and the grid
 
 
-def choose_view(axes: Sequence[int], *, is_supported: bool) -> dict[str, Any]:
+def choose_view(
+    axes: Sequence[int], *, is_supported: bool, direction: Direction | None = None
+) -> dict[str, Any]:
     """Return direction to the observer, upward axis, the two axes of the grid, and its distance below.
 
-    axes: modelled axes; is_supported: whether supports are drawn below nodes.
+    axes: modelled axes; is_supported: whether supports are drawn below nodes; direction: chosen by a reader.
+    Raises InvalidValueError for a planar scene that is seen from elsewhere than along its normal.
     """
     found = tuple(axes)
     if len(found) >= 3:
         gap = GROUND_GAP if is_supported else 0.0
-        return _describe(SPACE, 2, (0, 1), is_planar=False, gap=gap)
+        eye = SPACE if direction is None else _find_eye(direction)
+        return _describe(eye, 2, (0, 1), is_planar=False, gap=gap)
+    if direction is not None:
+        check_planar_direction(found, direction)
     if found == (0, 1):
         return _describe((0.0, 0.0, 1.0), 1, (0, 1), is_planar=True)
     if 1 in found:
         return _describe((1.0, 0.0, 0.0), 2, (1, 2), is_planar=True)
     return _describe((0.0, -1.0, 0.0), 2, (0, 2), is_planar=True)
+
+
+def _find_eye(direction: Direction) -> tuple[float, float, float]:
+    """Return the direction to the observer; one along the upward axis leans back by a thousandth."""
+    azimuth, elevation = math.radians(direction.azimuth), math.radians(direction.elevation)
+    flat = max(math.cos(elevation), 1e-3)
+    return flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
 
 
 def _describe(

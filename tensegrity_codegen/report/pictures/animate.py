@@ -14,13 +14,14 @@ from tensegrity_codegen.extras import import_extra
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.report.pictures.canvas import check_suffix, new_figure
 from tensegrity_codegen.report.pictures.checks import check_trajectory
-from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
+from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.film import GIF_FASTEST, find_ffmpeg, write_gif, write_mp4
-from tensegrity_codegen.report.pictures.frame import draw_frame, picture_size
 from tensegrity_codegen.report.pictures.heading import add_clock, add_heading
-from tensegrity_codegen.report.pictures.legend import add_color_bar, add_legend, describe_size
-from tensegrity_codegen.report.pictures.view import find_box, fit_view
+from tensegrity_codegen.report.pictures.legend import add_color_bar, add_key, describe_size
+from tensegrity_codegen.report.pictures.panel import Panel, Setting, fit_size, set_up
+from tensegrity_codegen.report.pictures.shown import show_motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["FILM_SUFFIXES", "find_frames", "write_animation"]
@@ -38,6 +39,7 @@ FASTEST = {".gif": GIF_FASTEST, ".mp4": 120.0}
 FILM_DPI = 100
 # Square inches of the panel.
 AREA = 20.0
+DEFAULT = PictureChoices()
 
 
 def write_animation(
@@ -48,13 +50,16 @@ def write_animation(
     fps: float = 25,
     slow_down: float = 1.0,
     progress: Progress | None = None,
+    choices: PictureChoices = DEFAULT,
+    subject: Structure | BodySystem | None = None,
 ) -> Path:
     """Write a motion as a film (.gif or .mp4) and return its path.
 
     fps: frames a second; slow_down: seconds of film for a simulated second; progress: called with the
-    fraction done. Each frame shows the nearest sample, the last one the last sample. Raises
-    InvalidValueError for another suffix, an fps or slow_down out of range, or too long a film; OutputError
-    for a file that cannot be written; MissingExtraError without matplotlib, Pillow or, for .mp4, ffmpeg.
+    fraction done; choices: view, size, names and so on; subject: what the structure is the outline of. Each
+    frame shows the nearest sample, the last one the last sample. Raises InvalidValueError for another suffix,
+    an fps or slow_down out of range, or too long a film; OutputError for a file that cannot be written;
+    MissingExtraError without matplotlib, Pillow or, for .mp4, ffmpeg.
     """
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
@@ -65,11 +70,12 @@ def write_animation(
     import_extra("matplotlib")
     if ffmpeg is None:
         import_extra("PIL.Image")
+    setting = set_up(show_motion(structure, trajectory, subject), choices)
     with replaced(target) as temporary:
         # An unwritable folder shows now, not after the drawing.
         temporary.touch(exist_ok=False)
         shots, counts = _hold(frames)
-        images = _paint_samples(_Stage(structure, trajectory), shots, progress)
+        images = _paint_samples(_Stage(setting, trajectory), shots, progress)
         if ffmpeg is None:
             write_gif(temporary, images, counts, fps)
         else:
@@ -127,46 +133,46 @@ def _check_speed(fps: float, slow_down: float, fastest: float) -> None:
 class _Stage:
     """The figure of a film: what stands still is painted once, the rest anew for each sample."""
 
-    def __init__(self, structure: Structure, trajectory: Trajectory) -> None:
+    def __init__(self, setting: Setting, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
-        box = find_box(trajectory.node_position, structure.axes)
-        view = fit_view(structure, box, trajectory.node_position[0])
-        limit = find_tension_limit(trajectory.member_tension)
-        size = picture_size(view, box, with_bar=limit is not None, area=AREA)
+        structure = setting.shown.structure
+        width, height, dpi = fit_size(setting, area=AREA, dpi=FILM_DPI)
         # Video coders want even numbers of pixels.
-        width, height = (2 * round(FILM_DPI * inches / 2) / FILM_DPI for inches in size)
-        self._figure = new_figure(width, height, FILM_DPI)
-        axes = self._figure.add_subplot()
-        draw_frame(axes, view, box)
-        self._drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
-        if self._drawing.mappable is not None:
-            add_color_bar(self._figure, axes, self._drawing.mappable)
-        slackens = bool(np.any(trajectory.member_tension[:, structure.tension_only] <= 0))
-        unknown = bool(np.isnan(trajectory.member_tension).any())
-        add_legend(self._figure, structure, slack=slackens, colored=limit is not None, unknown=unknown)
-        add_heading(self._figure, structure.name, describe_size(structure))
+        width, height = (2 * round(dpi * inches / 2) / dpi for inches in (width, height))
+        self._figure = new_figure(width, height, dpi)
+        self._panel = Panel(self._figure.add_subplot(), setting, (width - 1.6, height - 1.6))
+        if self._panel.drawing.mappable is not None:
+            name = setting.color_name
+            add_color_bar(self._figure, self._panel.axes, self._panel.drawing.mappable, name=name)
+        tension = trajectory.member_tension[:, structure.tension_only]
+        add_key(self._figure, setting, slack=bool(np.any(tension <= 0)))
+        add_heading(self._figure, structure.name, describe_size(structure, setting.shown.parts))
         self._clock = add_clock(self._figure)
         self._digits = _clock_digits(trajectory.time)
-        self._changing = (*self._drawing.artists, self._clock)
+        # In the order in which a whole figure paints them.
+        self._changing = (*sorted(self._panel.artists, key=lambda item: float(item.zorder)), self._clock)
         self._canvas, self._empty = self._paint_still()
 
     def _paint_still(self) -> tuple[Any, Any]:
         """Lay the figure out around the first sample; return its Agg canvas and the still pixels."""
         for artist in self._changing:
-            artist.set_animated(True)
-        self._drawing.show(self._trajectory.node_position[0], self._trajectory.member_tension[0])
+            artist.set_animated(not self._panel.is_moving)
+        self._panel.show(0)
         canvas: Any = self._figure.canvas
         canvas.draw()
+        self._figure.set_layout_engine("none")
         return canvas, canvas.copy_from_bbox(self._figure.bbox)
 
     def paint(self, sample: int) -> Image:
         """Return the picture of a sample, (height, width, 3) bytes."""
-        run = self._trajectory
-        self._drawing.show(run.node_position[sample], run.member_tension[sample])
-        self._clock.set_text(f"t = {run.time[sample]:.{self._digits}f} s")
-        self._canvas.restore_region(self._empty)
-        for artist in self._changing:
-            self._figure.draw_artist(artist)
+        self._panel.show(sample)
+        self._clock.set_text(f"t = {self._trajectory.time[sample]:.{self._digits}f} s")
+        if self._panel.is_moving:
+            self._canvas.draw()
+        else:
+            self._canvas.restore_region(self._empty)
+            for artist in self._changing:
+                self._figure.draw_artist(artist)
         return np.array(self._canvas.buffer_rgba(), dtype=np.uint8)[..., :3]
 
 

@@ -40,16 +40,17 @@ def check_suffix(path: Path, allowed: Iterable[str]) -> str:
     return suffix
 
 
-def new_figure(width: float, height: float, dpi: int = PICTURE_DPI) -> Figure:
+def new_figure(width: float, height: float, dpi: float = PICTURE_DPI, *, compress: bool = False) -> Figure:
     """Return an empty white figure of width x height [in] on an Agg canvas, laid out by constraints.
 
-    Raises MissingExtraError where matplotlib is not installed.
+    compress: what stands beside axes of equal scales keeps close to them. Raises MissingExtraError
+    where matplotlib is not installed.
     """
     import_extra("matplotlib")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    engine = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08)
+    engine = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08, compress=compress)
     figure = _figure_class()(figsize=(width, height), dpi=dpi, facecolor=PAPER, layout=engine)
     FigureCanvasAgg(figure)
     return figure

@@ -34,12 +34,16 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int, ...], over: str) 
 def check_tension(
     value: ArrayLike, shape: tuple[int, ...], structure: Structure, over: str
 ) -> NDArray[np.float64]:
-    """Return member tensions [N] of `shape`, members last; only those of rigid members may be NaN: unknown.
+    """Return member tensions [N] of `shape`, members last; NaN, unknown, in bars and rigid members alone.
 
     Raises what check_array raises.
     """
     array: NDArray[np.float64] = np.array(value, dtype=float)
-    unknown = np.isnan(array) & structure.is_rigid if array.shape == shape else np.zeros(1, dtype=bool)
+    unknown = (
+        np.isnan(array) & (structure.is_rigid | structure.is_bar)
+        if array.shape == shape
+        else np.zeros(1, dtype=bool)
+    )
     known = np.where(unknown, 0.0, array) if unknown.any() else array
     check_array("member_tension", known, shape, over)
     return array

@@ -1,4 +1,4 @@
-"""One function that draws what there is: a scene, a model, an equilibrium, a sample of a motion."""
+"""What there is to draw: a scene, a model, an equilibrium, a sample of a motion or of a plan."""
 
 from __future__ import annotations
 
@@ -11,8 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.report.pictures.plots import draw_structure
+from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
+from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.report.pictures.drawing import BodyParts
+from tensegrity_codegen.report.pictures.legend import describe_size
+from tensegrity_codegen.report.pictures.panel import set_up
+from tensegrity_codegen.report.pictures.plots import draw_shown
 from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
+from tensegrity_codegen.report.pictures.shown import Shown, show_motion, show_structure
+from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -23,13 +30,15 @@ from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Drawable", "draw", "outline_motion"]
+__all__ = ["Drawable", "Shot", "draw_shot", "find_rigid", "find_shot", "outline_motion", "pad_tension"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 Drawable: TypeAlias = (
     str
     | Path
@@ -45,81 +54,72 @@ Drawable: TypeAlias = (
 
 
 @dataclass(frozen=True)
-class _Shot:
-    """What a picture shows; node_position, member_tension: None for those of the structure."""
+class Shot:
+    """What a picture shows; None for what follows from the structure at its stated positions.
+
+    node_position (n_nodes, 3) [m], member_tension (n_members,) [N], node_load (n_nodes, 3) [N]; rigid
+    (n_members,): members that the formulation keeps rigid; note: the line below the title; whole: the motion
+    or plan of which this is one sample, with the sample's number.
+    """
 
     subject: Structure | BodySystem
     node_position: FloatArray | None = None
     member_tension: FloatArray | None = None
+    node_load: FloatArray | None = None
+    rigid: BoolArray | None = None
     note: str = ""
+    whole: tuple[Trajectory | PlanResult, int] | None = None
 
 
-def draw(
-    subject: Drawable,
-    *,
-    time: float | None = None,
-    sample: int | None = None,
-    labels: bool = False,
-    title: str | None = None,
-) -> Figure:
-    """Draw a structure as a figure of matplotlib, its members coloured by their tensions.
+def draw_shot(
+    shot: Shot, choices: PictureChoices, title: str | None = None, *, is_vector: bool = False
+) -> tuple[Figure, FloatArray]:
+    """Return the figure of a shot and the tensions in it (n_members,) [N], NaN where unknown.
 
-    Parameters
-    ----------
-    subject : Drawable
-        A scene as for `read_scene` (file, mapping or Scene), a Structure, BodySystem or CompiledModel at the
-        positions of the scene, an Equilibrium, a sample of a Trajectory, or a point of a PlanResult.
-    time : float, optional
-        Of a motion: the sample nearest to this time [s].
-    sample : int, optional
-        Of a motion or plan: the number of the sample or point, negative from the end; by default the last.
-    labels : bool
-        Whether names of nodes and members are written.
-    title : str, optional
-        Title; by default the name of the scene.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The figure, which notebooks show; ``figure.savefig("prism.png")`` writes it to a file.
-
-    Raises
-    ------
-    MissingExtraError
-        matplotlib is not installed.
-    InvalidValueError
-        A sample that does not exist, a time with something else than a motion, or a result without structure.
-    SceneError
-        A scene that cannot be read.
-
-    Examples
-    --------
-    >>> from tensegrity_codegen import draw
-    >>> figure = draw("prism.toml", labels=True)
-    >>> figure.savefig("prism.png")
+    Without `choices.follow` the axes of a sample hold the whole motion, else this sample alone. Edges of
+    rigid bodies, which have no tension, are not among the tensions.
     """
-    shot = _find_shot(subject, time, sample)
     structure = outline_bodies(shot.subject)
-    tension = find_rest_tension(shot.subject) if shot.member_tension is None else shot.member_tension
-    if shot.member_tension is not None:
-        tension = _with_bodies(tension, structure)
-    return draw_structure(
-        structure,
-        node_position=shot.node_position,
-        member_tension=tension,
-        title=title,
-        note=shot.note or None,
-        labels=labels,
-    )
+    position = structure.node_position if shot.node_position is None else shot.node_position
+    if shot.member_tension is None:
+        tension = find_rest_tension(shot.subject, shot.rigid)
+    else:
+        tension = pad_tension(shot.member_tension, structure)
+    parts = BodyParts.of(shot.subject)
+    shown = show_structure(structure, position, tension, load=shot.node_load, parts=parts)
+    number = 0
+    if shot.whole is not None and not choices.follow:
+        whole, number = shot.whole
+        shown = show_whole(structure, whole, shot.subject)
+    setting = set_up(shown, replace(choices, follow=False))
+    heading = structure.name if title is None else title
+    note = shot.note or describe_size(structure, parts)
+    return draw_shown(setting, number, heading, note, is_vector=is_vector), tension[~parts.edge]
+
+
+def show_whole(
+    structure: Structure, whole: Trajectory | PlanResult, subject: Structure | BodySystem
+) -> Shown:
+    """Return what pictures of all samples show."""
+    if isinstance(whole, Trajectory):
+        return show_motion(structure, outline_motion(whole, structure), subject)
+    load = np.broadcast_to(subject.node_load, whole.node_position.shape)
+    tension = pad_tension(whole.member_tension, structure)
+    return Shown(structure, whole.node_position, tension, load, BodyParts.of(subject))
 
 
 def outline_motion(motion: Trajectory, structure: Structure) -> Trajectory:
     """Return the motion with the bars and edges of bodies, after its tendons, whose tensions are unknown."""
-    tension = _with_bodies(motion.member_tension, structure)
+    tension = pad_tension(motion.member_tension, structure)
     return replace(motion, member_name=structure.member_name, member_tension=tension)
 
 
-def _with_bodies(tension: FloatArray, structure: Structure) -> FloatArray:
+def find_rigid(subject: Structure | BodySystem, request: ModelRequest) -> BoolArray | None:
+    """Return which members the formulation keeps rigid, (n_members,); None: those without a stiffness."""
+    return find_rigid_bars(subject, request) if isinstance(subject, Structure) else None
+
+
+def pad_tension(tension: FloatArray, structure: Structure) -> FloatArray:
     """Return tensions (..., n_members) with NaN for the bars and edges of bodies of `structure`."""
     more = structure.n_members - tension.shape[-1]
     widths = [(0, 0)] * (tension.ndim - 1) + [(0, more)]
@@ -127,8 +127,26 @@ def _with_bodies(tension: FloatArray, structure: Structure) -> FloatArray:
     return padded
 
 
-def _find_shot(subject: Any, time: float | None, sample: int | None) -> _Shot:
-    """Return what a picture of `subject` shows."""
+def find_shot(subject: Any, time: float | None = None, sample: int | None = None) -> Shot:
+    """Return what a picture of `subject` shows.
+
+    Parameters
+    ----------
+    subject : Drawable
+        What is drawn.
+    time, sample : float or int, optional
+        Which sample of a motion or plan.
+
+    Returns
+    -------
+    Shot
+        Structure, positions, tensions and loads.
+
+    Raises
+    ------
+    InvalidValueError
+        Something else, a sample that does not exist, or a result without structure.
+    """
     if isinstance(subject, Trajectory | PlanResult):
         return _find_sample(subject, time, sample)
     if time is not None or sample is not None:
@@ -139,15 +157,18 @@ def _find_shot(subject: Any, time: float | None, sample: int | None) -> _Shot:
             allowed="a Trajectory or a PlanResult as the subject",
         )
     if isinstance(subject, str | Path | Mapping | Scene):
-        found, _ = assemble_scene(read_scene(subject), name_source(subject))
-        return _Shot(found)
+        found, request = assemble_scene(read_scene(subject), name_source(subject))
+        return Shot(found, rigid=find_rigid(found, request))
     if isinstance(subject, Structure | BodySystem):
-        return _Shot(subject)
+        return Shot(subject)
     if isinstance(subject, Equilibrium):
         note = f"equilibrium: {subject.headline()}"
-        return _Shot(_require(subject), subject.node_position, subject.member_tension, note)
+        found = _require(subject)
+        load = compute_static_loads(found, subject)
+        return Shot(found, subject.node_position, subject.member_tension, load, note=note)
     if isinstance(subject, CompiledModel):
-        return _Shot(_require(subject))
+        rigid = np.isin(subject.manifest.member_name, subject.manifest.rigid_bar)
+        return Shot(_require(subject), rigid=rigid)
     raise InvalidValueError(
         f"a {type(subject).__name__} cannot be drawn",
         where="subject",
@@ -156,7 +177,7 @@ def _find_shot(subject: Any, time: float | None, sample: int | None) -> _Shot:
     )
 
 
-def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: int | None) -> _Shot:
+def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: int | None) -> Shot:
     """Return the shot of one sample of a motion, or of one point of a plan."""
     count, times = len(subject.node_position), subject.time
     if time is not None and (sample is not None or times is None):
@@ -178,7 +199,12 @@ def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: i
             allowed=f"{-count} to {count - 1}" if count else "",
         )
     note = f"point {number % count} of {count}" if times is None else f"t = {times[number]:.6g} s"
-    return _Shot(_require(subject), subject.node_position[number], subject.member_tension[number], note)
+    found = _require(subject)
+    load = compute_loads(found, subject)[number] if isinstance(subject, Trajectory) else None
+    return Shot(
+        found, subject.node_position[number], subject.member_tension[number], load, note=note,
+        whole=(subject, number % count),
+    )  # fmt: skip
 
 
 def check_time(time: float, first: float, last: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.palette import (
     BAR,
+    BODY,
     CABLE,
     INK,
     NODE,
@@ -18,13 +20,15 @@ from tensegrity_codegen.report.pictures.palette import (
     build_tension_colormap,
 )
 from tensegrity_codegen.report.pictures.view import View
+from tensegrity_codegen.structure.bodies import BodySystem, RigidBody
+from tensegrity_codegen.structure.outline import find_faces, find_joints, is_edge
 from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-__all__ = ["StructureDrawing", "find_slack", "find_tension_limit"]
+__all__ = ["BodyParts", "StructureDrawing", "find_slack", "find_tension_limit"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -42,6 +46,34 @@ WIDTH_DEPTH = 2.0
 DASHES = (0.0, (2.2, 2.6))
 # A dark outline: the fill colour times this.
 OUTLINE = 0.55
+FACE_ALPHA = 0.13  # of the faces of rigid bodies
+
+
+@dataclass(frozen=True)
+class BodyParts:
+    """What of an outline belongs to rigid bodies.
+
+    edge (n_members,): their edges; faces (n_faces, 3): triangles of nodes; count: number of rigid bodies;
+    joints: nodes that hold bars, whose forces are unknown.
+    """
+
+    edge: BoolArray
+    faces: NDArray[np.int64]
+    count: int = 0
+    joints: NDArray[np.int64] | None = None
+
+    @classmethod
+    def none(cls, structure: Structure) -> BodyParts:
+        """Return the parts of a structure of nodes and members."""
+        return cls(np.zeros(structure.n_members, dtype=bool), np.zeros((0, 3), dtype=np.int64))
+
+    @classmethod
+    def of(cls, subject: Structure | BodySystem) -> BodyParts:
+        """Return the parts of the outline of a structure or of bodies."""
+        bodies = () if isinstance(subject, Structure) else subject.bodies
+        faces = np.array(find_faces(subject), dtype=np.int64).reshape(-1, 3)
+        count = sum(isinstance(item, RigidBody) for item in bodies)
+        return cls(is_edge(subject), faces, count, find_joints(subject))
 
 
 def find_slack(structure: Structure, node_position: FloatArray, tension: FloatArray | None) -> BoolArray:
@@ -67,9 +99,10 @@ def find_tension_limit(tension: FloatArray | None) -> float | None:
 class StructureDrawing:
     """The lines and marks of one structure on one panel; `show` moves and recolours them.
 
-    Members and nodes are painted in the order of their depth, each over a white rim. tension_limit [N]: the
-    colour scale runs from -limit to limit; None colours bars and cables by kind. line_scale multiplies all
-    widths.
+    Members and nodes are painted in the order of their depth, each over a white rim. tension_limit: the
+    colour scale runs from -limit to limit, in the unit of the colours that `show` takes; None colours bars
+    and cables by kind. line_scale multiplies all widths. parts: which members are edges of rigid bodies, and
+    their faces.
     """
 
     def __init__(
@@ -80,10 +113,12 @@ class StructureDrawing:
         *,
         tension_limit: float | None = None,
         line_scale: float = 1.0,
+        parts: BodyParts | None = None,
     ) -> None:
-        from matplotlib.collections import LineCollection
+        from matplotlib.collections import LineCollection, PolyCollection
 
-        self._structure, self._view = structure, view
+        self._structure, self.view = structure, view
+        self._parts = BodyParts.none(structure) if parts is None else parts
         # Members of large structures get thinner, so that they do not run together.
         self._scale = line_scale * float(np.clip((45 / max(structure.n_members, 1)) ** 0.4, 0.18, 1.0))
         self.mappable = None if tension_limit is None else _scale_of(tension_limit)
@@ -94,6 +129,10 @@ class StructureDrawing:
         ]
         self._lines = LineCollection([], zorder=3, capstyle="round", clip_on=False)
         axes.add_collection(self._lines, autolim=False)
+        self._faces = PolyCollection(
+            [], facecolors=BODY, alpha=FACE_ALPHA, linewidths=0, zorder=2.8, clip_on=False
+        )
+        axes.add_collection(self._faces, autolim=False)
         self._nodes = axes.scatter(
             [], [], facecolor=NODE, edgecolor=INK, linewidth=1.1 * self._scale, zorder=4, clip_on=False
         )
@@ -101,25 +140,29 @@ class StructureDrawing:
     @property
     def artists(self) -> tuple[Any, ...]:
         """Everything that `show` changes, in painting order."""
-        return (*(marks for _, marks in self._anchors), self._lines, self._nodes)
+        return (*(marks for _, marks in self._anchors), self._faces, self._lines, self._nodes)
 
-    def show(self, node_position: FloatArray, tension: FloatArray | None = None) -> None:
+    def show(
+        self, node_position: FloatArray, tension: FloatArray | None = None, color: FloatArray | None = None
+    ) -> None:
         """Draw the structure at node_position (n_nodes, 3) [m] with member tensions (n_members,) [N].
 
-        Tensions that are NaN are drawn as unknown.
+        color (n_members,): what the colours show, by default the tensions; NaN is drawn as unknown.
         """
+        color = tension if color is None else color
         self.slack = find_slack(self._structure, node_position, tension)
-        place, depth = self._view.project(node_position)
+        place, depth = self.view.project(node_position)
         pair = self._structure.connectivity
         order = np.argsort(depth[pair].mean(axis=1), kind="stable")
-        nearness = self._view.magnification(depth) ** WIDTH_DEPTH
-        segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), tension)
+        nearness = self.view.magnification(depth) ** WIDTH_DEPTH
+        segments, widths, colors = self._strokes(place[pair], nearness[pair].mean(axis=1), color)
         self._lines.set_segments(list(segments[order].reshape(-1, 2, 2)))
         self._lines.set(
             linewidths=widths[order].ravel(),
             linestyles=_line_styles(self.slack[order]),
             colors=colors[order].reshape(-1, 4),
         )
+        self._faces.set_verts(list(place[self._parts.faces]))
         order = np.argsort(depth, kind="stable")
         self._nodes.set_offsets(place[order])
         self._nodes.set_sizes((self._scale * NODE_WIDTH * nearness[order]) ** 2)
@@ -127,7 +170,7 @@ class StructureDrawing:
             marks.set_data(*place[chosen].T)
 
     def _strokes(
-        self, ends: FloatArray, nearness: FloatArray, tension: FloatArray | None
+        self, ends: FloatArray, nearness: FloatArray, color: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rim, outline and fill of each member.
 
@@ -138,7 +181,7 @@ class StructureDrawing:
         inner = np.where(bar, width - 1.5 * self._scale, width)
         along = ends[:, 1] - ends[:, 0]
         rim = np.stack([ends[:, 0] + RIM_GAP * along, ends[:, 1] - RIM_GAP * along], axis=1)
-        fill = self._fill(tension)
+        fill = self._fill(color)
         outline = fill.copy()
         outline[bar, :3] *= OUTLINE
         white = np.broadcast_to(_rgba(PAPER), fill.shape)
@@ -148,13 +191,14 @@ class StructureDrawing:
             np.stack([white, outline, fill], axis=1),
         )
 
-    def _fill(self, tension: FloatArray | None) -> FloatArray:
+    def _fill(self, color: FloatArray | None) -> FloatArray:
         """Return the colour of each member, (n_members, 4)."""
-        if self.mappable is not None and tension is not None:
-            fill = np.array(self.mappable.to_rgba(np.nan_to_num(tension)), dtype=float)
-            fill[np.isnan(tension)] = _rgba(UNKNOWN)
+        if self.mappable is not None and color is not None:
+            fill = np.array(self.mappable.to_rgba(np.nan_to_num(color)), dtype=float)
+            fill[np.isnan(color)] = _rgba(UNKNOWN)
         else:
             fill = np.where(self._structure.is_bar[:, None], _rgba(BAR), _rgba(CABLE))
+        fill[self._parts.edge] = _rgba(BODY)
         fill[self.slack] = _rgba(SLACK)
         return fill
 

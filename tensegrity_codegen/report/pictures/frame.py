@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
@@ -21,17 +22,24 @@ TICK_SIZE = 8.0
 NAME_SIZE = 9.0
 # Numbers nearer to one another than this part of the panel give way to the first and the last.
 LABEL_SPACE = 0.055
-# Where the numbers of the x, y and z rulers stand: offset from the tick in points, alignment.
-RULERS = (
-    (-4.0, -7.0, "center", "top"),
-    (8.0, -5.0, "left", "center"),
-    (-6.0, 0.0, "right", "center"),
-)
+# Rulers shorter than this part of the panel have no numbers.
+SHORT = 0.1
+# From this part of a unit vector on, what stands off a ruler stands beside it, not below or above.
+BESIDE = 0.2
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Where texts stand off a ruler: offset of numbers in points, their alignment, the outward sign of x."""
+
+    offset: tuple[float, float]
+    align: tuple[str, str]
+    sign: float
 
 
 def panel_extent(view: View, box: Box) -> tuple[FloatArray, FloatArray]:
     """Return the lower left and the upper right (2,) [m] of all that the panel must show on paper."""
-    place, _ = view.project(box.corners())
+    place, _ = view.project(box.shown())
     return place.min(axis=0), place.max(axis=0)
 
 
@@ -97,22 +105,75 @@ def _draw_ground(axes: Axes, view: View, box: Box) -> None:
     )
 
 
-def _draw_rulers(axes: Axes, view: View, box: Box) -> None:
+def _draw_rulers(axes: Axes, view: PerspectiveView, box: Box) -> None:
     """Label the two near edges of the ground and the left upright."""
-    (x0, y0, z0), (x1, _, z1) = box.low, box.high
-    upright, _ = view.project([[x0, y0, z0], [x0, y0, z1]])
-    axes.plot(upright[:, 0], upright[:, 1], color=GRID, linewidth=0.8, zorder=0.5, clip_on=False)
-    for axis, start in enumerate(([x0, y0, z0], [x1, y0, z0], [x0, y0, z0])):
+    eye = view.rotation[2]
+    # From below the far edges are the lower ones on paper.
+    near = np.where((eye > -1e-9) == (eye[2] >= 0), box.high, box.low)
+    bottom = float(box.low[2])
+    _draw_upright(axes, view, box)
+    for axis, start in ((0, [box.low[0], near[1], bottom]), (1, [near[0], box.low[1], bottom])):
         ticks = box.ticks(axis)
-        points = np.repeat(np.array([start]), len(ticks), axis=0)
-        points[:, axis] = ticks
-        places, _ = view.project(points)
+        places = _project_ticks(view, start, axis, ticks)
+        extent = panel_extent(view, box)
+        if not _is_long(view, box, axis, start):
+            continue
+        side = _find_side(view, box, axis, start)
         texts = _numbers(ticks, box.step[axis])
-        stride = _stride(places, panel_extent(view, box))
-        _draw_numbers(axes, axis, places[::stride], texts[::stride])
-        if axis < 2:
-            _name_ground_ruler(axes, axis, places, texts)
+        stride = _stride(places, extent)
+        for place, text in zip(places[::stride], texts[::stride], strict=True):
+            _write(axes, place, text, side.offset, side.align, size=TICK_SIZE, color=MUTED)
+        _name_ground_ruler(axes, axis, places, texts, side)
+
+
+def _draw_upright(axes: Axes, view: PerspectiveView, box: Box) -> None:
+    """Draw the upright edge that is farthest to the left, with its numbers and name."""
+    ground = [(x, y, box.low[2]) for x in (box.low[0], box.high[0]) for y in (box.low[1], box.high[1])]
+    places, _ = view.project(ground)
+    low = np.array(ground[int(places[:, 0].argmin())])
+    if not _is_long(view, box, 2, low):
+        return
+    high = np.array([low[0], low[1], box.high[2]])
+    upright, _ = view.project([low, high])
+    axes.plot(upright[:, 0], upright[:, 1], color=GRID, linewidth=0.8, zorder=0.5, clip_on=False)
+    ticks = box.ticks(2)
+    places, texts = _project_ticks(view, low, 2, ticks), _numbers(ticks, box.step[2])
+    stride = _stride(places, panel_extent(view, box))
+    for place, text in zip(places[::stride], texts[::stride], strict=True):
+        _write(axes, place, text, (-6.0, 0.0), ("right", "center"), size=TICK_SIZE, color=MUTED)
     _write(axes, upright[1], "z [m]", (0.0, 9.0), ("center", "bottom"), size=NAME_SIZE, color=INK)
+
+
+def _project_ticks(view: View, start: ArrayLike, axis: int, ticks: FloatArray) -> FloatArray:
+    """Return the places (n, 2) of the ticks of a ruler through `start` (3,)."""
+    points = np.repeat(np.array([start], dtype=float), len(ticks), axis=0)
+    points[:, axis] = ticks
+    places, _ = view.project(points)
+    return places
+
+
+def _is_long(view: View, box: Box, axis: int, start: ArrayLike) -> bool:
+    """Return whether a ruler through `start` (3,) is seen from the side, long enough for numbers."""
+    ends = _project_ticks(view, start, axis, np.array([box.low[axis], box.high[axis]]))
+    low, high = panel_extent(view, box)
+    return float(np.linalg.norm(ends[1] - ends[0])) > SHORT * float(np.max(high - low))
+
+
+def _find_side(view: View, box: Box, axis: int, start: ArrayLike) -> _Side:
+    """Return where texts of a ruler of the ground stand: away from the middle of the ground."""
+    ends = _project_ticks(view, start, axis, np.array([box.low[axis], box.high[axis]]))
+    along = ends[1] - ends[0]
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    middle, _ = view.project([*(box.low + box.high)[:2] / 2, box.low[2]])
+    if across @ (ends.mean(axis=0) - middle) < 0:
+        across = -across
+    upward = 1.0 if across[1] > 0 else -1.0
+    if abs(across[0]) < BESIDE:
+        return _Side(
+            (25.0 * float(across[0]), 7.0 * upward), ("center", "bottom" if upward > 0 else "top"), 0.0
+        )
+    sign = 1.0 if across[0] > 0 else -1.0
+    return _Side((8.0 * sign, 5.0 * upward), ("left" if sign > 0 else "right", "center"), sign)
 
 
 def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray]) -> int:
@@ -124,21 +185,15 @@ def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray]) -> int:
     return 1 if apart >= least else len(places) - 1
 
 
-def _draw_numbers(axes: Axes, axis: int, places: FloatArray, texts: list[str]) -> None:
-    """Write the numbers of a ruler at places (n, 2)."""
-    x, y, across, upright = RULERS[axis]
-    for place, text in zip(places, texts, strict=True):
-        _write(axes, place, text, (x, y), (across, upright), size=TICK_SIZE, color=MUTED)
-
-
-def _name_ground_ruler(axes: Axes, axis: int, places: FloatArray, texts: list[str]) -> None:
+def _name_ground_ruler(axes: Axes, axis: int, places: FloatArray, texts: list[str], side: _Side) -> None:
     """Write the name of the x or y ruler with ticks at places (n, 2), clear of its numbers."""
-    x, y, across, upright = RULERS[axis]
-    if across == "left":
+    x, y = side.offset
+    down = 1.0 if y > 0 else -1.0
+    if side.sign:
         widest = 0.6 * TICK_SIZE * max(map(len, texts))
-        offset, align = (x + 8.0 + widest, y - 5.0), ("left", upright)
+        offset, align = (x + side.sign * (8.0 + widest), y + 5.0 * down), side.align
     else:
-        offset, align = (x - 8.0, y - 16.0), ("right", upright)
+        offset, align = (x - 8.0, y + 9.0 * down), ("right", side.align[1])
     middle = places[[0, -1]].mean(axis=0)
     _write(axes, middle, f"{'xyz'[axis]} [m]", offset, align, size=NAME_SIZE, color=INK)
 

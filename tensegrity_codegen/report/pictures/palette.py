@@ -13,12 +13,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BAR",
+    "BODY",
     "CABLE",
     "GRID",
     "INK",
+    "LOAD",
     "MUTED",
     "NODE",
     "PAPER",
+    "REACTION",
     "SEQUENCE",
     "SLACK",
     "UNKNOWN",
@@ -34,6 +37,10 @@ CABLE = "#d55e00"
 SLACK = "#8c949c"
 NODE = "#f4f6f8"
 UNKNOWN = "#f2e2a0"  # a member whose tension is not known; on no scale of tensions
+
+LOAD = "#b0478a"  # as in live pages
+REACTION = "#00805c"
+BODY = "#46586b"  # edges and faces of rigid bodies
 
 # Lines of a diagram, in the order in which they are used: each has a contrast of at least 3 to white paper.
 SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60")

@@ -23,23 +23,27 @@ DEPENDENT = 1e-9  # singular values below count as none, as the bars have unit d
 MOST_BARS = 1000  # rigid bars up to which their tensions are solved for
 
 
-def find_rest_tension(subject: Structure | BodySystem) -> FloatArray:
+def find_rest_tension(subject: Structure | BodySystem, rigid: BoolArray | None = None) -> FloatArray:
     """Return the tensions of what is drawn, (n_members,) [N]: without damping, NaN where unknown.
 
     Unknown are rigid bars of a structure that is out of balance by more than 1 % of its largest force, bars
     that other bars make redundant, and the bars and edges of bodies. The rows are those of outline_bodies.
+    rigid (n_members of subject,): which members the formulation keeps rigid, by default those without any
+    stiffness; the option `bars = "all"` makes bars rigid that have one.
     """
     structure = outline_bodies(subject)
-    tension, rigid = structure.static_tension(), structure.is_rigid
+    tension = structure.static_tension()
+    more = structure.n_members - subject.n_members
+    rigid = structure.is_rigid if rigid is None else structure.is_rigid | np.pad(rigid, (0, more))
     if not rigid.any():
         return tension
     tension[rigid] = np.nan
     if isinstance(subject, Structure) and rigid.sum() <= MOST_BARS:
-        tension[rigid] = _solve(structure, np.where(rigid, 0.0, tension))
+        tension[rigid] = _solve(structure, np.where(rigid, 0.0, tension), rigid)
     return tension
 
 
-def _solve(structure: Structure, tension: FloatArray) -> FloatArray:
+def _solve(structure: Structure, tension: FloatArray, rigid: BoolArray) -> FloatArray:
     """Return the tensions of the rigid bars (n_rigid,) [N], NaN where statics does not tell them."""
     ends = structure.connectivity
     vector = structure.node_position[ends[:, 0]] - structure.node_position[ends[:, 1]]
@@ -52,7 +56,7 @@ def _solve(structure: Structure, tension: FloatArray) -> FloatArray:
     np.add.at(force, ends[:, 1], tension[:, None] * unit)
     free = np.zeros_like(structure.node_anchored)
     free[:, list(structure.axes)] = ~structure.node_anchored[:, list(structure.axes)]
-    rows = np.flatnonzero(structure.is_rigid)
+    rows = np.flatnonzero(rigid)
     matrix = np.zeros((*force.shape, len(rows)))
     columns = np.arange(len(rows))
     matrix[ends[rows, 0], :, columns] += unit[rows]

@@ -1,4 +1,4 @@
-"""From positions in space to places on paper: a light perspective, or the two axes of a planar scene."""
+"""From positions in space to places on paper: a light perspective, or two axes as they are."""
 
 from __future__ import annotations
 
@@ -9,9 +9,20 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["Box", "PerspectiveView", "PlanarView", "View", "find_box", "fit_view"]
+__all__ = [
+    "Box",
+    "PerspectiveView",
+    "PlanarView",
+    "View",
+    "check_planar_direction",
+    "choose_view",
+    "find_box",
+    "fit_view",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -19,11 +30,16 @@ FloatArray = NDArray[np.float64]
 AZIMUTHS = (-60.0, -66.0, -54.0, -72.0, -48.0, -78.0, -42.0)
 ELEVATION = np.radians(16.0)
 DISTANCE = 5.0  # of the eye, in half diagonals of the box
+FAR = 1e6  # the same in a view without perspective
+ALONG = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}  # axes of views along the third one
 
 # At most this many grid steps span the ground or the height.
 STEPS = 5
 # This part of a cell is no reason for another one.
 OVERHANG = 0.1
+# Cells that reach over more than this many times the longest side are too coarse.
+WASTE = 1.4
+FINER = 0.44  # of a step, from which the next finer one follows
 # A side shorter than the longest one over this gets the grid of that length.
 SLENDERNESS = 4.0
 # Distances on paper below this part of the picture are clutter; more node-member pairs are not compared.
@@ -38,6 +54,17 @@ class Box:
     low: FloatArray  # (3,)
     high: FloatArray  # (3,)
     step: FloatArray  # (3,)
+    beyond: FloatArray | None = None  # (n, 3), places outside that are drawn too, such as ends of arrows
+
+    def shown(self) -> FloatArray:
+        """Return all that a picture in perspective must show: corners and places outside, (n, 3)."""
+        corners = self.corners()
+        return corners if self.beyond is None else np.vstack([corners, self.beyond])
+
+    def moved(self, step: FloatArray) -> Box:
+        """Return the box moved by (3,) [m]; the grid stays where it is."""
+        beyond = None if self.beyond is None else self.beyond + step
+        return Box(self.low + step, self.high + step, self.step, beyond)
 
     def ticks(self, axis: int) -> FloatArray:
         """Return the multiples of the grid step from face to face, (n,)."""
@@ -100,9 +127,13 @@ class PerspectiveView:
 
 @dataclass(frozen=True)
 class PlanarView:
-    """The two axes of a planar scene, the first to the right and the second up."""
+    """Two axes, the first to the right and the second up; is_in_space: of a scene of three axes.
+
+    The eye looks against the product of the two axes: along y where these are x and z.
+    """
 
     axes: tuple[int, int]
+    is_in_space: bool = False
 
     @property
     def is_planar(self) -> bool:
@@ -110,9 +141,13 @@ class PlanarView:
         return True
 
     def project(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return places (..., 2) on paper [m] and zero depths (...) of points (..., 3)."""
-        place = np.asarray(points, dtype=float)[..., list(self.axes)]
-        return place, np.zeros(place.shape[:-1])
+        """Return places (..., 2) on paper [m] and depths (...) [m] of points (..., 3), zero in a plane."""
+        given = np.asarray(points, dtype=float)
+        place = given[..., list(self.axes)]
+        if not self.is_in_space:
+            return place, np.zeros(place.shape[:-1])
+        sign = -1.0 if self.axes == (0, 2) else 1.0
+        return place, sign * given[..., 3 - sum(self.axes)]
 
     def magnification(self, depth: ArrayLike) -> FloatArray:
         """Return ones for depths (...)."""
@@ -126,6 +161,13 @@ def nice_step(span: float) -> float:
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - OVERHANG)))
 
 
+def _ground_step(low: FloatArray, high: FloatArray, span: float) -> float:
+    """Return the step of a ground between low and high (2,), a finer one where whole cells reach too far."""
+    step = nice_step(span)
+    reach = step * (np.ceil(high / step - OVERHANG) - np.floor(low / step + OVERHANG))
+    return nice_step(FINER * STEPS * step) if float(reach.max()) > WASTE * span else step
+
+
 def find_box(points: ArrayLike, axes: Sequence[int]) -> Box:
     """Return the box around points (..., 3) of a scene with these axes, its ground on grid lines.
 
@@ -136,7 +178,7 @@ def find_box(points: ArrayLike, axes: Sequence[int]) -> Box:
     far, span = float(np.max(np.abs(flat))), float(np.max(high - low))
     # Rounding noise of points far from the origin is no extent.
     size = span if span > 1e-9 * far else max(1.0, far)
-    ground = nice_step(max(high[0] - low[0], high[1] - low[1], size / SLENDERNESS))
+    ground = _ground_step(low[:2], high[:2], max(high[0] - low[0], high[1] - low[1], size / SLENDERNESS))
     step = np.array([ground, ground, nice_step(max(high[2] - low[2], size / SLENDERNESS))])
     is_flat = high - low <= 1e-9 * size
     low, high = low - is_flat * step, high + is_flat * step
@@ -153,24 +195,60 @@ def fit_view(structure: Structure, box: Box, node_position: FloatArray) -> View:
 
     In perspective the eye stands where the fewest members pass over nodes that they do not end in.
     """
-    axes = structure.axes
-    if len(axes) == 2:
-        return PlanarView((axes[0], axes[1]))
-    if len(axes) == 1:
-        return PlanarView((0, 2) if axes[0] == 2 else (axes[0], 2))
+    if len(structure.axes) < 3:
+        return PlanarView(_find_plane(structure.axes))
     views = [_perspective(box, float(np.radians(azimuth))) for azimuth in AZIMUTHS]
     if structure.n_nodes * structure.n_members > MOST_PAIRS:
         return views[0]
     return min(views, key=lambda view: _clutter(view, structure, node_position))
 
 
-def _perspective(box: Box, azimuth: float) -> PerspectiveView:
-    """Return the view from `azimuth` [rad] about +z; its rotation holds the rows right, up, to the eye."""
-    ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(ELEVATION), np.sin(ELEVATION)
+def _find_plane(axes: Sequence[int]) -> tuple[int, int]:
+    """Return the axes to the right and up in pictures of a scene of one or two axes."""
+    if len(axes) == 2:
+        return axes[0], axes[1]
+    return (0, 2) if axes[0] == 2 else (axes[0], 2)
+
+
+def check_planar_direction(axes: Sequence[int], direction: Direction) -> None:
+    """Raise InvalidValueError for a scene of one or two axes seen from elsewhere than along its normal."""
+    plane = _find_plane(axes)
+    name = next((word for word, along in ALONG.items() if along == plane), "front")
+    if direction.name != name:
+        letters = " and ".join("xyz"[axis] for axis in axes)
+        raise InvalidValueError(
+            f"a scene of {letters} alone is drawn in its plane", where="view", given=direction.name,
+            allowed=name,
+        )  # fmt: skip
+
+
+def choose_view(
+    structure: Structure, box: Box, node_position: FloatArray, direction: Direction | None
+) -> View:
+    """Return the view of a structure from a direction, or that of `fit_view`.
+
+    Raises InvalidValueError for a planar scene that is seen from elsewhere than along its normal.
+    """
+    if direction is None:
+        return fit_view(structure, box, node_position)
+    if len(structure.axes) < 3:
+        check_planar_direction(structure.axes, direction)
+        return fit_view(structure, box, node_position)
+    if direction.is_along_axis:
+        return PlanarView(ALONG[direction.name], is_in_space=True)
+    distance = FAR if direction.name == "iso" else DISTANCE
+    return _perspective(box, np.radians(direction.azimuth), np.radians(direction.elevation), distance)
+
+
+def _perspective(
+    box: Box, azimuth: float, elevation: float = ELEVATION, distance: float = DISTANCE
+) -> PerspectiveView:
+    """Return the view from `azimuth` about +z and `elevation` [rad]; its rotation: right, up, to the eye."""
+    ca, sa, ce, se = np.cos(azimuth), np.sin(azimuth), np.cos(elevation), np.sin(elevation)
     return PerspectiveView(
         center=(box.high + box.low) / 2,
         rotation=np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]]),
-        distance=DISTANCE * float(np.linalg.norm(box.high - box.low)) / 2,
+        distance=distance * float(np.linalg.norm(box.high - box.low)) / 2,
     )
 
 

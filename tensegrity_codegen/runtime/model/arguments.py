@@ -1,4 +1,4 @@
-"""Names and values of arguments at run time that no scene has: unknown words, negative stiffnesses."""
+"""Names and values of arguments at run time: those that no scene has are refused; the loads that follow."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO
+from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 
-__all__ = ["check_argument_names", "check_arguments", "check_parameter_values"]
+__all__ = ["apply_loads", "check_argument_names", "check_arguments", "check_parameter_values"]
+
+LOAD = "node_load"
 
 
 def check_arguments(manifest: Manifest, arguments: Mapping[str, Any]) -> None:
@@ -76,3 +80,23 @@ def check_parameter_values(manifest: Manifest, arguments: Mapping[str, Any]) -> 
                 given=float(value[at]),
                 allowed="above 0" if name in ABOVE_ZERO else "0 or more",
             )
+
+
+def apply_loads(model: Model, *values: Mapping[str, Any]) -> NDArray[np.float64] | None:
+    """Return the loads under run-time arguments, one row of each of `values`, (n_t, n_nodes, 3) [N].
+
+    None where they are those of the scene: the model takes no loads, or its structure is not known. Inputs
+    that are forces are not part of it.
+    """
+    spec = next((item for item in model.manifest.arguments if item.name == LOAD), None)
+    structure = getattr(model, "structure", None)
+    if spec is None or structure is None:
+        return None
+    rows = [model.manifest.node_name.index(name) for name in spec.over]
+    load: NDArray[np.float64] = np.tile(
+        np.asarray(structure.node_load, dtype=np.float64), (len(values), 1, 1)
+    )
+    for k, given in enumerate(values):
+        if given.get(LOAD) is not None:
+            load[k][np.ix_(rows, list(model.manifest.axes))] = np.reshape(given[LOAD], spec.shape)
+    return load

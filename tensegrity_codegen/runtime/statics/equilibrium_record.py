@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.results.by_name import ByName
 from tensegrity_codegen.results.summaries import Fact, Summarised, describe_number, describe_range
+from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
@@ -77,6 +78,10 @@ class Equilibrium(ByName, Summarised):
         Names, for `position` and `tension`.
     structure : Structure, BodySystem or None
         The structure, for pictures; None with a library that was loaded alone.
+    node_load : ndarray or None, shape (n_nodes, 3) [N]
+        Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
+    input : ndarray or None, shape (n_inputs,) [m, N or N m]
+        Values of the inputs; None: those of the scene.
     """
 
     status: str
@@ -108,6 +113,8 @@ class Equilibrium(ByName, Summarised):
     node_name: tuple[str, ...] = ()
     member_name: tuple[str, ...] = ()
     structure: Structure | BodySystem | None = None
+    node_load: FloatArray | None = None
+    input: FloatArray | None = None
 
     def headline(self) -> str:
         """Return status and message."""
@@ -210,6 +217,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     motions = None if stability is None else find_neutral(problem, point.coordinate, stability)
     apart = moved if motions is None else motions.distance(begun, position)
     node_name = problem.model.manifest.node_name
+    load, given = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
     return Equilibrium(
         status=status,
         method=method,
@@ -237,6 +245,8 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         node_name=node_name,
         member_name=problem.model.manifest.member_name,
         structure=getattr(problem.model, "structure", None),
+        node_load=None if load is None else load[0],
+        input=None if given is None else np.array(given, dtype=np.float64).reshape(-1),
     )
 
 

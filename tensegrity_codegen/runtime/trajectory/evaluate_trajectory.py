@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.model.charts import judge_charts
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
@@ -69,6 +70,9 @@ def evaluate_trajectory(
         node_name=manifest.node_name,
         member_name=manifest.member_name,
         structure=getattr(model, "structure", None),
+        node_load=apply_loads(
+            model, *({**arguments, **(schedule(float(t)) if schedule else {})} for t in raw.time)
+        ),
     )
 
 

@@ -17,6 +17,8 @@ from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["read_trajectory"]
 
+DRIVEN = ("input", "node_load")  # what only files of motions with inputs or changeable loads hold
+
 
 def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     """Read a result file of the verb simulate back, for the structure that it was made from.
@@ -30,6 +32,8 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         places = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in ("time", *SAMPLED)}
         status, message, method = (str(data[name]) for name in ("status", "message", "method"))
+        driven = {name: data[name] for name in DRIVEN if name in data}
+        input_name = tuple(data["input_name"].tolist()) if "input" in data else ()
     except UNREADABLE as error:
         raise SceneSyntaxError(
             "not a result file",
@@ -44,7 +48,7 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
             given=f"{len(names[0])} nodes, {len(names[1])} members",
             allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
         )
-    _check_shapes(fields, structure, str(path))
+    _check_shapes(fields | driven, structure, len(input_name), str(path))
     position, velocity = fields["node_position"], fields["node_velocity"]
     return Trajectory(
         coordinate=position[:, places[:, 0], places[:, 1]],
@@ -55,15 +59,21 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
         message=message,
         method=method,
         structure=structure,
+        input_name=input_name,
+        input=driven.get("input"),
+        node_load=driven.get("node_load"),
         **fields,
     )
 
 
-def _check_shapes(fields: Mapping[str, NDArray[Any]], structure: Structure, where: str) -> None:
+def _check_shapes(
+    fields: Mapping[str, NDArray[Any]], structure: Structure, n_inputs: int, where: str
+) -> None:
     """Raise SceneSyntaxError unless all arrays are finite numbers of one count of samples."""
     n_t = fields["time"].size
     nodes, members = (n_t, structure.n_nodes, 3), (n_t, structure.n_members)
     shapes = {"node_position": nodes, "node_velocity": nodes, "member_tension": members}
+    shapes |= {"input": (n_t, n_inputs), "node_load": nodes}
     for name, array in fields.items():
         shape = shapes.get(name, (n_t,))
         if n_t == 0 or array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():

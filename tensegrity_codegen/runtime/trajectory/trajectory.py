@@ -64,6 +64,8 @@ class Trajectory(Sampled):
         Values of the inputs; None without inputs, and for motions of a batch.
     input_name : tuple of str
         Their names.
+    node_load : ndarray or None, shape (n_t, n_nodes, 3) [N]
+        Loads on nodes, without inputs, where they can change at run time; None: those of the scene.
     structure : Structure, BodySystem or None
         What moves, for pictures and units; None in motions of a library that was loaded alone.
 
@@ -85,6 +87,7 @@ class Trajectory(Sampled):
     why_method: str = ""
     input: FloatArray | None = None
     input_name: tuple[str, ...] = ()
+    node_load: FloatArray | None = None
 
     def headline(self) -> str:
         """Return status and reason."""
@@ -121,6 +124,7 @@ class Trajectory(Sampled):
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a result file holds, name -> array; event_*: a row for each name of each event."""
         inputs = {} if self.input is None else {"input": self.input, "input_name": np.array(self.input_name)}
+        loads = {} if self.node_load is None else {"node_load": self.node_load}
         rows = [(event.time, event.kind, name) for event in self.events for name in event.names]
         return {
             **super().arrays(),
@@ -129,4 +133,5 @@ class Trajectory(Sampled):
             "event_name": np.array([row[2] for row in rows], dtype=np.str_),
             **self.log.arrays(),
             **inputs,
+            **loads,
         }

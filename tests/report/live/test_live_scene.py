@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.live.live_scene import build_live_scene
-from tensegrity_codegen.report.live.reactions import compute_reactions
 from tensegrity_codegen.report.live.uses import compute_uses
 from tensegrity_codegen.report.live.views import choose_view
+from tensegrity_codegen.report.reactions import compute_reactions
 from tensegrity_codegen.runtime.analysis.member_limits import check_members
 from tests.report.live.pages import load, sway
 from tests.report.live.test_channels import unpack

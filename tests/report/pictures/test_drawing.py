@@ -52,9 +52,9 @@ def test_bars_are_thicker_than_cables_and_nearer_members_come_later():
     widths = np.array(lines.get_linewidths()).reshape(-1, 3)[:, 1]
     assert sorted(widths)[-3] > 2 * sorted(widths)[-4]
     middles = structure.node_position[structure.connectivity].mean(axis=1)
-    _, depth = drawing._view.project(middles)
+    _, depth = drawing.view.project(middles)
     drawn = np.array([path.vertices.mean(axis=0) for path in lines.get_paths()[1::3]])
-    ends, _ = drawing._view.project(structure.node_position[structure.connectivity])
+    ends, _ = drawing.view.project(structure.node_position[structure.connectivity])
     order = [int(np.linalg.norm(ends.mean(axis=1) - spot, axis=1).argmin()) for spot in drawn]
     assert sorted(order) == list(range(structure.n_members))
     assert np.all(np.diff(depth[order]) > -0.02 * np.ptp(depth))

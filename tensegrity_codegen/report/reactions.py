@@ -13,7 +13,12 @@ FloatArray = NDArray[np.float64]
 
 
 def compute_reactions(
-    structure: Structure, position: FloatArray, tension: FloatArray, held: NDArray[np.int64]
+    structure: Structure,
+    position: FloatArray,
+    tension: FloatArray,
+    held: NDArray[np.int64],
+    load: FloatArray | None = None,
+    joints: NDArray[np.int64] | None = None,
 ) -> FloatArray:
     """Return the forces [N] of supports on nodes, along the anchored axes.
 
@@ -27,18 +32,23 @@ def compute_reactions(
         Tensions; NaN where unknown.
     held : ndarray of int, shape (n_held,)
         Anchored nodes.
+    load : ndarray, shape (n_t, n_nodes, 3) [N], optional
+        Loads on nodes, by default those of the structure.
+    joints : ndarray of int, optional
+        Nodes on which forces act that no member shows, such as those of bars of body scenes.
 
     Returns
     -------
     ndarray, shape (n_t, n_held, 3) [N]
-        Reactions, NaN at nodes with a member of unknown tension; without the inertia of bars.
+        Reactions, NaN at joints and at nodes with a member of unknown tension; without the inertia of bars.
     """
     mass = np.array(structure.node_mass, dtype=float)
     np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
-    force = structure.node_load + mass[:, None] * structure.gravity
+    weight = mass[:, None] * structure.gravity
     row = np.full(structure.n_nodes, -1)
     row[held] = np.arange(len(held))
-    acting = np.tile(force[held], (len(position), 1, 1))
+    pushed = np.broadcast_to(structure.node_load if load is None else load, position.shape)
+    acting = pushed[:, held] + weight[held]
     for end, sign in ((0, -1.0), (1, 1.0)):
         members = np.flatnonzero(row[structure.connectivity[:, end]] >= 0)
         if not members.size:
@@ -49,5 +59,7 @@ def compute_reactions(
         unit = np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
         pull = sign * tension[:, members, None] * unit
         np.add.at(acting.swapaxes(0, 1), row[pair[:, end]], pull.swapaxes(0, 1))
+    if joints is not None:
+        acting[:, np.isin(held, joints)] = np.nan
     reaction: FloatArray = np.where(structure.node_anchored[held], -acting, 0.0)
     return reaction

@@ -1,0 +1,159 @@
+"""Pictures and films for verbs: what is drawn, in which file, and what is said of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.errors import InvalidValueError
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.report.pictures.choices import PictureChoices
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["ANIMATED", "PAGE", "ShowOptions", "check_kind", "describe_left_out", "show_picture"]
+
+ANIMATED = (".gif", ".mp4")
+PAGE = ".html"
+USUAL_FPS = 25.0
+
+
+@dataclass(frozen=True)
+class ShowOptions:
+    """Options of `show`; None: not given."""
+
+    choices: PictureChoices
+    fps: float | None = None
+    slow_down: float = 1.0
+    settle: bool = False
+    is_color_given: bool = False
+
+
+def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None:
+    """Raise InvalidValueError for options that a file of this kind cannot have."""
+    suffix = out.suffix.lower()
+    if suffix in ANIMATED and trajectory is None:
+        raise InvalidValueError(
+            "a film needs a motion",
+            where="--trajectory",
+            given=None,
+            allowed="an .npz file of the verb simulate",
+            hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
+        )
+    if options.fps is not None and suffix not in ANIMATED:
+        _refuse("--fps", options.fps, "only films have frames a second", "with .gif and .mp4", out)
+    if options.settle and trajectory is not None:
+        _refuse("--settle", True, "a motion has positions of its own", "without --trajectory", out)
+    if options.choices.follow and trajectory is None:
+        _refuse("--follow", True, "nothing moves that axes could follow", "with --trajectory", out)
+    if suffix == PAGE and options.choices.size is not None:
+        _refuse(
+            "--size", options.choices.size, "a live page fills its window", "with pictures and films", out
+        )
+    if suffix == PAGE and (options.is_color_given or not options.choices.forces):
+        where = "--color" if options.is_color_given else "--no-forces"
+        _refuse(where, None, "a live page has controls for this", "with pictures and films", out)
+
+
+def _refuse(where: str, given: Any, problem: str, allowed: str, out: Path) -> None:
+    shown = "x".join(map(str, given)) if isinstance(given, tuple) else given
+    raise InvalidValueError(
+        problem, where=where, given=shown, allowed=allowed, hint=f"{out.name} without {where}"
+    )
+
+
+def show_picture(
+    output: Output, scene: Path, out: Path, trajectory: Path | None, options: ShowOptions
+) -> tuple[dict[str, Any], str]:
+    """Write a picture or film of a scene; return the result of the verb as data and as text."""
+    from tensegrity_codegen.report.loads import describe_other_loads
+
+    _require_packages(out)
+    subject, request = output.load(scene, settles=options.settle)
+    if trajectory is not None:
+        _write_motion(output, subject, out, trajectory, options)
+        unknown = 0
+    else:
+        unknown = _write_scene(output, subject, request, out, options)
+    data: dict[str, Any] = {"status": "ok", "out": str(out)}
+    if unknown:
+        data["n_unknown"] = unknown
+    data |= describe_left_out(output, subject, options.choices.labels)
+    other = describe_other_loads(subject)
+    if other and options.choices.forces:
+        output.warn(other)
+    return data, f"wrote {out}"
+
+
+def _write_motion(
+    output: Output, subject: Subject, out: Path, trajectory: Path, options: ShowOptions
+) -> None:
+    """Write a film, or a page with the first and last shape and diagrams."""
+    from tensegrity_codegen.report.pictures.animate import write_animation
+    from tensegrity_codegen.report.pictures.draw import outline_motion
+    from tensegrity_codegen.report.pictures.plots import plot_trajectory
+    from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
+    from tensegrity_codegen.structure.outline import outline_bodies, outline_tendons
+
+    structure = outline_bodies(subject)
+    motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
+    if out.suffix.lower() not in ANIMATED:
+        plot_trajectory(structure, motion, out, choices=options.choices, subject=subject)
+        return
+    with output.progress("drawing") as progress:
+        write_animation(
+            structure, motion, out, fps=USUAL_FPS if options.fps is None else options.fps,
+            slow_down=options.slow_down, progress=progress, choices=options.choices, subject=subject,
+        )  # fmt: skip
+
+
+def _write_scene(
+    output: Output, subject: Subject, request: ModelRequest, out: Path, options: ShowOptions
+) -> int:
+    """Write a picture of the stated positions or the equilibrium; return how many tensions are unknown."""
+    import numpy as np
+
+    from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix, save_figure
+    from tensegrity_codegen.report.pictures.draw import Shot, draw_shot, find_rigid, find_shot
+
+    suffix = check_suffix(out, PICTURE_SUFFIXES)
+    if options.settle:
+        from tensegrity_codegen.settle import find_settled
+
+        output.entitle("finding the equilibrium")
+        settled, found = find_settled(subject, request, warn=output.warn)
+        shot = replace(find_shot(found), subject=settled, note="")
+    else:
+        shot = Shot(subject, rigid=find_rigid(subject, request))
+    figure, tension = draw_shot(shot, options.choices, is_vector=suffix != ".png")
+    save_figure(figure, out)
+    return int(np.isnan(tension).sum())
+
+
+def describe_left_out(
+    output: Output, subject: Subject, labels: tuple[str, ...], most: int | None = None
+) -> dict[str, Any]:
+    """Warn of names that are left out since they are too many; return the key of the JSON that says so."""
+    from tensegrity_codegen.report.pictures.labels import choose_names
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    _, left = choose_names(outline_bodies(subject), labels, most)
+    for item in left:
+        output.warn(item.describe())
+    rows = [{"kind": item.kind, "count": item.count, "limit": item.limit} for item in left]
+    return {"labels_left_out": rows} if rows else {}
+
+
+def _require_packages(out: Path) -> None:
+    """Raise MissingExtraError if what draws this kind of file is not installed."""
+    from tensegrity_codegen.extras import import_extra, require_plot
+    from tensegrity_codegen.report.pictures.film import find_ffmpeg
+
+    require_plot()
+    if out.suffix.lower() == ".gif":
+        import_extra("PIL.Image")
+    elif out.suffix.lower() == ".mp4":
+        find_ffmpeg(out)

@@ -1,0 +1,73 @@
+"""Loads on nodes during a motion: of the scene, of run-time arguments, of inputs that are forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
+from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+
+__all__ = ["compute_loads", "compute_static_loads", "describe_other_loads"]
+
+FloatArray = NDArray[np.float64]
+
+
+def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:
+    """Return the loads on nodes at every sample.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        What has the loads.
+    motion : Trajectory, optional
+        A motion of it, with the values of its inputs; by default one sample with the loads of the scene.
+
+    Returns
+    -------
+    ndarray, shape (n_t, n_nodes, 3) [N]
+        Loads with constant directions, those of inputs among them. Torques and forces that turn with a body
+        are not part of it, see `describe_other_loads`.
+    """
+    own = np.asarray(subject.node_load, dtype=float)
+    if motion is None:
+        return own[None].copy()
+    stated = own if motion.node_load is None else motion.node_load
+    load = np.array(np.broadcast_to(stated, (len(motion.time), subject.n_nodes, 3)))
+    if motion.input is None:
+        return load
+    columns = {name: motion.input[:, k] for k, name in enumerate(motion.input_name)}
+    for item in subject.inputs:
+        if _is_force(item) and item.name in columns:
+            pushed = columns[item.name][:, None, None] * np.array(item.direction)
+            load[:, list(item.targets)] += pushed
+    return load
+
+
+def compute_static_loads(subject: Structure | BodySystem, found: Equilibrium) -> FloatArray:
+    """Return the loads on nodes at an equilibrium, (n_nodes, 3) [N], as `compute_loads` does for motions."""
+    load = np.array(subject.node_load if found.node_load is None else found.node_load, dtype=float)
+    inputs: Sequence[ActuatedInput | BodyInput] = subject.inputs
+    for item, value in zip(inputs, [] if found.input is None else found.input, strict=False):
+        if _is_force(item):
+            load[list(item.targets)] += float(value) * np.array(item.direction)
+    return load
+
+
+def _is_force(item: ActuatedInput | BodyInput) -> bool:
+    """Return whether an input is a force on nodes in a constant direction."""
+    return item.kind == "force" and getattr(item, "frame", "inertial") == "inertial"
+
+
+def describe_other_loads(subject: Structure | BodySystem) -> str:
+    """Return a sentence on loads that compute_loads leaves out, "" where there are none."""
+    if not isinstance(subject, BodySystem):
+        return ""
+    count = len(subject.loads) + sum(item.kind == "torque" or item.frame == "body" for item in subject.inputs)
+    if not count:
+        return ""
+    return f"{count} torques, or forces that turn with a body, are not drawn"

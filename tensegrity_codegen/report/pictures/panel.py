@@ -1,0 +1,195 @@
+"""One panel of a picture: axes, structure, arrows and names of a sample; fixed, or moving with the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.report.pictures.arrows import Arrows, ForceArrows, lay_out_arrows
+from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
+from tensegrity_codegen.report.pictures.frame import draw_frame, panel_extent, picture_size
+from tensegrity_codegen.report.pictures.labels import NameWriter, choose_names
+from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
+from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Panel", "Setting", "fit_size", "set_up"]
+
+FloatArray = NDArray[np.float64]
+
+PICTURE_DPI = 150
+LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all samples of a picture share.
+
+    Attributes
+    ----------
+    shown : Shown
+        What is shown.
+    choices : PictureChoices
+        How.
+    box, view : Box, View
+        Axes and view of the first sample, or of all where the axes stand still.
+    step : ndarray, shape (n_t, 3) [m]
+        How far box and view move at each sample.
+    arrows : list of Arrows
+        Loads and reactions.
+    color : ndarray, shape (n_t, n_members), or None
+        What colours show.
+    limit : float or None
+        End of the scale of colours.
+    """
+
+    shown: Shown
+    choices: PictureChoices
+    box: Box
+    view: View
+    step: FloatArray
+    arrows: list[Arrows]
+    color: FloatArray | None
+    limit: float | None
+
+    @property
+    def color_name(self) -> str:
+        """What the scale of colours is called."""
+        return COLOR_NAMES.get(self.choices.color, ("", ""))[0]
+
+    @property
+    def has_unknown(self) -> bool:
+        """Whether the colour of a member, edges of bodies aside, is unknown."""
+        if self.color is None:
+            return False
+        return bool((np.isnan(self.color) & ~self.shown.parts.edge).any())
+
+
+def set_up(shown: Shown, choices: PictureChoices) -> Setting:
+    """Return axes, view, arrows and colours of a picture.
+
+    Raises what choose_view and compute_colors raise.
+    """
+    structure, position = shown.structure, shown.position
+    color = compute_colors(shown, choices.color)
+    arrows = []
+    if choices.forces:
+        arrows = lay_out_arrows(structure, position, shown.tension, shown.load, shown.parts.joints)
+    step = np.zeros((len(position), 3))
+    if choices.follow:
+        center = position.mean(axis=1)
+        step = center - center[0]
+    places = position - step[:, None]
+    ends = [end - step[:, None] for item in arrows for end in (item.tail, item.tip)]
+    beyond = np.concatenate([end.reshape(-1, 3) for end in ends]) if ends else np.zeros((0, 3))
+    beyond = beyond[np.isfinite(beyond).all(axis=1)]
+    is_flat = len(structure.axes) < 3 or (choices.view is not None and choices.view.is_along_axis)
+    if is_flat:
+        box = find_box(np.concatenate([places.reshape(-1, 3), beyond]), structure.axes[:2])
+    else:
+        box = replace(find_box(places, structure.axes), beyond=_find_extremes(beyond))
+    view = choose_view(structure, box, position[0], choices.view)
+    return Setting(shown, choices, box, view, step, arrows, color, find_tension_limit(color))
+
+
+def _find_extremes(points: FloatArray) -> FloatArray | None:
+    """Return the points themselves, of very many the corners of their box, (n, 3); None for none."""
+    if not len(points):
+        return None
+    if len(points) <= 1000:
+        return points
+    low, high = points.min(axis=0), points.max(axis=0)
+    return Box(low, high, high - low).corners()
+
+
+def fit_size(
+    setting: Setting, *, area: float, dpi: int, is_vector: bool = False
+) -> tuple[float, float, float]:
+    """Return width and height [in] and dots an inch of a picture.
+
+    Without a chosen size the panel takes about `area` [in2] at `dpi`. A chosen size in pixels keeps texts in
+    proportion to it; files of lines (is_vector) have PICTURE_DPI pixels an inch.
+    """
+    width, height = picture_size(setting.view, setting.box, with_bar=setting.limit is not None, area=area)
+    size = setting.choices.size
+    if size is None:
+        return width, height, dpi
+    if is_vector:
+        return size[0] / PICTURE_DPI, size[1] / PICTURE_DPI, PICTURE_DPI
+    dots = np.sqrt(size[0] * size[1] / (width * height))
+    dots = min(dots, size[0] / LEAST_WIDTH, size[1] / LEAST_HEIGHT)
+    return size[0] / dots, size[1] / dots, float(dots)
+
+
+class Panel:
+    """Axes with a structure; `show` draws a sample. Names stand where they cover least of sample `first`."""
+
+    def __init__(
+        self,
+        axes: Axes,
+        setting: Setting,
+        inches: tuple[float, float],
+        *,
+        line_scale: float = 1.0,
+        first: int = 0,
+    ) -> None:
+        shown, choices = setting.shown, setting.choices
+        self.axes, self.setting = axes, setting
+        self._frame: list[Any] = []
+        self.is_moving = bool(setting.step.any())
+        self._draw_frame(setting.view, setting.box)
+        self.drawing = StructureDrawing(
+            axes, shown.structure, setting.view, tension_limit=setting.limit, line_scale=line_scale,
+            parts=shown.parts,
+        )  # fmt: skip
+        self.arrows = [
+            ForceArrows(axes, setting.view, item, line_scale=line_scale) for item in setting.arrows
+        ]
+        written, _ = choose_names(shown.structure, choices.labels)
+        low, high = panel_extent(setting.view, setting.box)
+        point = float(np.max((high - low) / np.maximum(inches, 1.0))) / 72
+        self.names = NameWriter(
+            axes, shown.structure, setting.view, written, point,
+            [(item.tail[first], item.tip[first]) for item in setting.arrows],
+        )  # fmt: skip
+
+    @property
+    def artists(self) -> tuple[Any, ...]:
+        """Everything that `show` changes, besides the axes that move."""
+        arrows = (artist for item in self.arrows for artist in item.artists)
+        return (*self.drawing.artists, *arrows, *self.names.artists)
+
+    def show(self, sample: int) -> None:
+        """Draw a sample."""
+        setting = self.setting
+        if self.is_moving:
+            self._move(setting.step[sample])
+        tension = None if setting.shown.tension is None else setting.shown.tension[sample]
+        color = None if setting.color is None else setting.color[sample]
+        self.drawing.show(setting.shown.position[sample], tension, color)
+        for item in self.arrows:
+            item.show(sample)
+        self.names.show(setting.shown.position[sample])
+
+    def _move(self, step: FloatArray) -> None:
+        """Move the axes with the nodes; the grid stays where it is."""
+        view = self.setting.view
+        if isinstance(view, PerspectiveView):
+            view = replace(view, center=view.center + step)
+        self.drawing.view = self.names.view = view
+        for item in self.arrows:
+            item.view = view
+        self._draw_frame(view, self.setting.box.moved(step))
+
+    def _draw_frame(self, view: View, box: Box) -> None:
+        for artist in self._frame:
+            artist.remove()
+        before = set(self.axes.get_children())
+        draw_frame(self.axes, view, box)
+        self._frame = [artist for artist in self.axes.get_children() if artist not in before]

@@ -1,0 +1,121 @@
+"""What a picture shows: positions, tensions, loads and bodies over samples, and the colours of members."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.report.loads import compute_loads
+from tensegrity_codegen.report.pictures.drawing import BodyParts
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["COLOR_NAMES", "Shown", "compute_colors", "show_motion", "show_structure"]
+
+FloatArray = NDArray[np.float64]
+
+COLOR_NAMES = {
+    "tension": ("member tension [N]", "tension unknown"),
+    "force_density": ("force density [N/m]", "force density unknown"),
+    "stress": ("stress [MPa]", "stress unknown"),
+}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a picture or film shows.
+
+    Attributes
+    ----------
+    structure : Structure
+        The structure, of bodies their outline.
+    position : ndarray, shape (n_t, n_nodes, 3) [m]
+        Positions.
+    tension : ndarray, shape (n_t, n_members) [N], or None
+        Tensions, NaN where unknown; None: members are coloured by kind.
+    load : ndarray, shape (n_t, n_nodes, 3) [N]
+        Loads.
+    parts : BodyParts
+        What belongs to rigid bodies.
+    """
+
+    structure: Structure
+    position: FloatArray
+    tension: FloatArray | None
+    load: FloatArray
+    parts: BodyParts
+
+    def sample(self, number: int) -> Shown:
+        """Return one sample alone."""
+        tension = None if self.tension is None else self.tension[number][None]
+        return Shown(
+            self.structure, self.position[number][None], tension, self.load[number][None], self.parts
+        )
+
+
+def show_structure(
+    structure: Structure,
+    position: FloatArray,
+    tension: FloatArray | None,
+    *,
+    load: FloatArray | None = None,
+    parts: BodyParts | None = None,
+) -> Shown:
+    """Return what a picture shows of one configuration: position (n_nodes, 3), tension (n_members,)."""
+    own = structure.node_load if load is None else load
+    return Shown(
+        structure,
+        position[None],
+        None if tension is None else tension[None],
+        np.asarray(own, dtype=float)[None],
+        BodyParts.none(structure) if parts is None else parts,
+    )
+
+
+def show_motion(
+    structure: Structure, motion: Trajectory, subject: Structure | BodySystem | None = None
+) -> Shown:
+    """Return what pictures show of a motion of a structure, which is the outline of `subject`."""
+    source = structure if subject is None else subject
+    return Shown(
+        structure, motion.node_position, motion.member_tension, compute_loads(source, motion),
+        BodyParts.of(source),
+    )  # fmt: skip
+
+
+def compute_colors(shown: Shown, name: str) -> FloatArray | None:
+    """Return the values (n_t, n_members) that colours show, NaN where unknown; None for colours by kind.
+
+    Raises InvalidValueError for stresses of a structure whose members have no radius.
+    """
+    structure, tension = shown.structure, shown.tension
+    if tension is None or name == "kind":
+        return None
+    if name == "tension":
+        return tension
+    if name == "force_density":
+        ends = shown.position[:, structure.connectivity]
+        length = np.linalg.norm(ends[:, :, 0] - ends[:, :, 1], axis=2)
+        return _divide(tension, length)
+    area = np.asarray(structure.section_area, dtype=float)
+    if not (area[~shown.parts.edge] > 0).any():
+        raise InvalidValueError(
+            "stresses are not known, since no member has a radius",
+            where="color",
+            given=name,
+            allowed="members with a radius",
+            hint="radius = 0.004 in a class of the scene, or the colours `tension`",
+        )
+    return _divide(tension, area) / 1e6
+
+
+def _divide(tension: FloatArray, by: Any) -> FloatArray:
+    """Return tension over something positive, NaN elsewhere."""
+    wide = np.broadcast_to(by, tension.shape)
+    found: FloatArray = np.divide(tension, wide, out=np.full(tension.shape, np.nan), where=wide > 0)
+    return found

@@ -1,0 +1,58 @@
+"""Names on pictures: where they cover least, and what is left out."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.report.pictures.labels import MOST_NAMES, choose_names
+from tensegrity_codegen.report.pictures.plots import draw_structure
+from tests.report.samples import frame, prism
+
+
+def boxes(figure):
+    """Return the boxes of the names that a figure writes, by name."""
+    from matplotlib.text import Annotation
+
+    renderer = figure.canvas.get_renderer()
+    figure.canvas.draw()
+    found = [item for item in figure.findobj(Annotation) if item.get_text()[:1] in "ne" and item.get_text()]
+    return {item.get_text(): item.get_window_extent(renderer) for item in found}
+
+
+@pytest.mark.parametrize("structure", [frame(), prism()])
+@pytest.mark.parametrize("shift", [0.0, 1000.0])
+def test_names_of_nodes_do_not_overlap(structure, shift):
+    axes = np.isin(np.arange(3), structure.axes)
+    moved = structure.with_changes(node_position=structure.node_position + shift * axes)
+    found = boxes(draw_structure(moved, choices=PictureChoices(labels=("nodes",))))
+    assert set(found) == set(structure.node_name)
+    for one, other in itertools.combinations(found.values(), 2):
+        assert not one.overlaps(other)
+
+
+def test_names_of_nodes_stand_near_their_nodes():
+    from matplotlib.text import Annotation
+
+    figure = draw_structure(prism(), choices=PictureChoices(labels=("nodes", "members")))
+    found = boxes(figure)
+    assert set(found) == {*prism().node_name, *prism().member_name}
+    for item in figure.findobj(Annotation):
+        if item.get_text() in prism().node_name:
+            spot = figure.axes[0].transData.transform(item.xy)
+            box = found[item.get_text()]
+            gap = np.maximum(np.maximum([box.x0, box.y0] - spot, spot - [box.x1, box.y1]), 0.0)
+            assert np.linalg.norm(gap) < 20 * figure.dpi / 72
+
+
+def test_too_many_names_are_left_out_and_stated():
+    many = prism(sides=40)
+    written, left = choose_names(many, ("nodes", "members"))
+    assert written == ("nodes",)
+    assert [(item.kind, item.count, item.limit) for item in left] == [("members", 160, MOST_NAMES["members"])]
+    assert "160" in left[0].describe()
+    assert str(MOST_NAMES["members"]) in left[0].describe()
+    assert choose_names(prism(), ("nodes", "members")) == (("nodes", "members"), [])

@@ -1,0 +1,126 @@
+"""Axes, views and colours that samples of a picture share; axes that follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.report.pictures.animate import write_animation
+from tensegrity_codegen.report.pictures.canvas import new_figure
+from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
+from tensegrity_codegen.report.pictures.panel import Panel, set_up
+from tensegrity_codegen.report.pictures.plots import draw_structure, plot_structure, plot_trajectory
+from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure
+from tests.report.pictures.test_animate import read_gif
+from tests.report.samples import frame, make_trajectory, png_size, prism
+
+
+def travel(structure, distance):
+    """A motion that ends `distance` sizes away along the first axis."""
+    motion = make_trajectory(structure, 5)
+    step = np.linspace(0.0, distance, 5)[:, None] * np.ptp(structure.node_position, axis=0).max()
+    position = motion.node_position.copy()
+    position[:, :, structure.axes[0]] += step
+    return make_trajectory(structure, 5, node_position=position)
+
+
+@pytest.mark.parametrize("view", [None, "iso", "front", "side", "top", "30,-20", "0,90", "-90,0"])
+def test_every_view_shows_all_nodes_with_the_size_asked_for(view, tmp_path):
+    choices = PictureChoices(view=read_view(view), size=(640, 480), labels=("nodes",))
+    path = plot_structure(
+        prism(), tmp_path / "a.png", member_tension=prism().static_tension(), choices=choices
+    )
+    assert png_size(path) == (640, 480)
+
+
+@pytest.mark.parametrize(("view", "axes"), [("front", (0, 2)), ("side", (1, 2)), ("top", (0, 1))])
+def test_views_along_an_axis_show_lengths_as_they_are(view, axes):
+    structure = prism()
+    setting = set_up(
+        show_structure(structure, structure.node_position, None), PictureChoices(view=read_view(view))
+    )
+    place, depth = setting.view.project(structure.node_position)
+    np.testing.assert_array_equal(place, structure.node_position[:, axes])
+    # The eye is in front of the picture: right x up points to it.
+    right, up = np.eye(3)[list(axes)]
+    np.testing.assert_allclose(depth, structure.node_position @ np.cross(right, up))
+
+
+def test_an_isometric_view_has_one_scale_on_all_axes():
+    structure = prism()
+    setting = set_up(
+        show_structure(structure, structure.node_position, None), PictureChoices(view=read_view("iso"))
+    )
+    place, _ = setting.view.project(np.vstack([np.zeros(3), np.eye(3)]))
+    lengths = np.linalg.norm(place[1:] - place[0], axis=1)
+    np.testing.assert_allclose(lengths, np.sqrt(2 / 3), rtol=1e-4)
+
+
+def test_a_planar_scene_is_seen_along_its_normal_alone():
+    draw_structure(frame(), choices=PictureChoices(view=read_view("front")))
+    for other in ("top", "iso", "-90,0"):
+        with pytest.raises(InvalidValueError, match="in its plane") as caught:
+            draw_structure(frame(), choices=PictureChoices(view=read_view(other)))
+        assert caught.value.allowed == "front"
+
+
+@pytest.mark.parametrize("structure", [prism(), frame()])
+def test_axes_that_follow_keep_their_size_and_tell_where_they_are(structure):
+    motion = travel(structure, 20.0)
+    follow = set_up(show_motion(structure, motion), PictureChoices(follow=True))
+    still = set_up(show_motion(structure, motion), PictureChoices())
+    axis = structure.axes[0]
+    assert (
+        np.ptp([follow.box.low[axis], follow.box.high[axis]]) < 0.25 * (still.box.high - still.box.low)[axis]
+    )
+    np.testing.assert_allclose(
+        follow.step, motion.node_position.mean(axis=1) - motion.node_position[0].mean(axis=0)
+    )
+    panel = Panel(new_figure(4.0, 4.0).add_subplot(), follow, (3.0, 3.0))
+    seen = []
+    for sample in (0, 4):
+        panel.show(sample)
+        place, _ = panel.drawing.view.project(motion.node_position[sample])
+        low, high = panel.axes.transData.inverted().transform(panel.axes.get_window_extent().corners())[
+            [0, 3]
+        ]
+        assert np.all(place > low - 0.3 * (high - low))
+        assert np.all(place < high + 0.3 * (high - low))
+        texts = [item.get_text() for item in panel.axes.texts]
+        seen.append(texts or [item.get_text() for item in panel.axes.get_xticklabels()])
+    assert seen[0] != seen[1]
+
+
+@pytest.mark.parametrize("structure", [prism(), frame()])
+def test_a_film_that_follows_moves_the_numbers_of_its_axes(structure, tmp_path):
+    motion = travel(structure, 5.0)
+    path = write_animation(
+        structure, motion, tmp_path / "a.gif", fps=4, choices=PictureChoices(follow=True, size=(300, 260))
+    )
+    frames, _ = read_gif(path)
+    assert len(frames) == 5
+    assert frames[0].shape == (260, 300, 3)
+    # Below the structure, where numbers stand, the pictures differ; of axes that stand still they do not.
+    rows = slice(int(0.55 * 260), int(0.85 * 260))
+    assert np.abs(frames[4][rows] - frames[0][rows]).max() > 60
+    plot_trajectory(structure, motion, tmp_path / "a.png", choices=PictureChoices(follow=True))
+
+
+def test_colours_are_tensions_force_densities_or_stresses():
+    structure = prism().with_changes(radius=np.where(prism().is_bar, 0.01, 0.0))
+    tension = np.linspace(-3.0, 8.0, 12)
+    shown = show_structure(structure, structure.node_position, tension)
+    np.testing.assert_allclose(compute_colors(shown, "force_density")[0], tension / structure.member_length())
+    stress = compute_colors(shown, "stress")[0]
+    np.testing.assert_allclose(stress[structure.is_bar], tension[structure.is_bar] / (np.pi * 1e-4) / 1e6)
+    assert np.isnan(stress[~structure.is_bar]).all()
+    assert compute_colors(shown, "kind") is None
+    with pytest.raises(InvalidValueError, match="no member has a radius"):
+        compute_colors(show_structure(prism(), structure.node_position, tension), "stress")
+    from matplotlib.text import Text
+
+    figure = draw_structure(structure, member_tension=tension, choices=PictureChoices(color="stress"))
+    words = " ".join(item.get_text() for item in figure.findobj(Text))
+    assert "stress [MPa]" in words
+    assert "stress unknown" in words
