@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tensegrity_codegen.cli.command_progress import PLANNING, TIMING
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.errors import ConvergenceError, FormulationError, InfeasibleError, InvalidValueError
 
@@ -131,9 +132,10 @@ def find_motion(
         found = find_equilibrium(model, arguments=arguments)
         return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
     try:
-        motion = time_motion(model, path, duration, arguments=arguments)
-        if duration is None:
-            motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
+        with output.progress(TIMING.title):
+            motion = time_motion(model, path, duration, arguments=arguments)
+            if duration is None:
+                motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
     except InvalidValueError as error:
         if plan is not None and error.where == "path":
             error.where = f"{plan}: path"
@@ -154,7 +156,10 @@ def _find_plan(
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
     from tensegrity_codegen.runtime.planning.plan import plan
 
-    found = plan(model, list(to), actuators=chosen, arguments=arguments)
+    with output.progress(PLANNING.title) as move:
+        found = plan(
+            model, list(to), actuators=chosen, arguments=arguments, progress=lambda points, done: move(done)
+        )
     for text in found.warnings:
         output.warn(text)
     if not found.is_found:

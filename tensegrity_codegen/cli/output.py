@@ -6,7 +6,7 @@ import json
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import CommandProgress
 from tensegrity_codegen.cli.option_names import name_options, name_options_in_error
 from tensegrity_codegen.cli.progress_bar import ProgressBar
-from tensegrity_codegen.cli.streams import print_text
+from tensegrity_codegen.cli.streams import print_aside, print_text
 from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
+from tensegrity_codegen.long_work.estimate import Pass, name_duration
+from tensegrity_codegen.passes import work_pass
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -32,13 +35,13 @@ __all__ = ["Output", "plain", "print_text"]
 class Output:
     """Where a verb writes; as_json: one object on stdout instead of text.
 
-    Every result says how long the verb took: text in its last line, JSON in `seconds`.
+    Every verb says how long it took: in the last line on stderr, with JSON in `seconds` instead.
     """
 
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
         self.started = time.monotonic()
-        self._bar: ProgressBar | None = None
+        self._work: CommandProgress | None = None
         self.warned: list[str] = []
 
     @cached_property
@@ -52,16 +55,17 @@ class Output:
         return _open_console(stderr=True)
 
     def result(self, data: Mapping[str, Any], *readable: RenderableType) -> None:
-        """Print the verb's result: `data` as JSON, or `readable`; and the time that the verb took."""
+        """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`."""
         self._end_bar()
         seconds = time.monotonic() - self.started
         if self.as_json:
             data = name_options(data)
             warnings = list(dict.fromkeys([*self.warned, *data.get("warnings", ())]))
             warned = {"warnings": warnings} if warnings or "warnings" in data else {}
-            print_json({**data, **warned, "seconds": data.get("seconds", seconds)})
+            own = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
+            print_json({**data, **warned, **own})
         else:
-            for item in (*map(name_options, readable), f"took {seconds:.1f} s"):
+            for item in map(name_options, readable):
                 self.human.print(item, soft_wrap=isinstance(item, str), markup=False, emoji=False)
             print_text("")
 
@@ -96,22 +100,27 @@ class Output:
         self._end_bar()
         name_options_in_error(error)
         self.aside.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        if time.monotonic() - self.started >= ProgressBar.INTERVAL:
+            self._say_time()
         if self.as_json:
             print_json({"status": "error", **error.as_dict()})
         return typer.Exit(error.exit_code)
 
     @contextmanager
-    def guard(self, scene: Path | None = None) -> Iterator[None]:
+    def guard(self, scene: Path | None = None, passes: Sequence[Pass] = ()) -> Iterator[None]:
         """Turn errors made for users, and those of the machine, into a message and an exit code.
 
-        scene: the file that a refused request stands in. Defects pass through. Meanwhile the progress is
-        shown on stderr.
+        scene: the file that a refused request stands in; passes: the whole work, for its progress on stderr.
+        Defects pass through.
         """
-        self._bar = ProgressBar(lambda: self.aside, "working")
-        self._bar.start()
+        self._work = CommandProgress(lambda: self.aside, passes)
         try:
-            with self._own_warnings():
+            with self._work.watched(), self._own_warnings():
                 yield
+            self._finish()
+        except typer.Exit:  # after a result
+            self._finish()
+            raise
         except TensegrityError as error:
             if scene is not None and isinstance(error, FormulationError):
                 name_file(error, scene)
@@ -121,9 +130,19 @@ class Output:
         except MemoryError as error:
             problem = "there is not enough memory for this"
             raise self.fail(TensegrityError(problem, hint="request fewer samples or quantities")) from error
-
         finally:
             self._end_bar()
+
+    def _finish(self) -> None:
+        """End the bar, and say on stderr how long the verb took."""
+        if self._work is not None:
+            self._work.keep_durations()
+        self._end_bar()
+        if not self.as_json:
+            self._say_time()
+
+    def _say_time(self) -> None:
+        print_aside(f"took {name_duration(time.monotonic() - self.started)}")
 
     @contextmanager
     def _own_warnings(self) -> Iterator[None]:
@@ -147,23 +166,18 @@ class Output:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float], None]]:
-        """Yield a function of the fraction done of the whole work, which the command's one bar shows."""
-        bar = self._bar
-        if bar is None:
-            yield lambda fraction: None
-            return
-        bar.title = title
-        yield bar.move
+        """Yield a function of the fraction done of a pass, which is a part of the whole work."""
+        with work_pass(title) as move:
+            yield move
 
     def entitle(self, title: str) -> None:
         """Change what the command's bar says of the work."""
-        if self._bar is not None:
-            self._bar.title = title
+        if self._work is not None:
+            self._work.estimate.title = title
 
     def _end_bar(self) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
+        if self._work is not None:
+            self._work.stop()
 
 
 def _open_console(*, stderr: bool) -> Console:

@@ -3,43 +3,54 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from tensegrity_codegen.long_work.estimate import WorkState, name_duration
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["ProgressBar"]
+__all__ = ["ProgressBar", "describe_left", "describe_progress"]
+
+NARROW = 70  # columns; below, only title, bar and percentage are shown
+WIDEST_TITLE = 0.4  # of the columns
 
 
 class ProgressBar:
-    """The progress of one command, shown on stderr while it runs; `console` is called when it is needed.
+    """The progress of one command, shown on stderr while it runs.
 
-    A thread shows it, so that it appears also while nothing calls `move`. On a terminal it is a bar, from
-    DELAY seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
+    A thread shows it, so that it appears also while nothing reports. On a terminal it is a bar, from DELAY
+    seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
+
+    Parameters
+    ----------
+    console : callable
+        Returns the console to print on; called when it is needed.
+    look : callable
+        Returns how far the work is.
+    wake : callable, optional
+        Called once when the command has run for DELAY seconds, in the thread of the bar.
     """
 
     DELAY = 1.0  # [s]
     INTERVAL = 10.0  # [s]
+    REFRESH = 0.1  # [s]
 
-    def __init__(self, console: Callable[[], Console], title: str) -> None:
-        self.title = title
-        self._console = console
-        self._fraction: float | None = None
-        self._first: tuple[float, float] | None = None  # time [s] and fraction of the first report
-        self._started = time.monotonic()
+    def __init__(
+        self,
+        console: Callable[[], Console],
+        look: Callable[[], WorkState],
+        wake: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._console, self._look, self._wake = console, look, wake
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._show, name="progress", daemon=True)
+        self._wait: Callable[[float], bool] = self._ended.wait
+        self._thread = threading.Thread(target=self.show, name="progress", daemon=True)
 
     def start(self) -> None:
         """Begin to show the progress."""
         self._thread.start()
-
-    def move(self, fraction: float) -> None:
-        """Say which fraction of the whole work is done, 0 to 1."""
-        self._first = self._first or (time.monotonic(), fraction)
-        self._fraction = fraction
 
     def stop(self) -> None:
         """End the bar; nothing is shown any more."""
@@ -47,54 +58,78 @@ class ProgressBar:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
 
-    def _show(self) -> None:
+    def show(self) -> None:
+        """Show the progress until `stop` is called."""
         waited = min(self.DELAY, self.INTERVAL)
-        if self._ended.wait(waited):  # most commands end before Rich has to be imported
+        if self._wait(waited):  # most commands end before Rich has to be imported
             return
+        self._wake()
         console = self._console()
-        if console.is_terminal:
+        if _is_terminal(console):
             self._show_bar(console, self.DELAY - waited)
         else:
             self._show_lines(console, self.INTERVAL - waited)
 
     def _show_lines(self, console: Console, wait: float) -> None:
-        while not self._ended.wait(wait):
-            console.print(self._line(), markup=False, soft_wrap=True)
+        while not self._wait(wait):
+            console.print(describe_progress(self._look()), markup=False, soft_wrap=True)
             wait = self.INTERVAL
 
-    def _line(self) -> str:
-        now, done = time.monotonic(), self._fraction
-        spent = now - self._started
-        if not done:
-            return f"{self.title}: {spent:.0f} s so far"
-        return f"{self.title}: {100.0 * done:.0f} % after {spent:.0f} s{self._left(now)}"
-
-    def _left(self, now: float) -> str:
-        """Return ", about 12 s left" at the speed since the first report, "" where nothing is known.
-
-        What came before the first report, such as compilation, does not come again.
-        """
-        done = self._fraction
-        if not done or self._first is None:
-            return ""
-        begun, before = self._first
-        if done <= before:  # one report so far
-            begun, before = self._started, 0.0
-        return f", about {(now - begun) * (1.0 - done) / (done - before):.0f} s left"
-
     def _show_bar(self, console: Console, wait: float) -> None:
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+        from rich.table import Column
 
-        if self._ended.wait(wait):
+        if self._wait(wait):
             return
-        left = TextColumn("{task.fields[left]}")
-        columns = (
-            *(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()),
-            left,
-        )
-        with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task(self.title, total=None, left="")
-            while not self._ended.wait(0.1):
-                done = self._fraction
-                text = self._left(time.monotonic()).removeprefix(", ")
-                bar.update(task, description=self.title, total=done and 1.0, completed=done or 0.0, left=text)
+        title = Column(no_wrap=True, overflow="ellipsis", max_width=max(int(WIDEST_TITLE * console.width), 1))
+        one_line = Column(no_wrap=True, overflow="ellipsis")
+        columns = [
+            TextColumn("{task.description}", markup=False, table_column=title),
+            BarColumn(bar_width=None, table_column=Column(ratio=1, min_width=4)),
+            TaskProgressColumn(table_column=one_line),
+        ]
+        if console.width >= NARROW:
+            columns.append(TextColumn("{task.fields[times]}", markup=False, table_column=one_line))
+        with Progress(*columns, console=console, transient=True, auto_refresh=False, expand=True) as bar:
+            task = bar.add_task(self._look().title, total=None, times="")
+            while not self._wait(self.REFRESH):
+                state = self._look()
+                total = 1.0 if state.fraction > 0.0 else None
+                times = ", ".join(filter(None, (_name_whole(state.spent), describe_left(state))))
+                bar.update(
+                    task,
+                    description=state.title,
+                    total=total,
+                    completed=state.fraction,
+                    times=times,
+                    refresh=True,
+                )
+
+
+def _is_terminal(console: Console) -> bool:
+    """Return whether a bar can be drawn: not into a file or pipe, whatever FORCE_COLOR says of colours."""
+    try:
+        return console.file.isatty() and not console.is_dumb_terminal
+    except ValueError:  # the stream is closed
+        return False
+
+
+def describe_progress(state: WorkState) -> str:
+    """Return one line: "simulating: 40 % after 12 s, about 18 s left"."""
+    spent = _name_whole(state.spent)
+    if state.fraction <= 0.0:
+        return f"{state.title}: {spent} so far"
+    left = describe_left(state)
+    return f"{state.title}: {int(100.0 * state.fraction)} % after {spent}" + (f", {left}" if left else "")
+
+
+def describe_left(state: WorkState) -> str:
+    """Return the estimated rest of the time as text, "" where there is no estimate."""
+    if state.left is None:
+        return ""
+    about = f"about {_name_whole(state.left)}"
+    return f"longer than estimated, {about} more" if state.is_late else f"{about} left"
+
+
+def _name_whole(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 59.5 else name_duration(seconds)

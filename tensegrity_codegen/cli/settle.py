@@ -77,7 +77,8 @@ def _settle(
     near, offset = move_near_origin(structure, request)
     model = build_library(near, wanted, compiler=compiler).load()
     found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
-    snap = loads.find_snap(model, found)
+    with output.progress("checking for snap-through"):
+        snap = loads.find_snap(model, found)
     for text in (*found.warnings, *_describe_snap(snap)):
         output.warn(text)
     found = _move_back(found, structure, loads, offset)

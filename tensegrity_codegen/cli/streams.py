@@ -1,4 +1,4 @@
-"""What is written to standard output as it is."""
+"""What is written to standard output and standard error as it is."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-__all__ = ["drop_output", "print_text"]
+__all__ = ["drop_output", "print_aside", "print_text"]
 
 
 def print_text(text: str) -> None:
@@ -21,6 +21,17 @@ def print_text(text: str) -> None:
         drop_output(sys.stdout)
         if not isinstance(error, BrokenPipeError):
             raise
+
+
+def print_aside(line: str) -> None:
+    """Write one line to stderr at once; where nobody can read it, it is dropped."""
+    if sys.stderr is None:  # closed by the caller
+        return
+    try:
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
+    except OSError:
+        drop_output(sys.stderr)
 
 
 def drop_output(stream: Any) -> None:

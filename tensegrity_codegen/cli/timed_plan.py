@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import TIMING
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_ending, check_output
 
@@ -54,7 +55,8 @@ def time_plan(
     if not has_masses:
         output.warn("without masses the inputs of the motion are those of its equilibria")
     kind = "dynamic" if has_masses else "static"
-    motion = time_motion(model, found, duration, feedforward=kind, arguments=arguments)
+    with output.progress(TIMING.title):
+        motion = time_motion(model, found, duration, feedforward=kind, arguments=arguments)
     for text in motion.warnings:
         output.warn(text)
     motion.write(path)

@@ -29,6 +29,7 @@ from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.libraries.built_library import BuiltLibrary
 from tensegrity_codegen.libraries.compile_source import compile_source, is_library_source, read_manifest
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.passes import COMPILING, GENERATING, work_pass
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.targets import Target, find_target
@@ -115,8 +116,10 @@ def build_library(
         )
 
     if entry is None or manifest is None:
-        source = _emit(structure, request, tool, flag_set, machine, measure)
-        entry, manifest = _compile(source, tool, flag_set, machine, cache, identity)
+        with work_pass(GENERATING):
+            source = _emit(structure, request, tool, flag_set, machine, measure)
+        with work_pass(COMPILING):
+            entry, manifest = _compile(source, tool, flag_set, machine, cache, identity)
         cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
     return BuiltLibrary(
         entry=entry,

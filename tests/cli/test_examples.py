@@ -14,8 +14,7 @@ def test_the_shipped_scenes_are_listed_with_a_sentence(run: Run) -> None:
     told = run("examples", "--json").data["examples"]
     assert set(SHIPPED) <= set(told)
     assert all(len(sentence) > 20 and not sentence.startswith("#") for sentence in told.values())
-    *lines, time = run("examples").out.splitlines()
-    assert time.startswith("took ")
+    lines = run("examples").out.splitlines()
     assert [line.split()[0] for line in lines] == sorted(told)
 
 

@@ -1,24 +1,65 @@
-"""Progress on stderr and the time that every verb takes."""
+"""Progress on stderr: a bar on a terminal, lines in a file or pipe, and the time that every verb takes."""
 
 from __future__ import annotations
 
 import io
+import json
 import re
+import sys
 import threading
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from tensegrity_codegen.cli import durations
+from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.progress_bar import ProgressBar, describe_progress
+from tensegrity_codegen.long_work.estimate import Pass, WorkEstimate, WorkState
+from tests.cli.conftest import Run
+from tests.cli.terminal import CONTROL, TerminalRun
+from tests.codegen.compilers import POSIX, wait_until
+
+# A command with one pass; at each line that it reads it is a quarter of the way further. It ends after four.
+QUARTERS = """
+import sys
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.progress_bar import ProgressBar
-from tests.cli.conftest import Run
-from tests.codegen.compilers import wait_until
+ProgressBar.DELAY, ProgressBar.INTERVAL, ProgressBar.REFRESH = 0.0, 0.01, 0.01
+output = Output("--json" in sys.argv)
+with output.guard():
+    with output.progress("computing [a] long motion of the whole structure") as move:
+        for k in range(5):
+            move(k / 4)
+            sys.stdin.readline()
+    output.result({"status": "ok"}, "result")
+"""
 
 
-def test_every_result_says_its_time(run: Run, two_nodes: object) -> None:
+def test_every_verb_says_on_stderr_how_long_it_took(run: Run, two_nodes: object) -> None:
     words = ("simulate", "two_nodes.toml", "--t-end", "0.1")
-    assert re.search(r"took \d+\.\d s$", run(*words).out.strip())
-    assert run(*words, "--json").data["seconds"] > 0.0
+    ended = run(*words)
+    assert re.search(r"^took \d+\.\d s$", ended.err.splitlines()[-1])
+    assert "took" not in ended.out
+    ended = run(*words, "--json")
+    assert ended.data["seconds"] > 0.0
+    assert "took" not in ended.err
+
+
+def test_a_build_says_both_times(run: Run, two_nodes: object) -> None:
+    data = run("build", "two_nodes.toml", "--json").data
+    assert data["took_seconds"] >= data["seconds"] > 0.0  # of the verb, and of the library
+
+
+def test_help_version_and_errors_say_no_time(run: Run) -> None:
+    for words in (("--help",), ("--version",), ("check", "--help"), ("check", "none.toml"), ("check",)):
+        ended = run(*words)
+        assert "took" not in ended.out + ended.err, words
+
+
+def test_an_error_after_long_work_says_the_time(monkeypatch: pytest.MonkeyPatch, run: Run) -> None:
+    monkeypatch.setattr(ProgressBar, "INTERVAL", -1.0)
+    assert re.search(r"took \d+\.\d s$", run("check", "none.toml").err.strip())
 
 
 def test_where_stderr_is_no_terminal_lines_say_how_far_the_work_is(
@@ -35,34 +76,162 @@ def test_where_stderr_is_no_terminal_lines_say_how_far_the_work_is(
         wait_until(lambda: is_shown(r"working: \d+ s so far"), "a line is shown")
         with output.progress("measuring") as move:
             move(0.25)
-            wait_until(lambda: is_shown(r"measuring: 25 % after \d+ s, about \d+ s left"), "it says 25 %")
+            wait_until(lambda: is_shown(r"measuring: 25 % after \d+ s"), "it says 25 %")
         output.result({"status": "ok"})
         assert "progress" not in {thread.name for thread in threading.enumerate()}  # a result ends them
 
 
-def test_a_terminal_shows_one_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ProgressBar, "DELAY", 0.0)
-    monkeypatch.setattr(ProgressBar, "INTERVAL", 0.01)
-    shown = io.StringIO()
-    bar = ProgressBar(lambda: Console(file=shown, force_terminal=True, width=80), "computing")
-    bar.start()
-    bar.move(0.5)
-    wait_until(lambda: "50%" in shown.getvalue(), "the bar shows 50 %")
-    wait_until(lambda: "s left" in shown.getvalue(), "it says how long the rest takes")
-    bar.stop()
-    assert "so far" not in shown.getvalue()
+class FakeTime:
+    """A clock that moves on where the bar waits; what happens then is up to the test."""
+
+    def __init__(self, end: float) -> None:
+        self.now, self.end = 0.0, end
+
+    def wait(self, seconds: float) -> bool:
+        """Let time pass; return whether the work has ended."""
+        self.now += seconds
+        return self.now >= self.end
 
 
-def test_the_time_left_is_that_of_the_work_since_its_first_report() -> None:
-    bar = ProgressBar(lambda: Console(file=io.StringIO()), "computing")
-    assert bar._left(0.0) == ""
-    bar.move(0.1)
-    bar.move(0.3)
-    assert bar._first is not None
-    begun, before = bar._first  # however long the preparation took
-    assert before == 0.1
-    assert bar._left(begun + 10.0) == ", about 35 s left"  # 20 % took 10 s
+def show_lines(seconds: float) -> list[str]:
+    """Return the lines of work of so many seconds whose stderr is a file, and that advances evenly."""
+    time, shown = FakeTime(seconds), io.StringIO()
+    work = WorkEstimate([Pass("simulating", 1.0)], clock=lambda: time.now)
+    move = work.begin("simulating")
+    move(0.0)
+
+    def look() -> WorkState:
+        move(time.now / seconds)
+        return work.look()
+
+    bar = ProgressBar(lambda: Console(file=shown, width=40), look)
+    bar._wait = time.wait
+    bar.show()
+    return shown.getvalue().splitlines()
+
+
+def test_there_is_a_line_every_ten_seconds_and_none_for_shorter_work() -> None:
+    assert show_lines(9.99) == []
+    assert show_lines(35.0) == [
+        "simulating: 28 % after 10 s, about 25 s left",
+        "simulating: 57 % after 20 s, about 15 s left",
+        "simulating: 85 % after 30 s, about 5 s left",
+    ]
+    long = show_lines(7200.0)
+    assert len(long) == 719
+    assert long[5] == "simulating: 0 % after 1 min 0 s, about 1 h 59 min left"
+
+
+def test_lines_without_estimate_and_of_late_work() -> None:
+    assert describe_progress(WorkState("working", 0.0, 20.4)) == "working: 20 s so far"
+    assert describe_progress(WorkState("compiling", 0.5, 20.4)) == "compiling: 50 % after 20 s"
+    late = WorkState("compiling", 0.999, 20.4, 80.0, is_late=True)
+    assert describe_progress(late) == (
+        "compiling: 99 % after 20 s, longer than estimated, about 1 min 20 s more"
+    )
+
+
+def draw(columns: int, *words: str, is_piped: bool = False, **variables: str) -> tuple[str, str]:
+    """Return what a terminal shows of a command, and what it writes into a pipe; check the exit code."""
+    run = TerminalRun([sys.executable, "-c", QUARTERS, *words], columns, is_piped, variables)
+    run.read_until(lambda text: "computing" in text)
+    for percent in ("25%", "50%", "75%", "100%"):
+        run.go_on()
+        run.read_until(lambda text, percent=percent: percent in CONTROL.sub("", text))  # type: ignore[misc]
+    run.go_on()
+    code, shown, piped = run.finish()
+    assert code == 0, shown
+    return shown, piped
+
+
+def split_frames(shown: str) -> list[str]:
+    """Return the lines that were drawn one over the other, without control sequences."""
+    frames = re.split(r"\r|\n|\x1b\[2K", shown)
+    return [text for text in (CONTROL.sub("", frame).rstrip() for frame in frames) if text]
+
+
+@POSIX
+@pytest.mark.parametrize("columns", [100, 60, 30])
+def test_a_terminal_shows_one_bar_on_one_line(columns: int) -> None:
+    shown, _ = draw(columns)
+    frames = split_frames(shown)
+    assert max(map(len, frames)) <= columns
+    bars = [frame for frame in frames if "%" in frame]
+    assert all(frame.startswith("computing") for frame in bars)  # a wrapped line would begin otherwise
+    percents = [int(match[1]) for frame in bars if (match := re.search(r"(\d+)%", frame))]
+    assert percents == sorted(percents)
+    assert (percents[0], percents[-1]) == (25, 100)
+    assert "so far" not in shown
+    assert shown.count("\x1b[?25l") == shown.count("\x1b[?25h") == 1  # the cursor is hidden, and comes back
+    assert re.fullmatch(r"took \d+\.\d s", frames[-1])
+    assert "result" in frames
+
+
+@POSIX
+def test_with_json_the_terminal_shows_the_bar_and_stdout_is_one_object() -> None:
+    shown, piped = draw(100, "--json", is_piped=True)
+    assert "50%" in CONTROL.sub("", shown)
+    assert json.loads(piped)["status"] == "ok"
+    assert not CONTROL.search(piped)
+
+
+@POSIX
+def test_no_color_draws_the_bar_without_colours() -> None:
+    colour = re.compile(r"\x1b\[(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])[;m]")
+    assert colour.search(draw(100)[0])
+    assert not colour.search(draw(100, NO_COLOR="1")[0])
+
+
+@POSIX
+def test_a_terminal_that_cannot_move_its_cursor_gets_lines() -> None:
+    run = TerminalRun([sys.executable, "-c", QUARTERS], 80, False, {"TERM": "dumb"})
+    run.read_until(lambda text: " s so far" in text)
+    for percent in ("25 %", "50 %", "75 %", "100 %"):
+        run.go_on()
+        run.read_until(lambda text, percent=percent: percent in text)  # type: ignore[misc]
+    run.go_on()
+    code, shown, _ = run.finish()
+    assert code == 0
+    assert not CONTROL.search(shown)
+
+
+def test_a_file_gets_lines_even_where_colours_are_forced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert len(show_lines(25.0)) == 2
 
 
 def test_quick_commands_show_no_progress(run: Run) -> None:
-    assert run("new", "fresh.toml").err == ""
+    assert re.fullmatch(r"took \d+\.\d s\n", run("new", "fresh.toml").err)
+
+
+def test_the_same_command_knows_what_it_took_before(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Run, two_nodes: object
+) -> None:
+    monkeypatch.setenv("TENSEGRITY_CODEGEN_CACHE", str(tmp_path / "cache"))
+    assert durations.read_durations() == {}
+    durations.write_durations({"compiling": 3.0})  # the folder is not there: nothing is made
+    assert durations.read_durations() == {}
+    monkeypatch.setattr(ProgressBar, "DELAY", 0.0)
+    words = ("equilibrium", "two_nodes.toml", "--json")
+    assert run(*words).code == 0
+    known = durations.read_durations()
+    assert {"generating C", "compiling", "finding the equilibrium"} <= set(known)
+    assert run(*words).code == 0  # from the cache: what is not needed now keeps its time
+    again = durations.read_durations()
+    assert again["compiling"] == known["compiling"]
+    assert again["finding the equilibrium"] != known["finding the equilibrium"]
+    assert run("check", "two_nodes.toml").code == 0
+    assert "compiling" not in durations.read_durations()  # of another command
+
+
+@pytest.mark.parametrize("text", ["", "[1]", '{"a": 3}', "[" * 100_000, '{"x": {"compiling": "soon"}}'])
+def test_a_damaged_file_of_durations_is_as_good_as_none(
+    text: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    root = tmp_path / "cache"
+    root.mkdir(mode=0o700)
+    (root / "durations.json").write_text(text, encoding="utf-8")
+    monkeypatch.setenv("TENSEGRITY_CODEGEN_CACHE", str(root))
+    assert durations.read_durations() == {}
+    durations.write_durations({"compiling": 3.0})
+    assert durations.read_durations() == {"compiling": 3.0}

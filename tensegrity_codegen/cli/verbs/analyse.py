@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.files import check_ending, check_output, replaced
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -66,7 +68,8 @@ def analyse(
     Example: tensegrity-codegen analyse prism.toml --json
     """
     output = Output(json)
-    with output.guard(scene):
+    passes = [*BUILD, *([SETTLE] if settle else []), Pass("analysing", 3.0), *([DRAWING] if page else [])]
+    with output.guard(scene, passes):
         _check_files(out, page, scene, overwrite)
         subject, found = _analyse(
             output, scene, settle, input, compiler, rank_tolerance=rank_tolerance, n_modes=n_modes
@@ -77,7 +80,8 @@ def analyse(
 
             write_analysis(found, out, subject.member_name, subject.node_name)
         if page is not None:
-            _write_page(found, subject, page)
+            with output.progress(DRAWING.title):
+                _write_page(found, subject, page)
         _report(output, subject, found, {"out": out, "page": page})
         if not found.is_good:
             raise typer.Exit(3)
@@ -136,7 +140,8 @@ def _analyse(
         for text in settled.warnings:
             output.warn(text)
         start = settled.coordinate
-    found = run(model, coordinate=start, arguments=arguments, **options)
+    with output.progress("analysing"):
+        found = run(model, coordinate=start, arguments=arguments, **options)
     return subject, replace(found, node_position=found.node_position + offset)
 
 

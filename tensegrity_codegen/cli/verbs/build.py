@@ -18,6 +18,7 @@ from tensegrity_codegen.cli.build_options import (
     TuneOption,
     WheelOption,
 )
+from tensegrity_codegen.cli.command_progress import BUILD
 from tensegrity_codegen.cli.options import (
     BatchWidthOption,
     CompilerOption,
@@ -68,7 +69,7 @@ def build(
     Example: tensegrity-codegen build prism.toml --out prism_library
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, BUILD):
         from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
         from tensegrity_codegen.memory_use import measure_memory
         from tensegrity_codegen.pipeline import build_library

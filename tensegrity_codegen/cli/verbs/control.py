@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.build_controller import check_build, write_controller
+from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, PLANNING, SETTLE, TIMING
 from tensegrity_codegen.cli.control_design import ControlDesign
 from tensegrity_codegen.cli.control_options import (
     BuildOption,
@@ -53,6 +54,7 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verbs.plan import ActuateOption
 from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.files import check_ending, check_output, replaced
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
@@ -111,7 +113,7 @@ def control(
     Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, _list_passes(to, plan, page, build)):
         _check_files(scene, plan, weights, out, page, overwrite)
         check_build(build, precision, scene, overwrite)
         read_least_tension(least_tension)
@@ -131,7 +133,8 @@ def control(
         )  # fmt: skip
         if design.lacks_sensors:
             output.warn("the scene has no [[sensors]]: feedback is simulated with the true state only")
-        parts = design.build()
+        with output.progress("designing feedback"):
+            parts = design.build()
         with output.progress("simulating") as progress:
             study = _study(
                 model, motion, errors=errors, t_end=t_end, last=last, draws=draws, seed=seed,
@@ -142,7 +145,8 @@ def control(
         if out is not None:
             _write(study, out)
         if page is not None:
-            _write_page(study, model, subject, page)
+            with output.progress(DRAWING.title):
+                _write_page(study, model, subject, page)
         written: dict[str, Any] = {"out": None if out is None else str(out)}
         written["page"] = None if page is None else str(page)
         written["build"] = write_controller(
@@ -152,6 +156,15 @@ def control(
         _report(output, subject, study, written)
         if not study.holds:
             raise typer.Exit(3)
+
+
+def _list_passes(
+    to: Sequence[str] | None, plan: Path | None, page: Path | None, build: Path | None
+) -> list[Pass]:
+    """Return the passes of the work."""
+    moves = [PLANNING, TIMING] if to else [TIMING] if plan else [SETTLE]
+    last = [*([DRAWING] if page else []), *(BUILD if build else [])]
+    return [*BUILD, *moves, Pass("designing feedback", 5.0), Pass("simulating", 20.0), *last]
 
 
 def _check_files(

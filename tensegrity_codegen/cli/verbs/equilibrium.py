@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_target
+from tensegrity_codegen.long_work.estimate import Pass
 from tensegrity_codegen.runtime.statics.methods import Method
 
 __all__ = ["VERB"]
@@ -52,7 +54,7 @@ def equilibrium(
     Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, [*BUILD, SETTLE, Pass("checking for snap-through", 1.0)]):
         from tensegrity_codegen.cli.settle import settle_scene
 
         if out is not None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD
 from tensegrity_codegen.cli.option_names import VerbCommand
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, ReplaceFileOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
@@ -94,7 +95,7 @@ def export_scene(
     options |= {"rtol": rtol, "sources_only": sources_only or None, "targets": targets or None}
     options["compiler"] = compiler
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, BUILD):
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export
 
         check_export(format_name, out, overwrite=overwrite, inputs=(scene,), **options)

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -52,7 +54,8 @@ def linearize(
     Example: tensegrity-codegen linearize prism.toml --settle --json
     """
     output = Output(json)
-    with output.guard(scene):
+    passes = [*BUILD, *([SETTLE] if settle else []), Pass("linearizing", 2.0)]
+    with output.guard(scene, passes):
         from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
 
         if out is not None:
@@ -85,8 +88,9 @@ def _linearize(
         output.warn(text)
     start = None if found is None else found.coordinate
     velocity = None if start is None else 0.0 * start
-    linear = run(model, coordinate=start, velocity=velocity, arguments=values)
-    return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
+    with output.progress("linearizing"):
+        linear = run(model, coordinate=start, velocity=velocity, arguments=values)
+        return linear, find_kinks(model, cables, linear.state, rounding, values) if cables else {}
 
 
 def _read(

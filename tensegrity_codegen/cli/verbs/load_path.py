@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
@@ -16,6 +17,7 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.files import check_output
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,7 +105,7 @@ def load_path(
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, [*BUILD, SETTLE, Pass("load path", 10.0)]):
         kinds = _parse_events(events)
         _check_options(step, out, scene, overwrite)
         _check_most(most)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, PLANNING, TIMING
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import name_options, quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
@@ -94,7 +95,8 @@ def plan(
     Example: tensegrity-codegen plan prism12.toml --to twist=165 --out plan.csv
     """
     output = Output(json)
-    with output.guard(scene):
+    passes = [*BUILD, PLANNING, *([TIMING] if motion else []), *([DRAWING] if page else [])]
+    with output.guard(scene, passes):
         files = list(out or [])
         _check_files(files, page, scene, overwrite)
         check_motion_file(motion, scene, overwrite)
@@ -108,7 +110,8 @@ def plan(
         timed = time_plan(output, model, found, motion, duration=duration, arguments=arguments)
         _write(found, files)
         if page is not None:
-            _write_page(found, subject, page)
+            with output.progress(DRAWING.title):
+                _write_page(found, subject, page)
         profiles = [*files, *([motion] if motion is not None and timed is not None else [])]
         if actuate and any(file.suffix.lower() == ".csv" for file in profiles):
             output.warn(
@@ -170,7 +173,10 @@ def _plan(
 ) -> PlanResult:
     from tensegrity_codegen.runtime.planning.plan import plan as run
 
-    found = run(model, list(to), actuators=chosen, **options)
+    with output.progress(PLANNING.title) as move:
+        found = run(
+            model, list(to), actuators=chosen, progress=lambda points, progress: move(progress), **options
+        )
     for text in found.warnings:
         output.warn(text)
     return found

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.live_page import ThreeOption, play_live
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
@@ -32,7 +33,7 @@ def play(
     Example: tensegrity-codegen play prism.toml --out prism.html
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, [*([*BUILD, SETTLE] if settle else []), *BUILD]):
         check_ending(out, ".html")
         check_output(out, inputs=[scene], overwrite=overwrite)
         output.result(*play_live(output, scene, out, rtol, settle, three))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
@@ -20,6 +21,7 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -79,7 +81,7 @@ def sensitivity(
     Example: tensegrity-codegen sensitivity prism.toml --node t1 --json
     """
     output = Output(json)
-    with output.guard(scene):
+    with output.guard(scene, [*BUILD, SETTLE, Pass("differentiating", 2.0)]):
         if out is not None:
             check_ending(out, ".npz")
             check_output(out, inputs=[scene], overwrite=overwrite)
@@ -126,7 +128,8 @@ def _find(
     start = find_equilibrium(model, arguments=arguments, tolerance=SETTLED)
     for text in start.warnings:
         output.warn(text)
-    found = equilibrium_sensitivity(model, start, arguments, columns=columns)
+    with output.progress("differentiating"):
+        found = equilibrium_sensitivity(model, start, arguments, columns=columns)
     if found.one_sided:
         output.warn(
             f"at rest length: {', '.join(found.one_sided)}; the stiffness jumps there, and the derivatives "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.options import (
@@ -44,6 +45,7 @@ from tensegrity_codegen.cli.simulate_batch import (
 from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_output
+from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
@@ -107,7 +109,8 @@ def simulate(
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
-    with output.guard(scene):
+    passes = [*BUILD, *([SETTLE] if settle else []), Pass("simulating", 10.0)]
+    with output.guard(scene, passes):
         from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
+from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
@@ -140,8 +141,11 @@ def simulate(
     given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
     state = find_start(model, coordinate, velocity, given)
     watch = watch_condition(model, options.method, condition, until_condition, given, drive)
-    motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, progress, watch, drive)
+    follow = progress if options.control == "steps" else join_runs(progress)
+    motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, follow, watch, drive)
     raw, events = _run(motion, options, until_contact, condition if until_condition else None)
+    if progress is not None:
+        progress(1.0)
     return replace(evaluate_trajectory(model, raw, given, drive), events=events)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_fastest_of_batch
@@ -187,6 +188,7 @@ def _integrate(motion: Motion, options: RunOptions, threads: int) -> RawBatch:
     """Return the samples of a batch; those of a fixed step are compared with those of another step."""
     if options.step is None or options.control == "steps":
         return integrate_batch(motion, options, threads)
+    motion = replace(motion, progress=join_runs(motion.progress))
 
     def run(step: float) -> RawBatch:
         return integrate_batch(motion, replace(options, step=step), threads)

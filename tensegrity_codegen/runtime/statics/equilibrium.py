@@ -17,6 +17,7 @@ from tensegrity_codegen.errors import (
     check_choice,
 )
 from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.passes import SETTLING, work_pass
 from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
@@ -28,7 +29,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import (
     record_outcome,
     record_without_forces,
 )
-from tensegrity_codegen.runtime.statics.methods import METHODS, Method
+from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_residual
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
@@ -163,7 +164,9 @@ def find_equilibrium(
     if point is None:
         equilibrium = record_without_forces(problem, start, method)
     else:
-        used, outcome = _search(problem, point, tolerance, max_iterations, method, progress)
+        with work_pass(SETTLING) as move:
+            follow = follow_residual(move, tolerance, progress)
+            used, outcome = _search(problem, point, tolerance, max_iterations, method, follow)
         equilibrium = record_outcome(problem, point, outcome, used)
     if raise_on_failure and not equilibrium.is_found:
         raise _failure(model, equilibrium)

@@ -168,16 +168,25 @@ def test_the_first_and_last_samples_are_the_ends(
 def test_chunks_do_not_change_a_bit(
     tumbling: CompiledModel, monkeypatch: pytest.MonkeyPatch, seconds: float
 ) -> None:
-    usual = simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77)
+    one_run = {"method": "rk4", "step": 1e-3, "samples": 77, "control": "steps"}
+    usual = simulate(tumbling, 1.0, **one_run)  # type: ignore[arg-type]
     monkeypatch.setattr(c_run, "CHUNK_SECONDS", seconds)
     seen: list[float] = []
-    chunked = simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77, progress=seen.append)
+    chunked = simulate(tumbling, 1.0, progress=seen.append, **one_run)  # type: ignore[arg-type]
     np.testing.assert_array_equal(chunked.coordinate, usual.coordinate)
     np.testing.assert_array_equal(chunked.velocity, usual.velocity)
-    steps = seen[: seen.index(1.0) + 1]  # the run itself; another, with twice the step, checks it
+    steps = seen[: seen.index(1.0) + 1]
     assert len(steps) == (16 if seconds < 0 else 5)
     assert steps == sorted(steps)
     assert seen[-1] == 1.0
+
+
+def test_the_progress_is_that_of_all_runs_together(tumbling: CompiledModel) -> None:
+    seen: list[float] = []
+    simulate(tumbling, 1.0, method="rk4", step=1e-3, samples=77, progress=seen.append)  # held to another run
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert seen.count(1.0) == 1
 
 
 def test_a_fixed_step_is_held_to_a_run_with_twice_that(oscillator: CompiledModel) -> None:

@@ -1,0 +1,53 @@
+"""Passes of long work, reported while they run to what shows progress, if there is anything.
+
+Code that generates, compiles or integrates does not know who called it. It reports here; the command line
+watches. Without a watcher a report costs one look at a context variable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol
+
+__all__ = ["COMPILING", "GENERATING", "SETTLING", "PassWatcher", "watched_passes", "work_pass"]
+
+GENERATING, COMPILING, SETTLING = "generating C", "compiling", "finding the equilibrium"
+
+
+class PassWatcher(Protocol):
+    """What is called as passes begin and end; passes may be nested."""
+
+    def begin(self, title: str) -> Callable[[float], None]:
+        """Note that a pass begins; return what is called with the fraction of it that is done, 0 to 1."""
+
+    def end(self) -> None:
+        """Note that the innermost pass has ended."""
+
+
+_watcher: ContextVar[PassWatcher | None] = ContextVar("pass watcher", default=None)
+
+
+@contextmanager
+def watched_passes(watcher: PassWatcher) -> Iterator[None]:
+    """Report passes to `watcher` within the block."""
+    token = _watcher.set(watcher)
+    try:
+        yield
+    finally:
+        _watcher.reset(token)
+
+
+@contextmanager
+def work_pass(title: str) -> Iterator[Callable[[float], None]]:
+    """Report that a pass runs within the block; yield what is called with the fraction of it that is done."""
+    watcher = _watcher.get()
+    if watcher is None:
+        yield lambda fraction: None
+        return
+    move = watcher.begin(title)
+    try:
+        yield move
+    finally:
+        watcher.end()
