@@ -29,7 +29,7 @@ def build_verdicts(rows: Sequence[Outcome]) -> Table:
     used = [
         word for word in VERDICTS if word in ("survived", "wrong") or any(r.verdict == word for r in rows)
     ]
-    own = {row.contender: row.is_own for row in rows}
+    own = {row.contender: row.is_own for row in sorted(rows, key=lambda row: not row.is_own)}
     columns = (
         Column("method", numeric=False),
         Column("code", numeric=False),

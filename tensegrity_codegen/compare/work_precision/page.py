@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from tensegrity_codegen.compare.work_precision.finding import (
+    compare_scene,
+    describe_finding,
+    describe_rows,
+    find_fastest_peer,
+)
 from tensegrity_codegen.compare.work_precision.row import Row, find_front
 from tensegrity_codegen.compare.work_precision.scene_report import SceneReport
+from tensegrity_codegen.long_work.provenance import describe_provenance
 from tensegrity_codegen.report.number_text import format_number
-from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.diagram import Diagram
+from tensegrity_codegen.report.pages.method_style import choose_styles, method_series
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
@@ -21,16 +28,14 @@ from tensegrity_codegen.report.pages.page import (
     diagram_figure,
 )
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
-from tensegrity_codegen.version import VERSION
 
 __all__ = ["build_page", "say_recommendation"]
 
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
+MOST_BEST = 8  # runs of a long table that are always visible
 SHOWN = 1e1  # errors above are not drawn [m]
 LEAD = (
-    "Every formulation and method that each scene allows, beside the peers that are installed, one after the "
-    "other on one core. Time is CPU time of the whole motion, without building the library; error is the "
-    "largest difference of a node coordinate to a reference that two methods certify."
+    "Time is CPU time of the whole motion on one core, without building the library; error is the largest "
+    "difference of a node coordinate to a reference that two methods certify."
 )
 PEERS = (
     "Median of five runs or more a setting. MuJoCo and SUNDIALS step in compiled code, called through their "
@@ -38,17 +43,15 @@ PEERS = (
 )
 
 
-def build_page(reports: Sequence[SceneReport], processor: str) -> Page:
+def build_page(reports: Sequence[SceneReport]) -> Page:
     """Return the page of some scenes."""
+    names = ", ".join(report.problem.structure.name for report in reports)
     return Page(
-        title="Error against run time",
-        lead=LEAD,
+        title=describe_finding([compare_scene(report) for report in reports]),
+        subject=f"Error against run time of {names}",
+        lead=f"{describe_rows(reports)} {LEAD}",
         chapters=tuple(_chapter(report, f"scene{number}") for number, report in enumerate(reports)),
-        facts=(
-            f"tensegrity_codegen {VERSION}, Python {platform.python_version()}, NumPy {np.__version__}.",
-            f"Processor: {processor}.",
-            PEERS,
-        ),
+        facts=(*describe_provenance(), PEERS),
         summary_heads=("part", "what", "result"),
     )
 
@@ -56,7 +59,7 @@ def build_page(reports: Sequence[SceneReport], processor: str) -> Page:
 def say_recommendation(wanted: float, row: Row | None, t_end: float) -> str:
     """Return one plain sentence: what to use for an error of `wanted` [m]."""
     if row is None:
-        return f"for {wanted:.0e} m: nothing here reaches it"
+        return f"for {wanted:.0e} m: no method reaches it"
     name = "step" if row.kind == "step" else "rtol"
     setting = row.setting * t_end if row.kind == "step" else row.setting
     return (
@@ -68,7 +71,7 @@ def say_recommendation(wanted: float, row: Row | None, t_end: float) -> str:
 def _chapter(report: SceneReport, anchor: str) -> Chapter:
     structure = report.problem.structure
     kicked = (
-        " It is at rest: its nodes start with given speeds that stretch no bar."
+        " The scene is at rest: its nodes start with speeds that stretch no bar."
         if report.problem.is_kicked
         else ""
     )
@@ -91,7 +94,7 @@ def _advice(report: SceneReport, anchor: str) -> Section:
     chosen = [row for row in report.recommendations.values() if row is not None]
     best = say_recommendation(1e-6, report.recommendations[1e-6], t_end)
     table = Table(
-        "The fastest of our methods for an error, and the fastest peer",
+        "The fastest of our methods for an error, and the fastest other program",
         (
             Column("error wanted", "m"),
             Column("formulation", numeric=False),
@@ -99,22 +102,21 @@ def _advice(report: SceneReport, anchor: str) -> Section:
             Column("setting"),
             Column("error", "m"),
             Column("CPU time", "ms/s"),
-            Column("fastest peer", numeric=False),
+            Column("fastest other program", numeric=False),
             Column("its CPU time", "ms/s"),
-            Column("ratio"),
+            Column("its time over ours"),
         ),
         tuple(_advice_row(wanted, row, report) for wanted, row in report.recommendations.items()),
         note="The setting is the relative tolerance, or the step over the whole time. ms/s: milliseconds a "
         "simulated second.",
     )
-    result = best if chosen else "no method reaches any of the errors asked for"
+    result = best if chosen else "no method reaches any of these errors"
     return Section(f"{anchor}-advice", "advice", "What to use", "plain", result, (table,))
 
 
 def _advice_row(wanted: float, row: Row | None, report: SceneReport) -> tuple[Cell, ...]:
     t_end = report.problem.t_end
-    peers = [r for r in report.rows if r.group == "peer" and r.is_good and r.error <= wanted]
-    peer = min(peers, key=lambda r: r.seconds, default=None)
+    peer = find_fastest_peer(report.rows, wanted)
     own_time = None if row is None else 1e3 * row.seconds / t_end
     peer_time = None if peer is None else 1e3 * peer.seconds / t_end
     ratio = peer_time / own_time if own_time and peer_time else None
@@ -138,14 +140,15 @@ def _pictures(report: SceneReport, anchor: str) -> Section:
     best = {name: find_front([row for row in own if row.formulation == name]) for name in formulations}
     figures = [_figure(best, report, f"{anchor}-own", "our formulations, each by the best of its methods")]
     if peers:
-        groups = {"ours, the best of all": find_front(own), **_by(peers, "contender")}
-        figures.append(_figure(groups, report, f"{anchor}-peers", "our best rows and the peers"))
+        groups = {"ours, the fastest of all": find_front(own), **_by(peers, "contender")}
+        figures.append(_figure(groups, report, f"{anchor}-peers", "our fastest runs and other programs"))
     for number, name in enumerate(formulations):
         rows = _by([row for row in own if row.formulation == name], "method")
         figures.append(_figure(rows, report, f"{anchor}-methods{number}", f"{name} by every method"))
     return Section(
         f"{anchor}-pictures", "pictures", "Error against CPU time", "plain",
-        f"{len(report.front)} of {len(report.rows)} rows are beaten by no other", tuple(figures),
+        f"{len(report.front)} of {len(report.rows)} runs are beaten by no other in both error and time",
+        tuple(figures),
     )  # fmt: skip
 
 
@@ -162,16 +165,12 @@ def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str,
     shown = {
         title: [row for row in rows if row.is_good and row.error < SHOWN] for title, rows in groups.items()
     }
+    styles = choose_styles(shown)
     series = [
-        Series(
-            title,
-            [row.seconds for row in rows],
-            [max(row.error, floor) for row in rows],
-            color=number,
-            style="line" if number < len(MARKERS) else "dashed",
-            marker=MARKERS[number % len(MARKERS)],
+        method_series(
+            title, [row.seconds for row in rows], [max(row.error, floor) for row in rows], styles[title]
         )
-        for number, (title, rows) in enumerate(shown.items())
+        for title, rows in shown.items()
         if rows
     ]
     diagram = Diagram(
@@ -187,7 +186,7 @@ def _figure(groups: Mapping[str, Sequence[Row]], report: SceneReport, name: str,
 
 def _all_rows(report: SceneReport, anchor: str) -> Section:
     columns = (
-        Column("contender", numeric=False),
+        Column("method or program", numeric=False),
         Column("setting"),
         Column("error", "m"),
         Column("CPU time", "ms"),
@@ -207,15 +206,20 @@ def _all_rows(report: SceneReport, anchor: str) -> Section:
             number_cell(row.n_evaluations, "d") if row.n_evaluations else text_cell("–"),
             number_cell(row.energy_drift, ".1e"),
             number_cell(row.length_error, ".1e"),
-            text_cell(row.status),
+            text_cell(row.status.replace("_", " ")),
         )
         for row in report.rows
     )
-    table = Table("All rows", columns, rows, note="A dash: not known, or not kept by this scene.")
+    best = sorted(report.front, key=lambda row: row.error)
+    table = Table(
+        "Every run", columns, rows, note="A dash: not known, or this motion does not keep it.",
+        head=tuple(report.rows.index(row) for row in best[:MOST_BEST]),
+        head_note=f"{min(len(best), MOST_BEST)} of the {len(best)} that no other beats in error and time",
+    )  # fmt: skip
     bad = sum(not row.is_good for row in report.rows)
     return Section(
         f"{anchor}-rows", "rows", "Everything measured", "plain",
-        f"{len(rows)} rows, {bad} of which did not come to their end", (table,),
+        f"{len(rows)} runs, {bad} of which did not reach the end", (table,),
     )  # fmt: skip
 
 
@@ -228,9 +232,12 @@ def _who(report: SceneReport, anchor: str) -> Section:
     blocks: list[Block] = [Paragraph(text)]
     if report.absent:
         rows = tuple((text_cell(name), text_cell(why)) for name, why in report.absent.items())
-        columns = (Column("contender", numeric=False), Column("why it does not take part", numeric=False))
-        blocks.append(Table("Not measured", columns, rows))
+        columns = (
+            Column("method or program", numeric=False),
+            Column("why it is not measured", numeric=False),
+        )
+        blocks.append(Table("Methods and programs without runs", columns, rows, folded="Not measured"))
     return Section(
-        f"{anchor}-who", "reference", "What errors are measured against, and who is missing", "plain",
+        f"{anchor}-who", "reference", "The reference, and what is not measured", "plain",
         f"certified to {format_number(reference.uncertainty, '.1e')} m", tuple(blocks),
     )  # fmt: skip

@@ -16,7 +16,6 @@ from tensegrity_codegen.compare.work_precision.row import Row
 from tensegrity_codegen.compare.work_precision.scene_report import Options, SceneReport, report_scene
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.long_work.processor import name_processor
 from tensegrity_codegen.long_work.progress import part_of
 from tensegrity_codegen.long_work.scene_names import check_scene_names
 from tensegrity_codegen.marks import MARK
@@ -82,7 +81,7 @@ def write_report(
         move = part_of(progress, number / len(structures), 1.0 / len(structures))
         problem = set_problem(structure, t_end, samples)
         reports.append(report_scene(problem, options, folder / "journal", move))
-    page = render_page(build_page(reports, name_processor()))
+    page = render_page(build_page(reports))
     found = WorkReport(tuple(reports), folder / PAGE_NAME, folder / TABLE_NAME, folder / DATA_NAME)
     data = json.dumps({"made_by": MARK} | found.as_dict(), indent=1, allow_nan=False) + "\n"
     files = {PAGE_NAME: page, TABLE_NAME: _csv(reports), DATA_NAME: data}

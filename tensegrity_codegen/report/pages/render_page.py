@@ -17,6 +17,9 @@ __all__ = ["render_page"]
 # A digit and a space that stand before a unit.
 UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs)(?:\W|$))")
 
+# A power of ten as in 1e-6 m, which a browser would break at its sign.
+SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")
+
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
@@ -27,5 +30,6 @@ def render_page(page: Page) -> str:
 def _enrich(text: str) -> Markup:
     """Return escaped text with lowered indices, and with numbers and units on one line."""
     tied = UNIT.sub("\\1\N{NO-BREAK SPACE}", str(escape(text)))
+    tied = SHORT.sub('<span class="whole">\\g<0></span>', tied)
     tied = tied.replace(" × 10", "\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10")
     return Markup(lower_indices(tied, "<sub>", "</sub>"))

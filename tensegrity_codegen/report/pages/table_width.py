@@ -11,11 +11,10 @@ __all__ = ["HINT_WIDTHS", "ColumnText", "choose_layout"]
 HINT_WIDTHS = (640, 760, 900, 1050, 1250, 4000)
 MARGINS = 64  # of the page, both sides together [px]
 PHONE = 372  # place of a table in a window of 400 px [px]
-PAGE = 1116  # place of a table in a wide window [px]
 LETTER, SMALL_LETTER = 8.6, 7.7  # mean width of a letter, wide and on a phone [px]
 PADDING, SMALL_PADDING, MANY_PADDING = 24, 16, 14  # of a cell, both sides together [px]
 MANY = 6  # columns above which cells have less padding
-WORDS = 16  # letters into which words of a column are broken at least
+WORDS = 16  # letters of a line of words that is still easy to read
 
 
 @dataclass(frozen=True)
@@ -30,13 +29,13 @@ class ColumnText:
 def choose_layout(columns: Sequence[ColumnText]) -> str:
     """Return the CSS classes of a table: "cards" if it is too wide for a phone, "hint-W" up to which width.
 
-    Cells of words are broken into lines as far as their longest word allows; numbers are not broken.
+    A browser breaks words into lines before it lets a table become wider than its place, numbers not.
     """
-    letters = sum(_count_letters(column) for column in columns)
     padding = MANY_PADDING if len(columns) > MANY else PADDING
-    wide = letters * LETTER + padding * len(columns)
+    wide = sum(_count_letters(column, 0) for column in columns) * LETTER + padding * len(columns)
+    small = sum(_count_letters(column, WORDS) for column in columns) * SMALL_LETTER
     names = []
-    if letters * SMALL_LETTER + SMALL_PADDING * len(columns) > PHONE:
+    if small + SMALL_PADDING * len(columns) > PHONE:
         names.append("cards")
     if wide > PHONE:
         place = wide + MARGINS
@@ -44,10 +43,10 @@ def choose_layout(columns: Sequence[ColumnText]) -> str:
     return " ".join(["table", *names])
 
 
-def _count_letters(column: ColumnText) -> int:
-    """Return the letters of the longest line of a column that cannot be broken further."""
+def _count_letters(column: ColumnText, least: int) -> int:
+    """Return the letters of the longest line of a column that is not broken; words are, from `least` on."""
     heads = [word for text in column.heading for word in text.split()]
     if column.numeric:
         return max(map(len, (*heads, *column.cells)), default=0)
-    longest = max((min(len(text), WORDS) for text in column.cells), default=0)
+    longest = max((min(len(text), least) for text in column.cells), default=0)
     return max(longest, *map(len, (*heads, "")), *(len(w) for text in column.cells for w in text.split()))
