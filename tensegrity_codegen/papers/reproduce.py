@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from tensegrity_codegen.files import replaced
 from tensegrity_codegen.long_work.identity import hash_run
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import ProgressFunction, part_of
+from tensegrity_codegen.long_work.provenance import describe_provenance
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.output_folder import write_folder
 from tensegrity_codegen.papers.errata import ERRATA, ERRATA_TITLE
@@ -25,7 +25,6 @@ from tensegrity_codegen.papers.scs.chapter import build_scs_chapter
 from tensegrity_codegen.papers.sk.chapter import build_sk_chapter
 from tensegrity_codegen.report.pages.page import Chapter, Page
 from tensegrity_codegen.report.pages.render_page import render_page
-from tensegrity_codegen.version import VERSION
 
 __all__ = [
     "ALL",
@@ -148,13 +147,24 @@ def build_page(
         chapters.append(paper.build(quick, part, journal))
         done += paper.share
     return Page(
-        "Three papers on tensegrity structures, computed again",
-        _lead(chapters),
-        tuple(chapters),
-        ERRATA_TITLE,
-        tuple(entry for name in papers for entry in ERRATA[name]),
-        _facts(quick),
+        title=_describe_finding(chapters),
+        subject=f"Papers on tensegrity structures, computed again: {', '.join(c.name for c in chapters)}",
+        lead=_lead(chapters),
+        chapters=tuple(chapters),
+        entries_title=ERRATA_TITLE,
+        entries=tuple(entry for name in papers for entry in ERRATA[name]),
+        facts=_facts(quick),
     )
+
+
+def _describe_finding(chapters: Sequence[Chapter]) -> str:
+    """Return how many of the results with printed numbers agree, and how many differ."""
+    verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
+    agree, differ = verdicts.count("agrees"), verdicts.count("differs")
+    if not agree + differ:
+        return f"{len(verdicts)} results, none of them with numbers in print"
+    word = "result agrees" if agree + differ == 1 else "results agree"
+    return f"{agree} of {agree + differ} printed {word}, {differ} differ{'s' if differ == 1 else ''}"
 
 
 def _lead(chapters: Sequence[Chapter]) -> str:
@@ -172,12 +182,10 @@ def _lead(chapters: Sequence[Chapter]) -> str:
 
 
 def _facts(quick: bool) -> tuple[str, ...]:
-    size = "small sizes, for a first look (quick)" if quick else "full sizes"
+    size = "Small sizes and short times (--quick)" if quick else "Full sizes"
     return (
-        f"tensegrity_codegen {VERSION}, Python {platform.python_version()}, NumPy {np.__version__}, "
-        f"{platform.system()} {platform.machine()}; {size}.",
-        f"All numbers, and the data behind the figures, stand in {DATA_NAME} beside this page.",
-        "This page holds no script and loads nothing.",
+        *describe_provenance(),
+        f"{size}. All numbers, and the data behind the figures, stand in {DATA_NAME} beside this page.",
     )
 
 

@@ -200,7 +200,7 @@ def test_a_report_is_written_resumed_and_shown(tmp_path: Path, monkeypatch: pyte
     assert shown["console"] == []
     assert shown["lost_links"] == shown["doubled_ids"] == shown["outside"] == []
     assert shown["figures"] == shown["drawings_shown"] + shown["images_shown"] >= 1
-    assert shown["tables_shown"] == 3
+    assert shown["tables_shown"] == shown["tables"] >= 3  # long ones a second time, folded
 
 
 def test_wrong_times_and_scenes_of_bodies_are_refused(tmp_path: Path) -> None:

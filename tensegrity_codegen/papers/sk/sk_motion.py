@@ -75,7 +75,7 @@ def drift_section(t_end: float) -> Section:
                     [Series("", data["time"], np.maximum(data["drift"], LEAST), color=0)],
                     log_y=True,
                     y_limits=(LEAST / 2, 1e-11),
-                    horizontal=((1e-13, "asked for: 10⁻¹³"),),
+                    horizontal=((1e-13, "10⁻¹³ m"),),
                 ),
                 f"Change of the constraints since the start, {t_end:g} s.",
                 "The change of the constraints stays near 10⁻¹⁶ m throughout.",

@@ -13,6 +13,7 @@ from tensegrity_codegen.papers.sk import (
 )
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.method_style import find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.structure.structure import Structure
@@ -83,10 +84,11 @@ def _error_diagram(rows: list[dict[str, Any]]) -> Diagram:
     for precision, style in (("double", "line"), ("single", "dashed")):
         chosen = [row for row in rows if row["precision"] == precision]
         offset = [max(row["offset"], 1.0) for row in chosen]
-        for color, (key, name) in enumerate(FORMULATIONS.items()):
+        for key, name in FORMULATIONS.items():
             error = [_or_nan(row[f"{key}_member_tension"]) for row in chosen]
+            look = find_style(key)
             series.append(
-                Series(f"{name}, {precision}", offset, error, style, color=color, marker="o")  # type: ignore[arg-type]
+                Series(f"{name}, {precision}", offset, error, style, look.color, look.marker)  # type: ignore[arg-type]
             )
     return Diagram(
         "offset [m] (0 shown at 1)", "relative error", series, log_x=True, log_y=True, legend_columns=2
