@@ -114,6 +114,10 @@ class ModelPath:
         """Return the static force on every coordinate, (n,)."""
         return np.asarray(self.compute(self._force, coordinate, load_factor))
 
+    def static_force(self, coordinate: FloatArray, load_factor: float) -> FloatArray:
+        """Return the force on every coordinate without those of rigid bars, (n,)."""
+        return np.asarray(self.compute(self._force, coordinate, load_factor))
+
     def stiffness(self, coordinate: FloatArray, load_factor: float, /) -> Any:
         """Return the tangent stiffness, sparse (n, n)."""
         return self.compute("tangent_stiffness", coordinate, load_factor)

@@ -15,6 +15,7 @@ from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack, watch_switch
+from tensegrity_codegen.runtime.paths.pinned_path import pin_path
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.newton import find_stability
@@ -34,6 +35,8 @@ FIRST_PART = 1e-4  # of the loads, by which a structure without stiffness is pus
 COLLAPSE = 0.1  # motion, as part of the structure's size, that counts as a collapse under the first part
 BALANCED = 1e-9  # of the largest member force
 VANISHED = 1e-3  # part of the smallest eigenvalue at the start that counts as none where a path stalls
+AT_END = 1e-5  # distance from the full load at which a loss of stability may be one of the end itself
+STAYED = 1e-3  # motion, as part of the structure's size, up to which the end is where stability was lost
 LOST = ("limit", "bifurcation", "stability")  # events at which a stable path ends
 
 
@@ -140,13 +143,14 @@ class Ramp:
             most_steps=max(20, MOST_WORK // size) if large else MOST_STEPS,
         )
         watches = [*([watch_slack(path, self.cables)] if self.cables else []), *watch_switch(path)]
+        pinned = pin_path(path, start) if what == "prestress" else None
         way = follow_path(
-            path,
+            pinned or path,
             start,
             least=least,
             most=1.0,
             watches=watches,
-            neutral=path.neutral_motions(),
+            neutral=pinned.motions if pinned else path.neutral_motions(),
             control=control,
             stop_at=LOST,
         )
@@ -199,6 +203,9 @@ def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
     """Return where a path of stable equilibria ended."""
     if way.status == "stopped":
         event = way.find_events(*LOST)[0]
+        end = _find_end(path, way) if abs(event.load_factor - 1.0) <= AT_END else None
+        if end is not None:
+            return end
         return Way(limit=event.load_factor, message=_describe_loss(event.kind, event.load_factor, what))
     unstable = _find_unstable(path, way)
     if unstable is not None:
@@ -213,6 +220,22 @@ def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
     given = {**path.arguments, **path.loads(1.0)}
     place = place_nodes(path.model, end, path.arguments.get("anchor_position"), arguments=given)
     return Way(end, length, place)
+
+
+def _find_end(path: ModelPath, way: LoadPath) -> Way | None:
+    """Return the end of a path that seems to lose its stability just there; None if it does.
+
+    A free structure held by loads resists rotation until they are gone: its rotations become neutral at the
+    end, and rounding decides on which side of it their eigenvalues cross zero.
+    """
+    given = {**path.arguments, **path.loads(1.0)}
+    given.pop("velocity", None)
+    found = find_equilibrium(
+        path.model, arguments=given, coordinate=way.coordinate[-1], raise_on_failure=False
+    )
+    if not found.is_found or found.change > STAYED * found.extent:
+        return None
+    return Way(np.asarray(found.coordinate), np.asarray(found.member_length), found.node_position)
 
 
 def _describe_loss(kind: str, load_factor: float, what: str) -> str:

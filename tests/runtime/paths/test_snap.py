@@ -9,6 +9,7 @@ import pytest
 
 from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.structure.structure import Structure
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, spring
 from tests.runtime.rigid_reference import RigidReference
@@ -142,3 +143,39 @@ def test_without_a_load_nothing_snaps_and_without_a_path_nothing_is_known() -> N
     settled = find_equilibrium(free, arguments={"node_load": pulled})
     # Unloaded, it turns in every direction at no cost, also against the load.
     assert find_snap(free, settled, 0 * pulled, pulled).snapped is not True
+
+
+def test_prestress_that_drives_a_free_shape_through_is_a_snap() -> None:
+    # The truss of the test above on a triangle of stiff bars instead of anchors.
+    place = [[-1, 0, 0], [1, 0, 0], [0, 0, 0.2], [0, 0, -2]]
+    frame = [
+        bar(i, j, float(np.hypot(x, z)), 1e6) for i, j, x, z in ((0, 1, 2, 0), (0, 3, 1, 2), (1, 3, 1, 2))
+    ]
+    members = [*frame, *(bar(i, 2, float(np.hypot(1, 0.2)), 1000.0) for i in (0, 1)), spring(2, 3, 1.0, 10.0)]
+    found, through = settle(make_structure(place, members, axes="xz"))
+    assert np.ptp(found.node_position[:, 2]) < 2.0
+    assert through.snapped
+    assert through.limit_prestress_factor is not None
+    assert 0 < through.limit_prestress_factor < 1
+
+
+def free_robot(draw: int) -> Structure:
+    """Three crossed bars in a net of twelve cables, free to move, their rest lengths not in balance."""
+    rng = np.random.default_rng(draw)
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    place = np.array([[-4, 1, 0], [4, 1, 0], [0, -4, 1], [0, 4, 1], [1, 0, -4], [1, 0, 4]]) / 10 @ turn
+    rods = [bar(i, i + 1, 0.81, 1e5) for i in (0, 2, 4)]
+    net = [(i, j) for i in range(6) for j in range(i + 1, 6) if i // 2 != j // 2]
+    lengths = [float(np.linalg.norm(place[i] - place[j])) for i, j in net]
+    cables = [
+        spring(i, j, length * 0.97 * (1 + 0.01 * rng.standard_normal()), 5000.0)
+        for (i, j), length in zip(net, lengths, strict=True)
+    ]
+    return make_structure(place.tolist(), [*rods, *cables])
+
+
+@pytest.mark.parametrize("draw", range(6))
+def test_a_free_structure_that_settles_has_not_snapped(draw: int) -> None:
+    # Loads that hold the given shape give rotations a stiffness of either sign; at the end they have none.
+    found, kept = settle(free_robot(draw))
+    assert (found.status, kept.snapped) == ("converged", False)

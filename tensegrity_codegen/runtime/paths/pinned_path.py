@@ -1,0 +1,77 @@
+"""A path along which a structure does not turn or shift as a whole, for loads that only hold its shape."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+
+__all__ = ["PinnedPath", "pin_path"]
+
+FloatArray = NDArray[np.float64]
+
+ASIDE = 0.1  # of the structure's size: rigid motion under which its forces are looked at
+FORCELESS = 1e-7  # part of the forces along rigid motions that counts as none
+
+
+class PinnedPath:
+    """The equilibria of a path with the rigid motions held that its anchors permit.
+
+    Notes
+    -----
+    With N(q) an orthonormal basis of these motions and P = 1 - N N^T,
+
+        g_pinned(q, lambda) = P g(q, lambda),   N^T dq = 0
+
+    The pins carry moments of the loads; they carry nothing where all forces are internal, so that the ends
+    of the path are equilibria of the structure itself.
+    """
+
+    def __init__(self, path: ModelPath) -> None:
+        self.path = path
+
+    def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return P g, (n,)."""
+        return self._project(coordinate, self.path.residual(coordinate, load_factor))
+
+    def stiffness(self, coordinate: FloatArray, load_factor: float, /) -> Any:
+        """Return K of the path itself, (n, n); it is used beside the pinned motions only."""
+        return self.path.stiffness(coordinate, load_factor)
+
+    def load_vector(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
+        """Return P f, (n,)."""
+        return self._project(coordinate, self.path.load_vector(coordinate, load_factor))
+
+    def motions(self, coordinate: FloatArray, stiffness: Any = None) -> FloatArray:
+        """Return the pinned motions N, (n, k), whatever stiffness the loads give them."""
+        del stiffness
+        return build_rigid_motions(self.path.model.manifest, place_nodes(self.path.model, coordinate))
+
+    def _project(self, coordinate: FloatArray, force: FloatArray) -> FloatArray:
+        motions = self.motions(coordinate)
+        return np.asarray(force - motions @ (motions.T @ force))
+
+
+def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
+    """Return the path with its rigid motions held; None where they are none of it, or not free at its end.
+
+    They are free if no force acts along them at load factor 1, near `start` (n,): gravity on a structure
+    that hangs from a joint is such a force, tensions of its own cables are none.
+    """
+    if not path.model.manifest.coordinate_node_axis:
+        return None
+    pinned = PinnedPath(path)
+    motions = pinned.motions(start)
+    if motions.shape[1] == 0:
+        return None
+    position = place_nodes(path.model, start)
+    size = float(np.ptp(position, axis=0).max(initial=0.0)) * np.sqrt(len(position))
+    aside = start + ASIDE * size * motions.sum(axis=1) / motions.shape[1]
+    force = path.static_force(aside, 1.0)
+    along = np.linalg.norm(pinned.motions(aside).T @ force)
+    return pinned if along <= FORCELESS * np.linalg.norm(force) else None
