@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.report.control_studies import LOOP_NAMES, find_actuator_use
+from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.joined_series import Look, choose_looks, joined_figure
 from tensegrity_codegen.report.pages.page import Figure, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_film import draw_film
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.motion_picture import draw_tensions
-from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
 from tensegrity_codegen.runtime.control.study.run_measures import find_cables, find_displacement
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -32,7 +34,12 @@ FRAMES = 48  # of the film
 FILM = 6.0  # [s], that the film takes at most; at least half
 MOST_LINES = 6  # in a diagram
 MOST_POINTS = 600  # of a line
-COLORS = {"open": 1, "true_state": 0, "estimator": 2}
+# Colour and style of each loop, everywhere on the page, in the order in which they are drawn.
+LOOKS: dict[str, tuple[int, Literal["line", "dashed"]]] = {
+    "open": (1, "line"),
+    "estimator": (2, "line"),
+    "true_state": (0, "dashed"),
+}
 
 
 def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure) -> Section:
@@ -48,7 +55,7 @@ def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure
     tension = np.pad(run.member_tension[rows], ((0, 0), (0, more)), constant_values=np.nan)
     figures = []
     for k in np.unique(np.linspace(0, len(rows) - 1, SHAPES).round().astype(int)).tolist():
-        caption = f"At {run.time[rows[k]]:.3g} s."
+        caption = f"At {run.time[rows[k]]:.3g} s, with the {LOOP_NAMES[name]}."
         picture = draw_tensions(
             structure, position[k], tension[k], "member tension [N]", among=(position, tension)
         )
@@ -69,28 +76,27 @@ def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
         name: find_displacement(model, loop.run, study.motion).max(axis=1)
         for name, loop in study.loops.items()
     }
-    series = [
-        _line(LOOP_NAMES[name], loop.run, 1000 * away[name], COLORS[name])
-        for name, loop in study.loops.items()
-    ]
+    series = _draw_loops(study, {name: 1000 * values for name, values in away.items()})
     caption = "Largest distance of a node from the motion."
     diagram = Diagram(TIME, "distance [mm]", series, log_y=_is_positive(series), vertical=marks)
     figures = [diagram_figure("distance", diagram, caption, caption)]
     angles = study.tuning.scales.is_angle
     if angles.any():
-        series = [
-            _line(
-                LOOP_NAMES[name],
-                loop.run,
-                np.degrees(np.abs(loop.run.error[:, angles]).max(axis=1)),
-                COLORS[name],
-            )
-            for name, loop in study.loops.items()
-        ]
+        series = _draw_loops(
+            study,
+            {
+                name: np.degrees(np.abs(loop.run.error[:, angles]).max(axis=1))
+                for name, loop in study.loops.items()
+            },
+        )
         caption = "Largest error of an angle."
         diagram = Diagram(TIME, "error [deg]", series, log_y=_is_positive(series), vertical=marks)
         figures.append(diagram_figure("angle", diagram, caption, caption))
-    return Section("errors", "worst draw", "Errors", "plain", study.message, tuple(figures))
+    ends = ", ".join(
+        f"{LOOP_NAMES[name]} {format_short(1000 * loop.measures[study.worst_draw].end_error)} mm"
+        for name, loop in study.loops.items()
+    )
+    return Section("errors", "worst draw", "Errors", "plain", f"at the end: {ends}", tuple(figures))
 
 
 def build_commands(study: ControlStudy) -> Section:
@@ -104,31 +110,33 @@ def build_commands(study: ControlStudy) -> Section:
     added = 1000 * (run.command - asked)
     order = sorted(np.argsort(-np.ptp(run.command, axis=0), kind="stable")[:MOST_LINES].tolist())
     rest = motion.rest_length[0] - motion.input[0, bounds.place]
+    loud = sorted(np.argsort(-np.abs(added).max(axis=0, initial=0.0), kind="stable")[:MOST_LINES].tolist())
+    looks = choose_looks(bounds.names[k] for k in sorted({*order, *loud}))
     lines = [
-        _series(bounds.names[k], time, 1000 * (rest[k] + run.command[:, k]), n) for n, k in enumerate(order)
+        _series(bounds.names[k], time, 1000 * (rest[k] + run.command[:, k]), looks[bounds.names[k]])
+        for k in order
     ]
     caption = f"Rest lengths of the {len(order)} actuators that move most, with the {LOOP_NAMES[name]}."
-    figures = [
-        diagram_figure(
-            "rest", Diagram(TIME, "rest length [mm]", lines, vertical=_marks(study)), caption, caption
-        )
-    ]
-    loud = sorted(np.argsort(-np.abs(added).max(axis=0, initial=0.0), kind="stable")[:MOST_LINES].tolist())
-    lines = [_series(bounds.names[k], time, added[:, k], n) for n, k in enumerate(loud)]
-    caption = "What feedback adds to the rest lengths of the motion."
+    diagram = Diagram(TIME, "rest length [mm]", lines, vertical=_marks(study))
+    figures = [joined_figure("rest", diagram, caption, caption)]
+    lines = [_series(bounds.names[k], time, added[:, k], looks[bounds.names[k]]) for k in loud]
+    caption = f"What feedback adds to the rest lengths of the motion: the {len(loud)} largest."
     diagram = Diagram(TIME, "change by feedback [mm]", lines, vertical=_marks(study))
-    figures.append(diagram_figure("feedback", diagram, caption, caption))
+    figures.append(joined_figure("feedback", diagram, caption, caption))
     rates = np.abs(np.diff(run.command, axis=0)) / study.gains.sample
     limits = np.unique(bounds.rate[np.isfinite(bounds.rate)])[:2]
     top = rates.max(axis=1, initial=0.0) if len(rates) else np.zeros(0)
-    lines = [_series("largest of all actuators", time[1:], top, 0)]
-    caption = "Rate of the commands, with the least rate that the actuators permit."
-    marks = tuple((float(value), f"{value:g} m/s") for value in limits)
+    lines = [_series("", time[1:], top, LOOKS[name])]
+    caption = "Largest rate of all commands" + (
+        ", with the least rate that the actuators permit." if len(limits) else "."
+    )
+    marks = tuple((float(value), f"limit {value:g} m/s") for value in limits)
     diagram = Diagram(TIME, "rate [m/s]", lines, horizontal=marks, vertical=_marks(study))
     figures.append(diagram_figure("rates", diagram, caption, caption))
     columns = (
-        Column("actuator", numeric=False), Column("least", "m"), Column("largest", "m"),
-        Column("range", "m", numeric=False), Column("largest rate", "m/s"), Column("limit", "m/s"),
+        Column("actuator", numeric=False), Column("smallest rest length", "m"),
+        Column("largest rest length", "m"), Column("allowed", "m", numeric=False),
+        Column("largest rate", "m/s"), Column("limit of the rate", "m/s"),
     )  # fmt: skip
     rows = tuple(
         (
@@ -139,8 +147,10 @@ def build_commands(study: ControlStudy) -> Section:
         )
         for who, item in use.items()
     )  # fmt: skip
-    text = f"largest change by feedback {float(np.abs(added).max(initial=0.0)):.3g} mm"
-    table = Table("Actuators: rest lengths and rates, with their limits", columns, rows)
+    text = f"largest change by feedback {format_short(float(np.abs(added).max(initial=0.0)))} mm"
+    fast = sorted(range(len(rows)), key=lambda k: -float(rows[k][4].value or 0.0))[:8]
+    caption = "Actuators: rest lengths and rates, with their limits"
+    table = Table(caption, columns, rows, head=tuple(fast), head_note="the fastest")
     return Section("commands", "actuators", "Commands", "plain", text, (*figures, table))
 
 
@@ -157,17 +167,18 @@ def build_tensions(study: ControlStudy, model: CompiledModel) -> Iterator[Sectio
     values = np.unique(least[np.isfinite(least)])[:2].tolist()
     figures = []
     for word, pick in (("least", np.min), ("largest", np.max)):
-        series = [
-            _line(LOOP_NAMES[name], loop.run, pick(loop.run.member_tension[:, cables], axis=1), COLORS[name])
-            for name, loop in study.loops.items()
-        ]
+        series = _draw_loops(
+            study,
+            {name: pick(loop.run.member_tension[:, cables], axis=1) for name, loop in study.loops.items()},
+        )
         bounds = values if word == "least" else []
-        marks = tuple((float(value), f"least tension {value:g} N") for value in bounds)
+        marks = tuple((float(value), f"limit: least tension {value:g} N") for value in bounds)
         diagram = Diagram(TIME, f"{word} tension [N]", series, horizontal=marks, vertical=_marks(study))
         caption = f"The {word} tension of the cables."
         figures.append(diagram_figure(f"tension-{word}", diagram, caption, caption))
     ends = ", ".join(
-        f"{LOOP_NAMES[name]} {float(np.min(loop.end_tension)):.4g} N" for name, loop in study.loops.items()
+        f"{LOOP_NAMES[name]} {format_short(float(np.min(loop.end_tension)))} N"
+        for name, loop in study.loops.items()
     )
     yield Section("tensions", "limits", "Tensions", "plain", f"least at the end: {ends}", tuple(figures))
 
@@ -182,17 +193,18 @@ def build_estimate(study: ControlStudy) -> Iterator[Section]:
     estimate, forces = loop.run.estimate, loop.run.disturbance
     missed = 1000 * np.abs((estimate[:, :n] - run.coordinate[: len(estimate)]) * scales.lever)
     time = run.time[: len(estimate)]
-    lines = [_series("largest of all coordinates", time, missed.max(axis=1), COLORS["estimator"])]
+    lines = [_series("", time, missed.max(axis=1), LOOKS["estimator"])]
     diagram = Diagram(
         TIME, "error of the estimate [mm]", lines, log_y=_is_positive(lines), vertical=_marks(study)
     )
-    caption = "Errors of the estimated coordinates, as displacements of nodes."
+    caption = "Largest error of the estimated coordinates, as a displacement of nodes."
     figures = [diagram_figure("estimate", diagram, caption, caption)]
     if np.any(forces):
         pushed = forces / scales.lever
         order = sorted(np.argsort(-np.abs(pushed).max(axis=0), kind="stable")[:MOST_LINES].tolist())
         names = study.gains.state_name
-        lines = [_series(names[k], time, pushed[:, k], c) for c, k in enumerate(order)]
+        looks = choose_looks(names[k] for k in order)
+        lines = [_series(names[k], time, pushed[:, k], looks[names[k]]) for k in order]
         diagram = Diagram(TIME, "disturbance force [N]", lines, vertical=_marks(study), legend_columns=2)
         caption = "Estimated disturbance forces; those on angles over the lever of the angle."
         figures.append(diagram_figure("forces", diagram, caption, caption))
@@ -209,18 +221,24 @@ def _marks(study: ControlStudy) -> tuple[tuple[float, str], ...]:
     return tuple((time, text) for time, text in marks if 0.0 < time < study.t_end)
 
 
-def _line(name: str, run: ControlRun, values: FloatArray, color: int) -> Series:
-    return _series(name, run.time, values, color)
+def _draw_loops(study: ControlStudy, values: Mapping[str, FloatArray]) -> list[Series]:
+    """Return the line of each loop, the dashed one last: it lies over the others."""
+    return [
+        _series(LOOP_NAMES[name], study.loops[name].run.time, values[name], look)
+        for name, look in LOOKS.items()
+        if name in study.loops
+    ]
 
 
-def _series(name: str, time: FloatArray, values: FloatArray, color: int) -> Series:
+def _series(name: str, time: FloatArray, values: FloatArray, look: Look) -> Series:
     """Return a line of at most MOST_POINTS points: of the others the extremes stay."""
     if len(time) > MOST_POINTS:
         edges = np.linspace(0, len(time), MOST_POINTS // 2 + 1).round().astype(int)
         keep = {int(a + f(values[a:b])) for a, b in pairwise(edges.tolist()) for f in (np.argmin, np.argmax)}
         rows = sorted(keep)
         time, values = time[rows], values[rows]
-    return Series(name, time, values, "line", color)
+    color, style = look
+    return Series(name, time, values, style, color)
 
 
 def _is_positive(series: list[Series]) -> bool:

@@ -12,15 +12,22 @@ from tensegrity_codegen.report.control_figures import (
     build_motion,
     build_tensions,
 )
+from tensegrity_codegen.report.control_finding import (
+    describe_control_finding,
+    describe_low_tensions,
+    find_least_bound,
+)
 from tensegrity_codegen.report.control_studies import (
     LIMIT_NAMES,
     LOOP_NAMES,
     STEP_NAMES,
     describe_facts,
 )
-from tensegrity_codegen.report.pages.page import Block, Chapter, Page, Paragraph, Remark, Section
+from tensegrity_codegen.report.number_text import format_short
+from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Page, Paragraph, Remark, Section
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.runtime.control.study.control_study import ControlStudy, LoopResult
+from tensegrity_codegen.runtime.control.study.run_measures import find_cables
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.version import VERSION
@@ -30,10 +37,19 @@ __all__ = ["build_control_page"]
 FloatArray = NDArray[np.float64]
 
 LEAD = {
-    "holds": "Feedback holds the motion under the disturbances below.",
-    "does_not_hold": "Feedback does not hold the motion: without it the errors at the end are smaller.",
-    "unstable": "Feedback is unstable: the simulation of a loop with feedback stopped.",
+    "holds": "With feedback the errors at the end are not larger than without.",
+    "does_not_hold": "Without feedback the errors at the end are smaller than with it.",
+    "unstable": "The simulation of a loop with feedback stopped.",
 }
+STATUS = {
+    "holds": "feedback keeps the motion",
+    "does_not_hold": "feedback does not keep the motion",
+    "unstable": "feedback is unstable",
+}
+LOOPS = (
+    "Open loop: without feedback. True state: feedback on the exact state, as if everything were measured "
+    "without noise. Estimator: feedback on the state estimated from the sensors."
+)
 
 
 def build_control_page(study: ControlStudy, model: CompiledModel, structure: Structure, command: str) -> Page:
@@ -42,9 +58,11 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
     structure: what is drawn, its members first those of the model (then edges of bodies); command: the
     command line that makes the page.
     """
-    worst = f"draw {study.worst_draw} of {len(study.drawn)}"
+    bound = -np.inf
+    if model.structure is not None:
+        bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
     sections = (
-        _outcome(study),
+        _outcome(study, bound),
         build_motion(study, model, structure),
         build_errors(study, model),
         build_commands(study),
@@ -56,29 +74,15 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         _again(command),
     )
     return Page(
-        title=f"{structure.name}: {_headline(study)}",
-        lead=f"{LEAD[study.status]} Diagrams show the worst draw, {worst}; the end is the last "
-        f"{study.last:.3g} of {study.t_end:.6g} s.",
-        chapters=(
-            Chapter("control", structure.name, study.status.replace("_", " "), _count(study), sections),
-        ),
+        subject=f"Feedback control of {structure.name}",
+        title=describe_control_finding(study, bound),
+        lead=f"{LEAD[study.status]} {_sentence(study.message)} The end is the last {study.last:.3g} of "
+        f"{format_short(study.t_end)} s; errors are the largest of {_draw_count(study)}. Diagrams show the "
+        f"worst draw, number {study.worst_draw} (counted from 0).",
+        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study), sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
         summary_heads=("part", "what", "result"),
     )
-
-
-def _headline(study: ControlStudy) -> str:
-    """Return the finding: the largest errors at the end, without and with feedback."""
-    is_angle = study.tuning.scales.is_angle.all()
-    parts = []
-    for name, loop in study.loops.items():
-        if loop.unstable:
-            parts.append(f"unstable with the {LOOP_NAMES[name]}" if name != "open" else "unstable open loop")
-            continue
-        value = np.degrees(loop.end_angle.max()) if is_angle else 1000 * loop.end_error.max()
-        word = "without feedback" if name == "open" else f"with the {LOOP_NAMES[name]}"
-        parts.append(f"{value:.2g} {'deg' if is_angle else 'mm'} {word}")
-    return f"worst error {', '.join(parts)}"
 
 
 def _count(study: ControlStudy) -> str:
@@ -91,16 +95,26 @@ def _count(study: ControlStudy) -> str:
     )
 
 
-def _outcome(study: ControlStudy) -> Section:
-    columns = (
+def _draw_count(study: ControlStudy) -> str:
+    count = len(study.drawn)
+    return f"{count} draw{'s' * (count != 1)} of the disturbances"
+
+
+def _outcome(study: ControlStudy, least_bound: float) -> Section:
+    columns = [
         Column("loop", numeric=False), Column("error at the end", "mm"), Column("largest error", "mm"),
         Column("angle at the end", "deg"), Column("least tension at the end", "N"),
-        Column("commands cut", "%"),
-    )  # fmt: skip
-    rows = tuple(_outcome_row(name, loop) for name, loop in study.loops.items())
-    note = "Errors are distances of nodes from the motion and errors of angles; of all draws the worst value."
-    blocks: list[Block] = [Table("Loops", columns, rows, note)]
-    blocks += [Remark("differs", _sentence(text)) for text in study.warnings]
+        Column("least tension, whole time", "N"), Column("commands cut", "%"),
+    ]  # fmt: skip
+    rows = [_outcome_row(name, loop) for name, loop in study.loops.items()]
+    shown = [0, *(k for k in range(1, len(columns)) if any(row[k].value is not None for row in rows))]
+    note = f"Distances of nodes from the motion, and errors of angles; of all draws the worst. {LOOPS}"
+    table = Table(
+        "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
+    )
+    blocks: list[Block] = [table]
+    texts = (*study.warnings, *describe_low_tensions(study, least_bound))
+    blocks += [Remark("differs", _sentence(text)) for text in texts]
     blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
     return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
 
@@ -115,6 +129,7 @@ def _outcome_row(name: str, loop: LoopResult) -> tuple[Cell, ...]:
         number_cell(1000 * float(loop.peak_error.max()), ".3g"),
         number_cell(float(np.degrees(loop.end_angle.max())), ".3g"),
         number_cell(float(np.min(loop.end_tension)), ".4g"),
+        number_cell(float(np.min(loop.least_tension)), ".4g"),
         number_cell(cut, ".1f"),
     )
 
@@ -131,13 +146,13 @@ def _limits(study: ControlStudy) -> Section:
         for limit, who in loop.broken.items()
     )
     bad = [LOOP_NAMES[name] for name, loop in study.loops.items() if loop.broken]
-    text = f"not kept at the end: {', '.join(bad)}" if bad else "kept at the end by all loops"
+    text = f"exceeded at the end: {', '.join(bad)}" if bad else "none is exceeded at the end, in any loop"
     blocks: list[Block] = [Table("Limits of the scene", columns, rows)] if rows else []
     heads = (
         Column("loop", numeric=False),
         Column("commands", numeric=False),
         Column("number"),
-        Column("part", "%"),
+        Column("share", "%"),
     )
     counts = tuple(
         (
@@ -149,7 +164,7 @@ def _limits(study: ControlStudy) -> Section:
         for word, count in loop.steps.items()
     )  # fmt: skip
     blocks.append(Table("Commands of all draws", heads, counts))
-    return Section("limits", "limits", "Limits kept or not", "plain", text, tuple(blocks))
+    return Section("limits", "limits", "Limits", "plain", text, tuple(blocks))
 
 
 def _draws(study: ControlStudy) -> Section:
@@ -168,19 +183,26 @@ def _draws(study: ControlStudy) -> Section:
         cells += [number_cell(study.loops[name].measures[k].end_tension, ".4g") for name in names]
         rows.append(tuple(cells))
     note = "Largest distance of a node from the motion, and least tension of the cables, at the end."
-    table = Table("Draws", tuple(columns), tuple(rows), note)
+    last = study.loops[names[-1]].end_error
+    worst = tuple(np.argsort(-np.nan_to_num(last, nan=np.inf), kind="stable")[:8].tolist())
+    table = Table("Draws", tuple(columns), tuple(rows), note, head=worst, head_note="the largest errors")
     return Section("draws", "all", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
 
 
 def _design(study: ControlStudy) -> Section:
     gains, tuning = study.gains, study.tuning
     facts: list[tuple[str, float, str, str]] = [
-        ("displacement that is accepted for a moment", 1000 * tuning.tolerance, "mm", ".4g"),
+        (
+            "tolerance: displacement of a node that is accepted for a moment",
+            1000 * tuning.tolerance,
+            "mm",
+            ".4g",
+        ),
         ("response time", 1000 * tuning.response_time, "ms", ".4g"),
         ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
         ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
         ("time in which the slowest error falls to 1/e", study.time_constant, "s", ".3g"),
-        ("sums of errors", float(len(gains.integral_name)), "", ".0f"),
+        ("integrals of errors", float(len(gains.integral_name)), "", ".0f"),
         ("residual of the Riccati equation", gains.residual, "", ".1e"),
     ]
     if study.estimator is not None:
@@ -197,7 +219,7 @@ def _design(study: ControlStudy) -> Section:
 
 
 def _again(command: str) -> Section:
-    return Section("command", "again", "Command", "plain", "makes this page", (Paragraph(command),))
+    return Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
 
 
 def _sentence(text: str) -> str:

@@ -123,8 +123,8 @@ def describe_facts(study: ControlStudy) -> list[str]:
     effort = f"{low:.4g} mm" if high - low < 1e-9 else f"{low:.4g} to {high:.4g} mm"
     lines.append(
         f"weights: displacement {1000 * tuning.tolerance:.4g} mm, effort {effort}, response time "
-        f"{1000 * tuning.response_time:.4g} ms; {len(gains.integral_name)} sums; slowest error falls to "
-        f"1/e in {study.time_constant:.3g} s"
+        f"{1000 * tuning.response_time:.4g} ms; {len(gains.integral_name)} integrals of errors; slowest "
+        f"error falls to 1/e in {study.time_constant:.3g} s"
     )
     lines.append(f"disturbances: {_describe_words(study)}")
     if study.estimator is None:
