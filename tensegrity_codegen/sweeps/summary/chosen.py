@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,11 @@ FloatArray = NDArray[np.float64]
 
 REDUCTIONS: dict[str, Callable[..., FloatArray]] = {"max": np.max, "min": np.min, "mean": np.mean}
 DEFAULT_COUNT = 4
+# What states how a result was computed; described by default where nothing else was kept.
+DIAGNOSTICS = (
+    "residual", "residual_rate", "energy_drift", "error_estimate", "n_steps", "steps", "rejected",
+    "iterations", "neutral_motions", "saddles_left", "zero_eigenvalues",
+)  # fmt: skip
 _SPEC = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(?:\[(.*)\])?\s*")
 
 
@@ -54,7 +60,7 @@ def choose_results(results: SweepResults, names: Sequence[str] = ()) -> tuple[Ch
         For a text that is no such name, or another number of parts.
     """
     picks: dict[str, tuple[KeptQuantity, tuple[str, ...]]] = {}
-    for text in names or _default_names(results):
+    for text in names or _default_specs(results):
         for name, quantity, parts in _read_spec(results, text):
             picks[name] = (quantity, parts)
     if not names:
@@ -63,10 +69,40 @@ def choose_results(results: SweepResults, names: Sequence[str] = ()) -> tuple[Ch
     return tuple(_compute(name, quantity, parts, good) for name, (quantity, parts) in picks.items())
 
 
-def _default_names(results: SweepResults) -> list[str]:
-    """Return the numbers first, then quantities with one dimension, then the others."""
-    order = sorted(results.kept.values(), key=lambda item: len(item.dims))
-    return [item.name for item in order if item.shape == () or min(item.shape) > 0]
+def _default_specs(results: SweepResults) -> list[str]:
+    """Return tensions first, then numbers, then quantities with dimensions; diagnostics last.
+
+    Where the user chose what is kept, its order is kept. What is the largest or smallest of something already
+    is described by this alone, and an array of one entry once.
+    """
+    order = sorted(
+        (item for item in results.kept.values() if item.shape == () or min(item.shape) > 0),
+        key=lambda item: (
+            item.name in DIAGNOSTICS,
+            item.name == "displacement" and "change" in results.kept,  # almost the same
+            _find_rank(item.name, results.keep),
+            len(item.dims) > 1,
+            not item.name.startswith("member_tension"),
+            len(item.dims),
+        ),
+    )
+    return [spec for item in order for spec in _list_parts(item)]
+
+
+def _find_rank(name: str, keep: Sequence[str]) -> int:
+    """Return the place of a result among what was kept, written NAME or NAME = EXPRESSION."""
+    written = [text.partition("=")[0].strip() for text in keep]
+    return written.index(name) if name in written else len(written)
+
+
+def _list_parts(item: KeptQuantity) -> list[str]:
+    """Return the descriptions of a quantity by one number a case that are not the same."""
+    if not item.dims:
+        return [item.name]
+    if math.prod(item.shape) == 1:
+        return [f"{item.name}[{','.join(str(labels[0]) for labels in item.labels)}]"]
+    word = item.name.rpartition("_")[2]
+    return [f"{item.name}[{part}]" for part in ([word] if word in ("max", "min") else ["max", "min"])]
 
 
 def _read_spec(results: SweepResults, text: str) -> list[tuple[str, KeptQuantity, tuple[str, ...]]]:

@@ -64,7 +64,7 @@ def draw_curve(results: SweepResults, place: int, result: ChosenResult, name: st
     axes.plot(x[order], y[order], color=SEQUENCE[0], linewidth=1.7, marker=marker, markersize=3.5)
     key = results.keys[place]
     _scale(axes, x, None)
-    dress_axes(axes, key, result.label, log=(_log(x), False))
+    dress_axes(axes, results.label_key(key), result.label, log=(_log(x), False))
     lost = int((~np.isfinite(y)).sum())
     caption = f"{result.name} over {key}" + (f"; {lost} cases without result are gaps." if lost else ".")
     return _finish(figure, name, caption, {"x": _plain(x[order]), "y": _plain(y[order])})
@@ -88,7 +88,7 @@ def draw_scatter(results: SweepResults, place: int, result: ChosenResult, name: 
         _paint(figure, axes, edges, np.where(counts > 0, counts, np.nan), "cases", log=True)
         caption = f"{result.name} over {key}: {len(x):,} cases in {counts.shape[0]} x {counts.shape[1]} bins."
         data = {"x_edges": edges[0].tolist(), "y_edges": edges[1].tolist(), "count": counts.tolist()}
-    dress_axes(axes, key, result.label, log=(_log(x), _log(y)))
+    dress_axes(axes, results.label_key(key), result.label, log=(_log(x), _log(y)))
     return _finish(figure, name, caption, data)
 
 
@@ -105,7 +105,8 @@ def draw_heat_map(results: SweepResults, places: tuple[int, int], result: Chosen
     figure, axes = _start()
     _paint(figure, axes, (edges[0], edges[1]), means, result.label)
     axes.set_facecolor(GRID)
-    dress_axes(axes, keys[0], keys[1], log=(_log(columns[0]), _log(columns[1])))
+    names = [results.label_key(key) for key in keys]
+    dress_axes(axes, names[0], names[1], log=(_log(columns[0]), _log(columns[1])))
     others = len(results.keys) > 2 or results.count > means.size
     caption = f"{'Mean of ' if others else ''}{result.name} over {keys[0]} and {keys[1]}"
     caption += "; grey: no result." if not np.isfinite(means).all() else "."
@@ -119,6 +120,7 @@ def draw_failures(results: SweepResults, places: Sequence[int], name: str) -> Fi
     failed = np.where(results.is_good[run], 0.0, 100.0)
     columns = [results.key_values[run, place] for place in places[:2]]
     keys = [results.keys[place] for place in places[:2]]
+    names = [results.label_key(key) for key in keys]
     grid = dict(results.axes)
     bins = 24 if len(failed) >= 2000 else 8
     edges = [
@@ -133,14 +135,15 @@ def draw_failures(results: SweepResults, places: Sequence[int], name: str) -> Fi
         part = np.divide(total, count, out=np.zeros(len(count)), where=count > 0)
         axes.stairs(part, edges[0], fill=True, color=SEQUENCE[1], alpha=0.85)
         _scale(axes, columns[0], None)
-        dress_axes(axes, keys[0], "failed cases [%]", log=(_log(columns[0]), False))
+        axes.set_ylim(0.0, 100.0)
+        dress_axes(axes, names[0], "failed cases [%]", log=(_log(columns[0]), False))
     else:
         part = bin_means(columns[0], columns[1], failed, edges[0], edges[1])
         _paint(figure, axes, (edges[0], edges[1]), part, "failed cases [%]", colors="Oranges")
         axes.set_facecolor(GRID)
-        dress_axes(axes, keys[0], keys[1], log=(_log(columns[0]), _log(columns[1])))
+        dress_axes(axes, names[0], names[1], log=(_log(columns[0]), _log(columns[1])))
     grey = "; grey: no cases" if not np.isfinite(part).all() else ""
-    caption = f"Part of failed cases over {' and '.join(keys)}{grey}."
+    caption = f"Share of failed cases over {' and '.join(keys)}{grey}."
     return _finish(figure, name, caption, {"failed_percent": _plain(part)})
 
 
@@ -155,16 +158,17 @@ def draw_indices(result: ChosenResult, indices: Indices, name: str) -> Figure:
         (-0.19, indices.total, indices.total_error, "total", SEQUENCE[1]),
     ):
         axes.barh(
-            place + shift, values[order], 0.34, xerr=errors[order], color=color, label=word,
+            place + shift, values[order], 0.34, xerr=errors[order] if errors.any() else None, color=color,
+            label=word,
             error_kw={"ecolor": INK, "elinewidth": 1.0, "capsize": 2.5},
         )  # fmt: skip
-    dress_axes(axes, "part of the variance", "")
+    dress_axes(axes, "share of the variance", "")
     axes.set_yticks(place, [_shorten(indices.keys[k]) for k in order])
     figure.legend(
         loc="outside upper center", ncols=2, frameon=False, fontsize=TEXT_SIZE - 0.5, labelcolor=INK
     )
     data = {"key": list(indices.keys), "first": _plain(indices.first), "total": _plain(indices.total)}
-    return _finish(figure, name, f"Which part of the variance of {result.name} each key causes.", data)
+    return _finish(figure, name, f"Which share of the variance of {result.name} each key causes.", data)
 
 
 def _paint(

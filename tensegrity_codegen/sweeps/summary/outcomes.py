@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,22 @@ import numpy as np
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 
-__all__ = ["Ending", "KeyDifference", "count_endings", "describe_count", "find_failing_keys"]
+__all__ = [
+    "Ending",
+    "KeyDifference",
+    "count_endings",
+    "describe_count",
+    "find_failing_keys",
+    "is_difference_clear",
+]
 
-VERBS = {"equilibrium": "converged", "evaluate": "were evaluated", "linearize": "were linearized"}
+VERBS = {
+    "equilibrium": "converged",
+    "evaluate": "were evaluated",
+    "linearize": "were linearized",
+    "simulate": "ran to their end",
+}
+CLEAR = 1.36  # of the distance of Kolmogorov and Smirnov over its scale: by chance in 5 of 100 samples
 
 
 @dataclass(frozen=True)
@@ -50,11 +64,23 @@ def count_endings(results: SweepResults) -> tuple[Ending, ...]:
 
 
 def describe_count(results: SweepResults) -> str:
-    """Return the finding in a few words: "9,987 of 10,000 cases converged"."""
+    """Return the finding in a few words: "9,987 of 10,000 cases converged, 13 did not"."""
     good, left = int(results.is_good.sum()), int((~results.is_computed).sum())
+    failed = results.count - good - left
     verb = VERBS.get(results.operation, "are ok")
     text = f"{good:,} of {results.count:,} cases {verb}"
+    if failed:
+        text += f", {failed:,} {'failed' if verb.startswith(('were', 'are')) else 'did not'}"
     return f"{text}, {left:,} not computed yet" if left else text
+
+
+def is_difference_clear(results: SweepResults, difference: KeyDifference) -> bool:
+    """Return whether a key tells failed and good cases apart by more than chance (at 5 %)."""
+    good = int(results.is_good.sum())
+    failed = int(results.is_computed.sum()) - good
+    if not (good and failed):
+        return False
+    return difference.distance > CLEAR * math.sqrt((good + failed) / (good * failed))
 
 
 def find_failing_keys(results: SweepResults) -> tuple[KeyDifference, ...]:

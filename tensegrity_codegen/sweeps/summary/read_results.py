@@ -60,6 +60,7 @@ def read_results(path: str | Path) -> SweepResults:
         words=(*STATUSES, NOT_COMPUTED),
         message=lambda case: _read_message(group, layout, case),
         kept=_find_kept(group, set(keys.values()), layout),
+        key_units={key: str(group[name].attrs.get("units", "")) for key, name in keys.items()},
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 __all__ = ["KeptQuantity", "SweepResults"]
 
 FloatArray = NDArray[np.float64]
+
+MOST_LETTERS = 36  # of a key along an axis
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class SweepResults:
         message(case) returns the message of a case, "" if there is none.
     kept : mapping
         Quantities by name.
+    key_units : mapping
+        Units of keys, where they are known.
     """
 
     path: Path
@@ -96,6 +100,7 @@ class SweepResults:
     words: tuple[str, ...]
     message: Callable[[int], str]
     kept: Mapping[str, KeptQuantity]
+    key_units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -111,6 +116,12 @@ class SweepResults:
     def is_computed(self) -> NDArray[np.bool_]:
         """Which cases are computed, shape (count,)."""
         return np.isin(self.status, [k for k, word in enumerate(self.words) if word != NOT_COMPUTED])
+
+    def label_key(self, key: str) -> str:
+        """Return a key with its unit, for axes; of a long key the end, where keys differ."""
+        short = key if len(key) <= MOST_LETTERS else "…" + key[1 - MOST_LETTERS :]
+        unit = self.key_units.get(key, "")
+        return f"{short} [{unit}]" if unit not in ("", "1") else short
 
     @property
     def is_grid(self) -> bool:

@@ -42,6 +42,12 @@ class ResultSummary:
     indices: Indices | str
 
     @property
+    def is_constant(self) -> bool:
+        """Whether all cases have the same value, but for rounding."""
+        low, high = self.distribution.least, self.distribution.largest
+        return bool(high - low <= 1e-12 * max(abs(low), abs(high)))
+
+    @property
     def strength(self) -> FloatArray:
         """How much each key matters, (n_keys,), for the order of figures: total indices or correlations."""
         if isinstance(self.indices, Indices):

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
@@ -18,15 +17,16 @@ from tensegrity_codegen.report.pages.page import (
     Section,
 )
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.sweeps.summary.causes import build_causes
 from tensegrity_codegen.sweeps.summary.figures import (
     draw_curve,
     draw_failures,
     draw_heat_map,
     draw_histogram,
-    draw_indices,
     draw_scatter,
 )
-from tensegrity_codegen.sweeps.summary.indices import Indices
+from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe_lead, describe_range
+from tensegrity_codegen.sweeps.summary.outcomes import is_difference_clear
 from tensegrity_codegen.sweeps.summary.statistics import describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.version import VERSION
@@ -53,44 +53,25 @@ def build_summary_page(summary: SweepSummary, command: str) -> Page:
         _varied(summary),
         *_distributions(summary),
         *_over_keys(summary),
-        *_causes(summary),
+        *build_causes(summary),
         *_worst(summary),
         Section("command", "again", "Command", "plain", "makes this page", (Command(command),)),
     )
     method = METHODS.get(results.method, results.method)
     count = f"{_count(results.count, 'case')}, {_count(len(results.keys), 'key')}, {method}."
     return Page(
-        title=f"{results.scene}: {summary.headline}",
-        lead=_lead(summary),
+        subject=f"Sweep of {results.scene}",
+        title=describe_finding(summary),
+        lead=describe_lead(summary),
         chapters=(Chapter("sweep", results.scene, results.operation, count, sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Words and equations: docs/sweep.md."),
         summary_heads=("part", "what", "result"),
     )
 
 
-def _lead(summary: SweepSummary) -> str:
-    """Return the main findings in two or three sentences."""
-    keys = summary.results.keys
-    texts = [f"Varied: {', '.join(keys[:4])}{f' and {len(keys) - 4} more' if len(keys) > 4 else ''}."]
-    if summary.failing and summary.failing[0].distance > 0.3:
-        row = summary.failing[0]
-        texts.append(
-            f"Failed cases differ most in {row.key}: median {format_number(row.failed, '.4g')}, "
-            f"{format_number(row.good, '.4g')} of the others."
-        )
-    for item in summary.chosen[:1]:
-        if isinstance(item.indices, Indices):
-            top = int(np.argmax(item.indices.total))
-            texts.append(
-                f"{keys[top]} causes {100 * item.indices.first[top]:.0f} % of the variance of "
-                f"{item.result.name} alone, {100 * item.indices.total[top]:.0f} % together with other keys."
-            )
-    return " ".join(texts)
-
-
 def _outcome(summary: SweepSummary) -> Section:
     columns = (
-        Column("status", numeric=False), Column("cases"), Column("part", "%"), Column("first case"),
+        Column("status", numeric=False), Column("cases"), Column("share", "%"), Column("first case"),
         Column("its message", numeric=False),
     )  # fmt: skip
     total = max(summary.results.count, 1)
@@ -98,7 +79,7 @@ def _outcome(summary: SweepSummary) -> Section:
         (
             text_cell(item.status.replace("_", " ")), number_cell(item.count, ",.0f"),
             number_cell(100 * item.count / total, ".2f"), number_cell(item.first, ".0f"),
-            text_cell(item.message),
+            text_cell(join_lines(item.message)),
         )
         for item in summary.endings
     )  # fmt: skip
@@ -121,6 +102,7 @@ def _failures(summary: SweepSummary) -> Iterator[Section]:
     if not rows:
         return
     keys = summary.results.keys
+    clear = [row for row in rows if is_difference_clear(summary.results, row)]
     columns = (
         Column("key", numeric=False), Column("distance", "0 to 1"), Column("median, failed"),
         Column("median, good"),
@@ -134,17 +116,21 @@ def _failures(summary: SweepSummary) -> Iterator[Section]:
         "Distance: largest difference of the distribution functions of failed and good cases; "
         "0: failures do not depend on this key alone."
     )
-    figure = draw_failures(summary.results, [keys.index(row.key) for row in rows[:2]], "failures")
     table = Table("Keys of failed and good cases", columns, cells, note)
-    text = f"failed and good cases differ most in {rows[0].key}"
-    yield Section("failures", "failed cases", "Where cases fail", "plain", text, (figure, table))
+    blocks: list[Block] = [table]
+    text = "no key alone tells failed cases from good ones, by more than chance"
+    if clear:
+        places = [keys.index(row.key) for row in clear[:2]]
+        blocks.insert(0, draw_failures(summary.results, places, "failures"))
+        text = f"failed and good cases differ most in {clear[0].key}"
+    yield Section("failures", "failed cases", "Where cases fail", "plain", text, tuple(blocks))
 
 
 def _varied(summary: SweepSummary) -> Section:
     results = summary.results
     columns = (
-        Column("key", numeric=False), Column("how", numeric=False), Column("values"), Column("least"),
-        Column("median"), Column("largest"),
+        Column("key", numeric=False), Column("unit", numeric=False), Column("how", numeric=False),
+        Column("different values"), Column("least"), Column("median"), Column("largest"),
     )  # fmt: skip
     rows = []
     for place, key in enumerate(results.keys):
@@ -153,7 +139,8 @@ def _varied(summary: SweepSummary) -> Section:
         how = results.ranges.get(key, "")
         rows.append(
             (
-                text_cell(key), text_cell(how), number_cell(len(np.unique(values)), ",.0f"),
+                text_cell(key), text_cell(results.key_units.get(key, "")), text_cell(how),
+                number_cell(len(np.unique(values)), ",.0f"),
                 number_cell(spread.least, ".5g"), number_cell(spread.median, ".5g"),
                 number_cell(spread.largest, ".5g"),
             )
@@ -188,11 +175,11 @@ def _distributions(summary: SweepSummary) -> Iterator[Section]:
             (text_cell(item.result.name), text_cell(item.result.unit), number_cell(spread.count, ",.0f"),
              *(number_cell(value, ".4g") for value in numbers))
         )  # fmt: skip
-        if spread.count:
+        if spread.count and not item.is_constant and not _is_curve(summary):
             figures.append(draw_histogram(item.result, f"histogram{number}"))
         sentences.append(f"{item.result.name}: {item.result.sentence.rstrip('.')}.")
     table = Table("Results", columns, tuple(rows), "Over cases that have the result. " + " ".join(sentences))
-    text = _count(len(rows), "result")
+    text = "; ".join(describe_range(item.result, item.distribution) for item in summary.chosen[:2])
     yield Section("results", "results", "Distributions", "plain", text, (*figures, table))
 
 
@@ -201,7 +188,7 @@ def _over_keys(summary: SweepSummary) -> Iterator[Section]:
     figures = [
         figure
         for number, item in enumerate(summary.chosen)
-        if item.distribution.count
+        if item.distribution.count and not item.is_constant
         for figure in _draw_over(summary, item, number)
     ]
     if figures:
@@ -214,7 +201,7 @@ def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Itera
     order = summary.over or _order_keys(summary, item)
     axes = [place for place in order if results.keys[place] in dict(results.axes)]
     name = f"over{number}-"
-    if len(results.keys) == 1 and axes:
+    if _is_curve(summary) and axes:
         yield draw_curve(results, axes[0], item.result, f"{name}0")
         return
     if len(axes) >= 2:
@@ -227,56 +214,16 @@ def _draw_over(summary: SweepSummary, item: ResultSummary, number: int) -> Itera
         yield draw_scatter(results, place, item.result, f"{name}{place}")
 
 
+def _is_curve(summary: SweepSummary) -> bool:
+    """Return whether one key varies along a grid: results are curves, and their distributions say nothing."""
+    return len(summary.results.keys) == 1 and bool(summary.results.axes)
+
+
 def _order_keys(summary: SweepSummary, item: ResultSummary) -> tuple[int, ...]:
     """Return the places of the keys that vary, the strongest first."""
     results = summary.results
     varying = [place for place in range(len(results.keys)) if np.ptp(results.key_values[:, place]) > 0.0]
     return tuple(sorted(varying, key=lambda place: -float(item.strength[place])))
-
-
-def _causes(summary: SweepSummary) -> Iterator[Section]:
-    """Return Sobol' indices where the cases allow them, and rank correlations."""
-    if not summary.chosen or not summary.results.keys:
-        return
-    blocks: list[Block] = []
-    tables: list[Block] = []
-    for number, item in enumerate(summary.chosen):
-        if isinstance(item.indices, Indices):
-            blocks.append(draw_indices(item.result, item.indices, f"indices{number}"))
-            tables.append(_index_table(item, item.indices))
-    reasons = {item.indices for item in summary.chosen if isinstance(item.indices, str)}
-    tables += [Paragraph(f"No Sobol' indices: {reason}.") for reason in sorted(reasons)]
-    tables.append(_correlation_table(summary))
-    found = len(blocks)
-    text = f"Sobol' indices of {_count(found, 'result')}" if found else "rank correlations"
-    yield Section("causes", "results", "What results depend on", "plain", text, (*blocks, *tables))
-
-
-def _index_table(item: ResultSummary, indices: Indices) -> Table:
-    columns = (
-        Column("key", numeric=False), Column("first order"), Column("± 95 %"), Column("total"),
-        Column("± 95 %"),
-    )  # fmt: skip
-    rows = tuple(
-        (text_cell(key), *(number_cell(float(value), ".3f") for value in values))
-        for key, *values in zip(
-            indices.keys, indices.first, indices.first_error, indices.total, indices.total_error, strict=True
-        )
-    )
-    return Table(f"Sobol' indices of {item.result.name}", columns, rows, f"From: {indices.source}.")
-
-
-def _correlation_table(summary: SweepSummary) -> Table:
-    columns = (
-        Column("key", numeric=False),
-        *(Column(item.result.name) for item in summary.chosen),
-    )
-    rows = tuple(
-        (text_cell(key), *(number_cell(float(item.correlation[place]), ".2f") for item in summary.chosen))
-        for place, key in enumerate(summary.results.keys)
-    )
-    note = "Spearman's rank correlation: 1 rises, -1 falls with the key, near 0 does neither."
-    return Table("Rank correlations", columns, rows, note)
 
 
 def _worst(summary: SweepSummary) -> Iterator[Section]:
@@ -299,6 +246,11 @@ def _worst(summary: SweepSummary) -> Iterator[Section]:
     ]
     text = f"{_count(len(rows), 'case')}, each with the commands that run it alone"
     yield Section("worst", "cases", "Worst cases", "plain", text, tuple(blocks))
+
+
+def join_lines(message: str) -> str:
+    """Return the lines of a message in one: "no rest length; given: 5; allowed: below 3"."""
+    return "; ".join(line.strip() for line in message.splitlines() if line.strip())
 
 
 def _count(number: int, what: str) -> str:

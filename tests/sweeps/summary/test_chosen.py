@@ -53,9 +53,9 @@ def test_a_quantity_without_parts_is_its_extremes() -> None:
     ]
 
 
-def test_by_default_numbers_come_first() -> None:
+def test_by_default_tensions_come_first_and_then_numbers() -> None:
     names = [item.name for item in choose_results(SWEEP)]
-    assert names == ["energy", "member_tension[max]", "member_tension[min]", "node_position[max]"]
+    assert names == ["member_tension[max]", "member_tension[min]", "energy", "node_position[max]"]
 
 
 @pytest.mark.parametrize(
@@ -75,3 +75,23 @@ def test_what_no_result_is(text: str, error: type[Exception], words: str) -> Non
     with pytest.raises(error) as caught:
         choose_results(SWEEP, [text])
     assert words in str(caught.value)
+
+
+def test_diagnostics_come_last_and_nothing_is_described_twice() -> None:
+    values = np.arange(6.0)
+    kept = [keep(name, values, "m") for name in ("change", "displacement", "residual", "smallest_eigenvalue")]
+    kept.append(keep("member_tension_max", np.ones((6, 3)), "N", ["member"], [("a", "b", "c")]))
+    kept.append(keep("member_tension_min", np.ones((6, 1)), "N", ["member"], [("a",)]))
+    sweep = make_sweep(values[:, None], ["k"], kept)
+    assert [item.name for item in choose_results(sweep)] == [
+        *("member_tension_max[max]", "member_tension_min[a]", "change", "smallest_eigenvalue"),
+    ]
+    alone = make_sweep(values[:, None], ["k"], [keep("residual", values)])
+    assert [item.name for item in choose_results(alone)] == ["residual"]
+
+
+def test_what_the_user_kept_comes_first_in_this_order() -> None:
+    values = np.arange(6.0)
+    kept = [keep(name, values) for name in ("a", "member_tension", "z")]
+    sweep = make_sweep(values[:, None], ["k"], kept, kept_names=["z = max(b)", "a"])
+    assert [item.name for item in choose_results(sweep)] == ["z", "a", "member_tension"]

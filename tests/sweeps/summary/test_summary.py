@@ -29,7 +29,8 @@ def test_endings_are_counted_with_their_first_message() -> None:
     assert failed["not_converged"].first == 0
     assert failed["not_converged"].message == "no convergence in 100 steps"
     assert failed["no_equilibrium"].first == int(np.flatnonzero(sweep.status == 2)[0])
-    assert summary.headline == f"{counts['converged']:,} of 2,000 cases converged"
+    failed_count = 2000 - counts["converged"]
+    assert summary.headline == f"{counts['converged']:,} of 2,000 cases converged, {failed_count} did not"
 
 
 def test_cases_that_are_not_computed_are_no_failures() -> None:

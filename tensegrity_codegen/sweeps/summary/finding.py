@@ -1,0 +1,93 @@
+"""What a sweep found, in one sentence of numbers: the headline of its page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensegrity_codegen.report.number_text import format_short
+from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED
+from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
+from tensegrity_codegen.sweeps.summary.indices import Indices
+from tensegrity_codegen.sweeps.summary.outcomes import describe_count, is_difference_clear
+from tensegrity_codegen.sweeps.summary.statistics import Distribution
+from tensegrity_codegen.sweeps.summary.summary import SweepSummary
+
+__all__ = ["describe_finding", "describe_lead", "describe_range"]
+
+MOST_STATUSES = 2
+MOST_NAMED = 3  # keys in the lead
+
+
+def describe_finding(summary: SweepSummary) -> str:
+    """Return how many cases have a result, why others have none, and the range of the first result."""
+    results = summary.results
+    good = int(results.is_good.sum())
+    text = describe_count(results)
+    if good == results.count and good > 1:
+        text = f"All {text.partition(' of ')[2]}"
+    words = [item.status for item in summary.endings if not item.good and item.status != NOT_COMPUTED]
+    if words:
+        shown = ", ".join(word.replace("_", " ") for word in words[:MOST_STATUSES])
+        text += f" ({shown}{', ...' if len(words) > MOST_STATUSES else ''})"
+    if not summary.chosen or not summary.chosen[0].distribution.count:
+        return text
+    item = summary.chosen[0]
+    return f"{text}; {describe_range(item.result, item.distribution)}"
+
+
+def describe_range(result: ChosenResult, spread: Distribution) -> str:
+    """Return the least and largest value of a result: "member_tension[max] 1.2 to 30 N"."""
+    unit = _unit(result.unit)
+    low, high = (_format(value, spread) for value in (spread.least, spread.largest))
+    values = low if low == high else f"{low} to {high}"
+    return f"{result.name} {values}{unit}{' in all cases' if low == high and spread.count > 1 else ''}"
+
+
+def _format(value: float, spread: Distribution) -> str:
+    """Return a number with digits that show the range; what is rounding beside the other end is zero."""
+    if abs(value) < 1e-12 * max(abs(spread.least), abs(spread.largest)):
+        return "0"
+    digits = 3
+    while (
+        digits < 9
+        and spread.least != spread.largest
+        and abs(spread.largest - spread.least) < abs(value) * 10.0 ** (1 - digits)
+    ):
+        digits += 1
+    return format_short(value, digits)
+
+
+def describe_lead(summary: SweepSummary) -> str:
+    """Return the main findings in two or three sentences."""
+    results, keys = summary.results, summary.results.keys
+    varied = [_describe_varied(summary, place) for place in range(min(len(keys), MOST_NAMED))]
+    more = f" and {len(keys) - MOST_NAMED} more" if len(keys) > MOST_NAMED else ""
+    texts = [f"Varied: {', '.join(varied)}{more}."] if varied else []
+    for row in [row for row in summary.failing if is_difference_clear(results, row)][:1]:
+        unit = _unit(results.key_units.get(row.key, ""))
+        texts.append(
+            f"Failed cases differ most in {row.key}: median {format_short(row.failed)}{unit}, "
+            f"{format_short(row.good)}{unit} of the others."
+        )
+    for item in summary.chosen[:1]:
+        if isinstance(item.indices, Indices) and len(keys) > 1:
+            top = int(np.argmax(item.indices.total))
+            texts.append(
+                f"{keys[top]} causes {100 * item.indices.first[top]:.0f} % of the variance of "
+                f"{item.result.name} alone, {100 * item.indices.total[top]:.0f} % together with other keys."
+            )
+    return " ".join(texts)
+
+
+def _describe_varied(summary: SweepSummary, place: int) -> str:
+    """Return a key with its least and largest value: "gravity[2] −20 to 0 m/s2"."""
+    results = summary.results
+    key, values = results.keys[place], results.key_values[:, place]
+    low, high = (
+        format_short(float(pick(values, initial=np.nan))) for pick in (np.fmin.reduce, np.fmax.reduce)
+    )
+    return f"{key} {low}{f' to {high}' if low != high else ''}{_unit(results.key_units.get(key, ''))}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"
