@@ -22,9 +22,21 @@ export function connectControls(app) {
   fillSelect(speed, SPEEDS.map((value) => [value, `${short(value)} ×`]));
   speed.value = 1;
   speed.onchange = () => engine.send("speed", { speed: Number(speed.value) });
+  connectMethods(engine);
   const box = byId("sliders");
   for (const slider of engine.described.sliders) box.append(buildSlider(app, slider));
   box.append(pullSlider(app));
+}
+
+const METHODS = { rk54: "rk54, explicit", radau: "radau, for stiff bars" };
+
+/** The choice of the integrator, where the module has more than one. */
+function connectMethods({ described, send }) {
+  const select = byId("method");
+  byId("method-row").hidden = described.methods.length < 2;
+  fillSelect(select, described.methods.map(({ name }) => [name, METHODS[name] ?? name]));
+  select.value = described.method;
+  select.onchange = () => send("method", { name: select.value });
 }
 
 /** One slider: a number of an argument, or a factor of several. */
@@ -70,6 +82,14 @@ function sliderRow(label, { low, high, value }, show, call) {
   return row;
 }
 
+const pace = (speed) => (speed < 0.1 ? short(speed, 2) : speed.toFixed(2));
+
+/** What to try where the model runs slower than it should. */
+function adviceOf({ engine }) {
+  const others = engine.described.methods.filter(({ name }) => name !== engine.last.method);
+  return others.length ? `too slow here: try the method ${others[0].name}` : "this machine is too slow";
+}
+
 /** Show the clock: simulated time, and how fast it runs against the wall. */
 export function showRun(app) {
   const { last, failure } = app.engine;
@@ -81,10 +101,10 @@ export function showRun(app) {
   const isBehind = last.speed !== null && last.speed < 0.93 * wished;
   facts.classList.toggle("behind", isBehind || last.status !== 0 || Boolean(failure));
   if (failure) facts.textContent = `stopped: ${failure}`;
-  else if (last.status !== 0) facts.textContent = `stopped at ${last.time.toFixed(4)} s: ${last.text}`;
+  else if (last.status !== 0) facts.textContent = `stopped at ${last.time.toFixed(4)} s, ${last.text}; reset starts again`;
   else if (!last.running) facts.textContent = "paused";
   else if (last.speed === null) facts.textContent = "running";
-  else facts.textContent = `${last.speed.toFixed(2)} × real time${isBehind ? ", this machine is too slow" : ""}`;
-  facts.title = `${last.steps} steps, ${last.rejected} rejected`;
+  else facts.textContent = `${pace(last.speed)} × real time${isBehind ? `, ${adviceOf(app)}` : ""}`;
+  facts.title = `${last.method}: ${last.steps} steps, ${last.rejected} rejected`;
   if (app.pull) facts.textContent += `, pulled by ${withUnit(last.force, "N")}`;
 }

@@ -2,7 +2,7 @@
 
 import { THREE } from "three";
 
-const REACH = 8; // pixels around the pointer
+const REACH = 8; // pixels around the pointer of a mouse
 
 /** Return places of all nodes on the screen [px], and their depths [m], as (x, y, depth). */
 export function projectNodes(stage, nodes, out) {
@@ -23,9 +23,9 @@ export function buildPicker(stage, model, radii) {
   const places = new Float64Array(3 * model.nodeCount);
   const pixelsAt = (depth) => stage.canvas.clientHeight / (2 * Math.tan((stage.camera.fov * Math.PI) / 360) * depth);
 
-  function pickNode(x, y) {
+  function pickNode(x, y, reach) {
     let best = null;
-    let least = REACH + 4;
+    let least = reach + 4;
     for (let k = 0; k < model.nodeCount; k++) {
       if (places[3 * k + 2] <= 0) continue;
       const distance = Math.hypot(places[3 * k] - x, places[3 * k + 1] - y);
@@ -34,7 +34,7 @@ export function buildPicker(stage, model, radii) {
     return best;
   }
 
-  function pickMember(x, y) {
+  function pickMember(x, y, reach) {
     let best = null;
     let score = Infinity;
     for (let e = 0; e < model.memberCount; e++) {
@@ -46,7 +46,7 @@ export function buildPicker(stage, model, radii) {
       const depth = places[i + 2] + part * (places[j + 2] - places[i + 2]);
       const width = radii[e] * pixelsAt(depth);
       const gap = Math.max(0, Math.hypot(places[i] + part * dx - x, places[i + 1] + part * dy - y) - width);
-      if (gap > REACH) continue;
+      if (gap > reach) continue;
       const value = gap * 1e3 + depth / model.size;
       if (value < score) [best, score] = [e, value];
     }
@@ -55,12 +55,13 @@ export function buildPicker(stage, model, radii) {
 
   return {
     places,
-    /** Return {node} or {member} at a place of the canvas [px], null where there is none. */
-    pick(nodes, x, y) {
+    /** Return {node} or {member} at a place of the canvas [px], null where there is none; a reach of so many `times`. */
+    pick(nodes, x, y, times = 1) {
       projectNodes(stage, nodes, places);
-      const node = pickNode(x, y);
-      const member = pickMember(x, y);
-      if (node !== null && Math.hypot(places[3 * node] - x, places[3 * node + 1] - y) < REACH) return { node };
+      const reach = REACH * times;
+      const node = pickNode(x, y, reach);
+      const member = pickMember(x, y, reach);
+      if (node !== null && Math.hypot(places[3 * node] - x, places[3 * node + 1] - y) < reach) return { node };
       if (member !== null) return { member };
       return node === null ? null : { node };
     },

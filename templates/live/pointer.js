@@ -3,7 +3,9 @@
 import { describe, writeFacts } from "live/facts";
 
 const byId = (id) => document.getElementById(id);
-const STILL = 5; // pixels that a click may move
+const STILL = { mouse: 5, touch: 14 }; // pixels that a click may move
+
+const FINGER = 2; // times the reach of a mouse
 
 export function listenToPointer(app) {
   const { canvas } = app.stage;
@@ -38,13 +40,14 @@ export function listenToPointer(app) {
     app.hovered = null;
   });
   canvas.addEventListener("pointerdown", (event) => {
-    pressed = inside(event);
+    pressed = event.isPrimary ? inside(event) : null; // two fingers zoom
     tip.hidden = true;
   });
   canvas.addEventListener("pointerup", (event) => {
     const place = inside(event);
-    if (pressed && Math.hypot(place[0] - pressed[0], place[1] - pressed[1]) < STILL) {
-      app.choose(app.picker.pick(app.state.nodes, ...place));
+    const still = STILL[event.pointerType] ?? STILL.mouse;
+    if (pressed && Math.hypot(place[0] - pressed[0], place[1] - pressed[1]) < still) {
+      app.choose(app.picker.pick(app.state.nodes, ...place, event.pointerType === "touch" ? FINGER : 1));
     }
     pressed = null;
   });

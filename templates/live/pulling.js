@@ -3,7 +3,7 @@
 import { THREE } from "three";
 import { projectNodes } from "live/picking";
 
-const NEAR = 22; // pixels between pointer and node
+const NEAR = { mouse: 22, touch: 34 }; // pixels between pointer and node
 
 export function letPull(app) {
   const { stage, model, state, engine } = app;
@@ -20,9 +20,9 @@ export function letPull(app) {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   };
-  const nodeAt = ([x, y]) => {
+  const nodeAt = ([x, y], reach) => {
     projectNodes(stage, state.nodes, places);
-    let [best, least] = [null, NEAR];
+    let [best, least] = [null, reach];
     for (let k = 0; k < model.nodeCount; k++) {
       const distance = Math.hypot(places[3 * k] - x, places[3 * k + 1] - y);
       if (places[3 * k + 2] > 0 && distance < least && isFree(k)) [best, least] = [k, distance];
@@ -43,15 +43,16 @@ export function letPull(app) {
   };
 
   canvas.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
-    const node = nodeAt(inside(event));
+    if (app.pull) event.stopImmediatePropagation(); // a second finger
+    if (event.button !== 0 || app.pull) return;
+    const node = nodeAt(inside(event), NEAR[event.pointerType] ?? NEAR.mouse);
     if (node === null) return;
     event.stopImmediatePropagation();
     canvas.setPointerCapture(event.pointerId);
     stage.controls.enabled = false;
     const start = new THREE.Vector3(...state.nodes.slice(3 * node, 3 * node + 3));
     plane.setFromNormalAndCoplanarPoint(stage.camera.getWorldDirection(new THREE.Vector3()), start);
-    app.pull = { node, point: start };
+    app.pull = { node, point: start, pointer: event.pointerId };
     app.hovered = null;
     document.getElementById("tip").hidden = true;
     app.choose({ node });
@@ -59,15 +60,15 @@ export function letPull(app) {
     if (engine.last.status === 0) app.player.play();
   }, { capture: true });
   canvas.addEventListener("pointermove", (event) => {
-    if (!app.pull) return;
+    if (event.pointerId !== app.pull?.pointer) return;
     const point = pointOf(inside(event));
     if (!point) return;
     app.pull.point = point;
     send();
     stage.dirty = true;
   });
-  const release = () => {
-    if (!app.pull) return;
+  const release = (event) => {
+    if (event.pointerId !== app.pull?.pointer) return;
     app.pull = null;
     stage.controls.enabled = true;
     engine.send("pull", { pull: null });

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.files import replaced
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ThreeOption", "play_live", "show_live"]
 
-PLAYED = "rk54"
+METHODS = ("auto", "rk54", "radau")
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")
 
 ThreeOption = Annotated[
@@ -77,7 +77,7 @@ def show_live(
 
 
 def play_live(
-    output: Output, scene: Path, out: Path, rtol: float, settle: bool, three: Path | None
+    output: Output, scene: Path, out: Path, rtol: float, method: str, settle: bool, three: Path | None
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
     from tensegrity_codegen.pipeline import build_library, check_buildable
@@ -87,15 +87,16 @@ def play_live(
     from tensegrity_codegen.report.live.three_module import find_three
 
     _check_tolerance(rtol)
+    check_choice(method, METHODS, "method", "--method")
     subject, request = output.load(scene, settles=settle)
-    wanted = request_play(subject, request)
+    wanted = request_play(subject, request, method)
     check_buildable(subject, wanted)
     module, licence = find_three(three)
     if settle:
         subject = settle_subject(output, subject, request)
     built = build_library(subject, wanted, target="wasm32")
     shown = build_live_scene(subject)
-    running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol)
+    running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
     text = render_live(running, module, licence)
     with replaced(out) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -105,7 +106,8 @@ def play_live(
         "out": str(out),
         "bytes": size,
         "module_bytes": built.path.stat().st_size,
-        "integrator": built.manifest.integrators[0].name,
+        "integrator": running.data["engine"]["method"],
+        "integrators": [item.name for item in built.manifest.integrators],
         "rtol": rtol,
         "sliders": [slider["label"] for slider in running.data["engine"]["sliders"]],
     }
@@ -120,19 +122,30 @@ def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> S
     return settled
 
 
-def request_play(subject: Subject, request: ModelRequest) -> ModelRequest:
-    """Return the request for a model that runs in a page: loads, gravity and damping change at run time."""
+def request_play(subject: Subject, request: ModelRequest, method: str = "auto") -> ModelRequest:
+    """Return the request for a model that runs in a page: loads, gravity and damping change at run time.
+
+    method: integrator with which the page starts; the stiff one is offered besides where there is one.
+    """
     import numpy as np
 
-    from tensegrity_codegen.pipeline import find_needs
+    from tensegrity_codegen.pipeline import check_buildable, find_needs
+    from tensegrity_codegen.report.live.engine import EXPLICIT, STIFF
 
-    needs = find_needs("simulate", subject, request, method=PLAYED)
+    needs = find_needs("simulate", subject, request, method=EXPLICIT)
     shown = [name for name in needs.quantities if name in SHOWN]
     cables = tuple(int(e) for e in np.flatnonzero(subject.tension_only & (subject.mu > 0)))
     parameters = {"node_load": tuple(range(subject.n_nodes)), "gravity": (), "damping": cables}
     kept = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
-    wanted = request.wanting(*shown, integrators=(PLAYED,), parameters=kept)
-    return replace(wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=())
+    wanted = request.wanting(*shown, integrators=(EXPLICIT, STIFF), parameters=kept)
+    wanted = replace(wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=())
+    try:
+        check_buildable(subject, wanted)
+    except FormulationError:
+        if method == STIFF:
+            raise
+        return replace(wanted, integrators=(EXPLICIT,))
+    return wanted
 
 
 def _check_tolerance(rtol: float) -> None:

@@ -161,6 +161,15 @@ class Tab:
             self.mouse("Moved", *place, button="left")
         self.mouse("Released", *end, button="left")
 
+    def touch(self, *paths: list[tuple[float, float]]) -> None:
+        """Put one finger on the start of each path, move them along, lift them."""
+        self.send("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+        for k in range(len(paths[0])):
+            points = [{"x": path[k][0], "y": path[k][1], "id": finger} for finger, path in enumerate(paths)]
+            kind = "touchMove" if k else "touchStart"
+            self.send("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        self.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def press(self, key: str) -> None:
         """Press and release a key."""
         text = {"text": key} if len(key) == 1 else {}

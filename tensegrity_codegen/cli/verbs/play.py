@@ -22,6 +22,9 @@ def play(
     out: Annotated[Path, typer.Option("--out", "-o", help="Live page (.html).")],
     overwrite: OverwriteOption = False,
     rtol: Annotated[float, typer.Option("--rtol", help="Relative tolerance of each step.")] = 1e-6,
+    method: Annotated[
+        str, typer.Option("--method", help="Integrator at the start: auto, rk54, or radau for stiff bars.")
+    ] = "auto",
     settle: Annotated[bool, typer.Option("--settle", help="Start from the equilibrium, at rest.")] = False,
     three: ThreeOption = None,
     json: JsonOption = False,
@@ -36,7 +39,7 @@ def play(
     with output.guard(scene, [*([*BUILD, SETTLE] if settle else []), *BUILD]):
         check_ending(out, ".html")
         check_output(out, inputs=[scene], overwrite=overwrite)
-        output.result(*play_live(output, scene, out, rtol, settle, three))
+        output.result(*play_live(output, scene, out, rtol, method, settle, three))
 
 
 VERB = Verb(play, order=82)

@@ -8,7 +8,7 @@ import pytest
 from tensegrity_codegen.cli.live_page import request_play
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.report.live.engine import PULLED, add_engine
+from tensegrity_codegen.report.live.engine import PULLED, add_engine, choose_method
 from tensegrity_codegen.report.live.live_scene import build_live_scene
 from tensegrity_codegen.report.live.render_live import live_folder
 from tests.report.live.pages import EXAMPLES
@@ -55,6 +55,30 @@ def test_sliders_have_the_ranges_of_actuators_and_the_values_of_the_scene() -> N
         assert set(slider["places"]) <= set(range(len(nominal)))
         if not slider["is_factor"]:
             assert {nominal[place] for place in slider["places"]} == {slider["value"]}
+
+
+@pytest.mark.parametrize(("factor", "method"), [(1.0, "rk54"), (1e4, "radau")])
+def test_stiff_bars_choose_the_implicit_method_where_the_library_has_it(factor: float, method: str) -> None:
+    structure, _ = load_scene(EXAMPLES / "prism.toml")
+    spring = structure.spring_constant * np.where(structure.is_bar, factor, 1.0)
+    stiff = structure.with_changes(spring_constant=spring)
+    assert choose_method(stiff, ("rk54", "radau")) == method
+    assert choose_method(stiff, ("rk54",)) == "rk54"
+
+
+def test_stiff_cables_do_not_choose_it() -> None:
+    structure, _ = load_scene(EXAMPLES / "prism.toml")
+    stiff = structure.with_changes(spring_constant=structure.spring_constant * 1e6)
+    assert choose_method(stiff, ("rk54", "radau")) == "rk54"
+
+
+@pytest.mark.parametrize(("name", "methods"), [("prism12", ["rk54", "radau"]), ("svd_tower", ["rk54"])])
+def test_pages_offer_the_methods_of_the_library(name: str, methods: list[str]) -> None:
+    _, _, scene = describe(name)
+    offered = scene.data["engine"]["methods"]
+    assert [item["name"] for item in offered] == methods
+    assert [item["is_stiff"] for item in offered] == [item == "radau" for item in methods]
+    assert scene.data["engine"]["method"] in methods
 
 
 def test_the_worker_and_the_description_agree_on_the_pull() -> None:

@@ -90,6 +90,39 @@ def test_the_mouse_turns_and_zooms_the_picture(tab: Tab) -> None:
     assert 0.005 < tab.ask("tensegrity.coverage()") < 0.5
 
 
+def distance_of(view: dict[str, list[float]]) -> float:
+    return math.dist(view["position"], view["target"])
+
+
+def test_one_finger_turns_two_zoom_and_a_tap_chooses(browser: Browser, page: Path) -> None:
+    phone = Tab(browser, 400, 800, "light")
+    phone.open(page)
+    phone.frame()
+    before = phone.ask("tensegrity.camera")
+    phone.touch([(60 + 25 * k, 420.0) for k in range(7)])
+    phone.frame()
+    turned = phone.ask("tensegrity.camera")
+    assert math.dist(before["position"], turned["position"]) > 0.2 * distance_of(before)
+    assert distance_of(turned) == pytest.approx(distance_of(before), rel=1e-3)
+    assert phone.ask("tensegrity.chosen") is None
+    phone.touch([(180 - 15 * k, 300.0) for k in range(7)], [(220 + 15 * k, 300.0) for k in range(7)])
+    phone.frame()
+    assert distance_of(phone.ask("tensegrity.camera")) < 0.7 * distance_of(turned)
+    phone.ask("tensegrity.app.reset()")
+    phone.frame()
+    x, y = place_of(phone, PRISM.node_name[0])
+    phone.touch([(x, y)])
+    phone.wait("tensegrity.chosen !== null")
+    assert phone.ask("document.getElementById('chosen').innerText").startswith(PRISM.node_name[0])
+    for name in ("play", "fit", "reset", "theme"):
+        box = f"document.getElementById('{name}').getBoundingClientRect()"
+        width, height = phone.ask(f"(({{ width, height }}) => [width, height])({box})")
+        assert min(width, height) >= 40
+    assert phone.ask("document.documentElement.scrollWidth") <= 400
+    assert phone.complaints() == []
+    phone.send("Page.close")
+
+
 def test_the_slider_scrubs_and_keys_step(tab: Tab) -> None:
     tab.ask("tensegrity.seekFrame(0)")
     box = tab.ask(

@@ -57,29 +57,33 @@ def tab(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Tab:
 @pytest.fixture(autouse=True)
 def start(tab: Tab) -> None:
     tab.ask("tensegrity.order('pull', { pull: null })")
+    tab.ask("tensegrity.order('method', { name: 'rk54' })")
     tab.ask("tensegrity.order('reset')")
 
 
-def run_native(name: str, t_end: float, atol: float) -> tuple[np.ndarray, np.ndarray]:
+def run_native(name: str, t_end: float, atol: float, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Return coordinates and tensions of native C after the same calls as in the page."""
     subject, request = load_scene(EXAMPLES / f"{name}.toml")
     built = build_library(subject, request_play(subject, request))
     library, manifest = ctypes.CDLL(str(built.path)), built.manifest
     nominal = {item.name: np.array(item.nominal, dtype=float) for item in manifest.arguments}
     state = np.concatenate([nominal["coordinate"], nominal["velocity"]])
-    spec = manifest.integrators[0]
-    clock, step, work = np.zeros(1), np.zeros(1), np.zeros(spec.work_size)
-    counts = np.zeros((3, 1), dtype=np.int64)
+    spec = next(item for item in manifest.integrators if item.name == method)
+    clock, step, work, vibration = np.zeros(1), np.zeros(1), np.zeros(spec.work_size), np.zeros(3)
+    sampled, counts = np.zeros(1, dtype=np.int64), np.zeros(6, dtype=np.int64)
 
     def at(array: np.ndarray) -> ctypes.c_void_p:
         return ctypes.c_void_p(array.ctypes.data)
 
     integrate, double, whole = getattr(library, spec.symbol), ctypes.c_double, ctypes.c_longlong
+    tail = (None, None, at(sampled), at(counts), at(counts[1:]), at(work))
+    if method == "radau":
+        tail = (None, None, None, at(sampled), at(counts), at(vibration), at(work))
     while clock[0] < t_end:
         status = integrate(
             double(min(t_end, clock[0] + SLICE)), double(RTOL), double(atol), whole(20000),
             at(clock), at(step), at(state), *(at(nominal[key]) for key in spec.arguments),
-            whole(0), None, None, *(at(count) for count in counts), at(work),
+            whole(0), *tail,
         )  # fmt: skip
         assert status == 0
     n = len(nominal["coordinate"])
@@ -92,12 +96,14 @@ def run_native(name: str, t_end: float, atol: float) -> tuple[np.ndarray, np.nda
     return state[:n], tension
 
 
-def test_the_page_computes_the_numbers_of_native_c(tab: Tab) -> None:
+@pytest.mark.parametrize("method", ["rk54", "radau"])
+def test_the_page_computes_the_numbers_of_native_c(tab: Tab, method: str) -> None:
+    tab.ask(f"tensegrity.order('method', {{ name: '{method}' }})")
     found = tab.ask("tensegrity.advance(0.25).then(({ nodes, tension, time, status }) =>"
                     " [Array.from(nodes), Array.from(tension), time, status])")  # fmt: skip
     assert found[2:] == [0.25, 0]
     atol = tab.ask("tensegrity.app.engine.described.atol")
-    coordinate, tension = run_native("tower", 0.25, atol)
+    coordinate, tension = run_native("tower", 0.25, atol, method)
     subject, _ = load_scene(EXAMPLES / "tower.toml")
     position = subject.node_position.ravel().copy()
     places = subject.coordinate_node_axis
@@ -175,6 +181,69 @@ def test_a_run_that_stops_says_why(tab: Tab) -> None:
     tab.ask("tensegrity.order('set', { name: 'gravity', values: [0, 0, -9.81] })")
     tab.ask("tensegrity.order('reset')")
     assert tab.ask("tensegrity.advance(0.1).then(({ status }) => status)") == 0
+
+
+@pytest.mark.parametrize("method", ["rk54", "radau"])
+def test_a_motion_that_leaves_all_bounds_stops_with_its_status(tab: Tab, method: str) -> None:
+    tab.ask(f"tensegrity.order('method', {{ name: '{method}' }})")
+    tab.ask("tensegrity.order('set', { name: 'damping', values: new Array(39).fill(-1e3) })")
+    tab.ask("tensegrity.play()")
+    tab.wait("!tensegrity.run.running && tensegrity.run.status !== 0")
+    tab.wait("document.getElementById('run-facts').innerText.startsWith('stopped at')")
+    text = tab.ask("document.getElementById('run-facts').innerText")
+    assert any(name in text for name in ("unstable", "step_too_small", "non_finite_result"))
+    time_then = tab.ask("tensegrity.run.time")
+    tab.ask("tensegrity.play()")
+    tab.frame()
+    assert tab.ask("tensegrity.run.time") == time_then
+    assert all(math.isfinite(value) for value in tab.ask("tensegrity.state.positions"))
+    assert "NaN" not in tab.ask("document.body.innerText")
+    tab.ask("tensegrity.order('set', { name: 'damping', values: new Array(39).fill(0.5) })")
+    tab.ask("tensegrity.order('reset')")
+    assert tab.ask("tensegrity.advance(0.1).then(({ status }) => status)") == 0
+
+
+def test_very_stiff_bars_start_with_the_implicit_method(browser: Browser, tmp_path: Path) -> None:
+    text = (EXAMPLES / "prism.toml").read_text(encoding="utf-8")
+    assert "spring_constant = 2e5 " in text
+    stiff = tmp_path / "stiff.toml"
+    stiff.write_text(text.replace("spring_constant = 2e5 ", "spring_constant = 2e9 "), encoding="utf-8")
+    subject, request = load_scene(stiff)
+    built = build_library(subject, request_play(subject, request), target="wasm32")
+    scene = add_engine(build_live_scene(subject), subject, built.manifest, built.path.read_bytes(), rtol=1e-6)
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(write_page(scene, tmp_path / "stiff.html"))
+    assert opened.ask("document.getElementById('method').value") == "radau"
+    found = opened.ask("tensegrity.advance(0.1).then(({ total, steps, method }) => [total, steps, method])")
+    assert found[2] == "radau"
+    assert found[1] < 10_000  # rk54 takes more than 30,000
+    opened.ask("tensegrity.order('reset')")
+    first = opened.ask("tensegrity.run.total")
+    assert found[0] == pytest.approx(first, rel=1e-3)
+    forces = opened.ask("tensegrity.advance(0.1).then(({ tension }) => Array.from(tension))")
+    assert np.abs(forces).max() < 1e3  # not the rounding of positions times 2e9 N/m
+    opened.send("Page.close")
+
+
+def test_a_finger_drags_a_node(browser: Browser, tmp_path: Path) -> None:
+    phone = open_page(browser, "tower", tmp_path, width=400)
+    phone.frame()
+    node = phone.ask("tensegrity.names.nodes.indexOf('t3_3')")
+    x, y = phone.ask(f"tensegrity.place({node})")
+    top = phone.ask("document.getElementById('view').getBoundingClientRect().top")
+    camera = phone.ask("tensegrity.camera")
+    path = [(x + 6 * k, y + top) for k in range(10)]
+    phone.send("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    for k, (left, down) in enumerate(path):
+        kind = "touchMove" if k else "touchStart"
+        phone.send("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": left, "y": down}])
+    phone.wait("tensegrity.app.pull !== null && tensegrity.run.force > 0")
+    phone.wait(f"tensegrity.place({node})[0] > {x + 10}")
+    phone.send("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    phone.wait("tensegrity.app.pull === null")
+    assert phone.ask("tensegrity.camera") == camera  # the picture did not turn
+    assert phone.complaints() == []
+    phone.send("Page.close")
 
 
 @pytest.mark.parametrize("name", ["prism", "svd_tower"])
