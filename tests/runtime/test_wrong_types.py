@@ -47,7 +47,10 @@ def test_what_is_no_model_is_refused_with_the_way_to_one(name, given):
     ("function", "options"),
     [
         (simulate, {"t_end": 1.0, "samples": [0, 1, 2]}),
-        (simulate, {"t_end": 1.0, "samples": np.linspace(0.0, 1.0, 3)}),
+        (simulate, {"t_end": 1.0, "samples": np.linspace(0.1, 1.0, 3)}),
+        (simulate, {"t_end": 1.0, "samples": [0.0, 0.5, 0.5, 1.0]}),
+        (simulate, {"t_end": 1.0, "samples": "12"}),
+        (simulate, {"t_end": 1.0, "samples": [[0.0, 1.0]]}),
         (simulate, {"t_end": 1.0, "samples": 5.0}),
         (simulate, {"t_end": 1.0, "max_steps": "many"}),
         (simulate, {"t_end": 1.0, "keep": 3}),

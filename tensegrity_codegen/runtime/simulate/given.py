@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_positive, check_whole
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import MOST_SAMPLES, RunOptions
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -23,9 +24,26 @@ from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 
-__all__ = ["find_start", "read_schedule"]
+__all__ = ["find_start", "read_sample_times", "read_schedule"]
 
 FloatArray = NDArray[np.float64]
+
+
+def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:
+    """Return the times of samples (n,) [s]: so many equally spaced ones, or those given, from 0 to t_end.
+
+    Raises InvalidValueError for anything else.
+    """
+    check_positive(t_end, "t_end", "[s]")
+    if not isinstance(samples, Sequence | np.ndarray):
+        count = check_whole(samples, "samples", 2, MOST_SAMPLES, "not a number of samples")
+        return np.linspace(0.0, t_end, count)
+    allowed = f"increasing times [s], the first 0 and the last t_end = {t_end}, at most {MOST_SAMPLES}"
+    times = np.array(to_array(samples, PRECISIONS["double"], "samples", allowed))
+    good = times.ndim == 1 and 2 <= times.size <= MOST_SAMPLES
+    if not (good and times[0] == 0.0 and times[-1] == t_end and (np.diff(times) > 0.0).all()):
+        raise InvalidValueError("not times of samples", where="samples", given=samples, allowed=allowed)
+    return times
 
 
 def find_start(

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
@@ -22,7 +21,7 @@ from tensegrity_codegen.runtime.model.require import require_double, require_mod
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import find_start, read_schedule
+from tensegrity_codegen.runtime.simulate.given import find_start, read_sample_times, read_schedule
 from tensegrity_codegen.runtime.simulate.motion_events import stop_at_contact
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.simulate.until_condition import stop_at_condition, watch_condition
@@ -38,7 +37,7 @@ def simulate(
     model: CompiledModel,
     t_end: float,
     *,
-    samples: int = 101,
+    samples: int | ArrayLike = 101,
     method: str = "auto",
     step: float | None = None,
     rtol: float = 1e-6,
@@ -63,8 +62,9 @@ def simulate(
         Compiled for ``"simulate"``, see compile_scene.
     t_end : float
         End time [s]; the motion starts at 0.
-    samples : int
-        Number of equally spaced sample times, 0 and t_end included.
+    samples : int or array_like, shape (n_t,)
+        Number of equally spaced sample times, 0 and t_end included; or the times themselves [s], increasing
+        from 0 to t_end.
     method : str
         ``"auto"``, ``"rk853"``, ``"rk54"``, ``"tsit5"``, ``"radau"``, ``"rk4"`` or a SciPy method
         (``"scipy_dop853"``, ``"scipy_rk45"``, ``"scipy_lsoda"``, ``"scipy_radau"``).
@@ -130,9 +130,10 @@ def simulate(
     """
     require_model(model)
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
-    check_options(options, t_end, samples)
+    times = read_sample_times(samples, t_end)
+    check_options(options, t_end, len(times))
     require_double(model.manifest, "a simulation from Python")
-    check_sample_memory(model.manifest, samples)
+    check_sample_memory(model.manifest, len(times))
     if isinstance(schedule, Profile):
         check_not_constant(schedule, arguments or {}, model.manifest.input_name)
     given = merge_inputs(model.manifest, arguments)
@@ -142,7 +143,7 @@ def simulate(
     state = find_start(model, coordinate, velocity, given)
     watch = watch_condition(model, options.method, condition, until_condition, given, drive)
     follow = progress if options.control == "steps" else join_runs(progress)
-    motion = Motion(model, state, np.linspace(0.0, t_end, samples), given, follow, watch, drive)
+    motion = Motion(model, state, times, given, follow, watch, drive)
     raw, events = _run(motion, options, until_contact, condition if until_condition else None)
     if progress is not None:
         progress(1.0)

@@ -378,3 +378,15 @@ def test_a_library_without_the_integrator_says_how_to_get_it() -> None:
             simulate(model, 1.0, **options)
         assert "integrators" in caught.value.hint
     assert simulate(model, 0.1, method="scipy_rk45").status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("method", "step"),
+    [("auto", None), ("rk54", None), ("rk853", None), ("rk4", 0.01), ("scipy_dop853", None)],
+)
+def test_samples_at_given_times_are_those_of_the_same_motion(tumbling, method, step):
+    some = simulate(tumbling, 1.0, samples=[0.0, 0.1, 0.25, 0.7, 1.0], method=method, step=step, rtol=1e-9)
+    many = simulate(tumbling, 1.0, samples=21, method=method, step=step, rtol=1e-9)
+    assert some.time.tolist() == [0.0, 0.1, 0.25, 0.7, 1.0]
+    assert some.status == "ok"
+    np.testing.assert_allclose(some.node_position, many.node_position[[0, 2, 5, 14, 20]], rtol=0, atol=1e-7)
