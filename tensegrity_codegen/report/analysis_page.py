@@ -8,11 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.report.analysis_finding import describe_analysis_finding, describe_modes
 from tensegrity_codegen.report.analysis_tables import describe_counts
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import (
     Block,
     Chapter,
+    Command,
     Figure,
     Page,
     Paragraph,
@@ -38,6 +40,12 @@ LEAD = (
     "and whether tensions stiffen these. Tensions are positive, compressions negative. Motions are enlarged; "
     "dotted lines show the configuration itself."
 )
+STATUS = {
+    "stable": "stable",
+    "unstable": "unstable",
+    "infeasible": "no prestress exists",
+    "undecided": "undecided",
+}
 # Heads of the columns of limits.
 USED = {
     "least_tension": "least tension",
@@ -47,10 +55,13 @@ USED = {
 }
 
 
-def build_analysis_page(found: Analysis, structure: Structure, member_name: tuple[str, ...]) -> Page:
+def build_analysis_page(
+    found: Analysis, structure: Structure, member_name: tuple[str, ...], command: str = ""
+) -> Page:
     """Return the page of an analysis.
 
-    structure: what is drawn, its members first those of `member_name` (then edges of bodies).
+    structure: what is drawn, its members first those of `member_name` (then edges of bodies); command: the
+    command line that makes the page.
     """
     sections = (
         _verdict(found),
@@ -60,12 +71,14 @@ def build_analysis_page(found: Analysis, structure: Structure, member_name: tupl
         *_mechanisms(found, structure),
         *_modes(found, structure),
         _members(found, member_name),
+        *_again(command),
     )
     counts = f"{len(structure.node_name)} nodes, {len(member_name)} members"
     return Page(
-        title=f"Analysis of {structure.name}",
+        subject=f"Analysis of {structure.name}",
+        title=describe_analysis_finding(found),
         lead=LEAD,
-        chapters=(Chapter("analysis", structure.name, found.status, f"{counts}.", sections),),
+        chapters=(Chapter("analysis", structure.name, STATUS[found.status], f"{counts}.", sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/analyse.md."),
         summary_heads=("part", "what", "result"),
     )
@@ -76,7 +89,12 @@ def _verdict(found: Analysis) -> Section:
     table = Table("What was found", (Column("what", numeric=False), Column("value", numeric=False)), rows)
     blocks: list[Block] = [Paragraph(_sentence(found.message))]
     blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
-    return Section("verdict", "all", "Verdict", "plain", found.status, (*blocks, table))
+    return Section("verdict", "all", "Verdict", "plain", STATUS[found.status], (*blocks, table))
+
+
+def _again(command: str) -> Iterator[Section]:
+    if command:
+        yield Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
 
 
 def _singular_values(found: Analysis) -> Section:
@@ -143,13 +161,14 @@ def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) 
         "at most."
     )
     lengths = Table(
-        "Changes of length, A^T d", (Column("member", numeric=False), Column("change")), rows, note
+        "Changes of length, A^T d", (Column("member", numeric=False), Column("change", "1")), rows, note
     )
     why = Paragraph(
         "In these displacements a self-stress with every cable in tension would do negative work, but any "
         "self-stress does none: so there is no such self-stress."
     )
-    yield Section("proof", "proof", "Why there is no prestress", "plain", text, (why, figure, moved, lengths))
+    title = "Why no self-stress keeps every cable in tension"
+    yield Section("proof", "proof", title, "plain", text, (why, figure, moved, lengths))
 
 
 def _mechanisms(found: Analysis, structure: Structure) -> Iterator[Section]:
@@ -175,10 +194,26 @@ def _modes(found: Analysis, structure: Structure) -> Iterator[Section]:
         if modes.growth_rate[k]:
             caption = f"Mode {k + 1}: unstable, grows by {modes.growth_rate[k]:.4g} 1/s."
         figures.append(_motion_figure(structure, found, modes.shape[:, :, k], f"mode{k + 1}", caption))
-    text = ", ".join(f"{value:.4g}" for value in modes.frequency) + f" Hz, of {modes.n_total} modes"
-    yield Section(
-        "modes", "motion", "Natural frequencies at the present tensions", "plain", text, tuple(figures)
+    more = (
+        f", {MOST_MODES} of {len(modes.frequency)} computed modes drawn"
+        if len(modes.frequency) > MOST_MODES
+        else ""
     )
+    text = f"{describe_modes(found)}; {modes.n_total} modes{more}"
+    columns = (Column("mode"), Column("frequency", "Hz"), Column("growth", "1/s"))
+    rows = tuple(
+        (
+            number_cell(float(k + 1), ".0f"),
+            number_cell(float(frequency), ".5g"),
+            number_cell(float(rate), ".4g"),
+        )
+        for k, (frequency, rate) in enumerate(zip(modes.frequency, modes.growth_rate, strict=True))
+    )
+    with_growth = bool(np.any(modes.growth_rate))
+    kept = 3 if with_growth else 2
+    table = Table("Natural frequencies", columns[:kept], tuple(row[:kept] for row in rows))
+    name = "Natural frequencies at the present tensions"
+    yield Section("modes", "motion", name, "plain", text, (*figures, table))
 
 
 def _motion_figure(
@@ -210,7 +245,12 @@ def _members(found: Analysis, member_name: tuple[str, ...]) -> Section:
     if members.worst is not None:
         member, limit, use = members.worst
         text = f"nearest to a limit: {member}, {USED[limit]}, {100 * use:.3g} % used"
-    table = Table("Members at the present tensions", tuple(columns), tuple(rows))
+    uses = np.array([members.use[name] for name in limited]).reshape(len(limited), len(member_name))
+    order = np.argsort(-np.nan_to_num(uses, nan=0.0).max(axis=0, initial=0.0), kind="stable")
+    head = tuple(order[:8].tolist()) if limited else ()
+    note = "the nearest to a limit" if limited else ""
+    caption = "Members at the present tensions"
+    table = Table(caption, tuple(columns), tuple(rows), head=head, head_note=note)
     return Section("members", "limits", "Members", "plain", text, (table,))
 
 

@@ -40,7 +40,7 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
     """Return what was found as rows of two texts: counts, gap, tensions, stability."""
     rank = found.rank
     below = "none counts as zero" if math.isnan(rank.below) else f"{rank.below:.3g}"
-    stiffness = f"{found.smallest_eigenvalue:.6g}"
+    stiffness = f"{found.smallest_eigenvalue:.6g} N/m"
     if found.stiffness.is_neutral and found.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
     return (

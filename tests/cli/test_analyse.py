@@ -78,7 +78,9 @@ def test_a_twist_without_prestress_ends_with_a_proof(run: Run, folder: Path) -> 
         unit = vector / np.linalg.norm(vector)
         assert unit @ (motion[first] - motion[second]) == pytest.approx(change, abs=1e-9), kind
     text = run("analyse", path, "--page", "a.html").out
-    assert "Why there is no prestress" in (folder / "a.html").read_text(encoding="utf-8")
+    assert "Why no self-stress keeps every cable in tension" in (folder / "a.html").read_text(
+        encoding="utf-8"
+    )
     assert "displacements that prove it" in text
     assert "infeasible: no self-stress has every cable in tension" in " ".join(text.split())
 

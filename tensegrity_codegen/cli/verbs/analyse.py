@@ -10,6 +10,7 @@ import typer
 
 from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
@@ -110,7 +111,8 @@ def _write_page(found: Analysis, subject: Subject, path: Path) -> None:
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.structure.outline import outline_bodies
 
-    text = render_page(build_analysis_page(found, outline_bodies(subject), subject.member_name))
+    page = build_analysis_page(found, outline_bodies(subject), subject.member_name, quote_command())
+    text = render_page(page)
     with replaced(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 

@@ -15,7 +15,7 @@ from tensegrity_codegen.report.pages.theme import THEME
 __all__ = ["render_page"]
 
 # A digit and a space that stand before a unit.
-UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs)(?:\W|$))")
+UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs|ms|Hz|J|MPa)(?:\W|$))")
 
 # A power of ten as in 1e-6 m, which a browser would break at its sign.
 SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")

@@ -1,0 +1,92 @@
+"""The headline of an analysis: stable or not and why, mechanisms, frequency, exceeded limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.report.analysis_finding import describe_analysis_finding
+from tensegrity_codegen.runtime.analysis.analyse import analyse
+from tensegrity_codegen.runtime.analysis.analysis import Analysis
+from tests.reference import ReferenceModel
+from tests.runtime.build import cable, make_structure, prism
+
+
+@pytest.fixture(scope="module")
+def stable() -> Analysis:
+    return analyse(ReferenceModel(prism()), n_modes=8)
+
+
+def test_a_prestress_that_stiffens_a_mechanism(stable: Analysis) -> None:
+    text = describe_analysis_finding(stable)
+    part = 100 * stable.prestress.least_tension / stable.prestress.largest_force
+    assert stable.modes is not None
+    assert text == (
+        f"Stable: 1 self-stress, every cable in tension (at least {part:.3g} % of the largest force); 1 "
+        f"mechanism, stiffened by tensions; lowest natural frequency {stable.modes.frequency[0]:.3g} Hz"
+    )
+
+
+def test_a_shape_without_prestress_counts_the_slack_cables() -> None:
+    found = analyse(ReferenceModel(prism(160.0)), n_modes=0)
+    assert describe_analysis_finding(found) == (
+        "No prestress exists: 9 cables can only be slack, for a motion shortens them, lengthens no cable and "
+        "changes no bar"
+    )
+
+
+def test_loads_that_keep_cables_in_tension() -> None:
+    thread = make_structure(
+        [(0, 0, 0), (0, 0, -1)], [cable(0, 1, 0.8)], axes="z", anchored={0: "z"}, load={1: (0.0, 0.0, -5.0)}
+    )
+    text = describe_analysis_finding(analyse(ReferenceModel(thread), n_modes=0))
+    assert text == "Stable under its loads: every cable in tension, at least 5 N; no mechanism"
+
+
+def test_unstable_structures_state_the_missing_stiffness(stable: Analysis) -> None:
+    loose = replace(stable.stability, is_stable=False, smallest_eigenvalue=-0.25)
+    found = replace(stable, status="unstable", stability=loose, modes=None)
+    assert describe_analysis_finding(found) == (
+        "Unstable: the tensions found give the only mechanism a stiffness of −0.25 of the largest force "
+        "density"
+    )
+    neutral = replace(found, stability=replace(loose, smallest_eigenvalue=1e-15))
+    assert describe_analysis_finding(neutral).endswith("the only mechanism no stiffness")
+    present = replace(stable, status="unstable", smallest_eigenvalue=-12.5, modes=None)
+    assert describe_analysis_finding(present) == (
+        "Unstable at the present tensions: the smallest eigenvalue of the stiffness is −12.5 N/m"
+    )
+
+
+def test_undecided_structures_state_the_rank(stable: Analysis) -> None:
+    text = describe_analysis_finding(replace(stable, status="undecided"))
+    assert text.startswith("Undecided: within rounding")
+    assert f"rank {stable.rank.rank} of {stable.rank.largest_rank}" in text
+
+
+def test_modes_that_grow_or_have_no_stiffness_are_counted(stable: Analysis) -> None:
+    assert stable.modes is not None
+    frequency, rate = np.array([0.0, 0.0, 2.5]), np.array([3.0, 0.0, 0.0])
+    growing = replace(stable.modes, frequency=frequency, growth_rate=rate)
+    assert describe_analysis_finding(replace(stable, modes=growing)).endswith(
+        "1 unstable mode at the present tensions, the fastest grows by 3 1/s"
+    )
+    soft = replace(growing, growth_rate=np.zeros(3))
+    assert describe_analysis_finding(replace(stable, modes=soft)).endswith(
+        "lowest natural frequency 2.5 Hz, 2 modes without stiffness"
+    )
+    none = replace(soft, frequency=np.zeros(3))
+    assert describe_analysis_finding(replace(stable, modes=none)).endswith(
+        "no natural frequency, 3 modes without stiffness"
+    )
+
+
+def test_the_member_farthest_beyond_its_limit_is_named(stable: Analysis) -> None:
+    members = replace(stable.members, worst=("bar1", "buckling", 1.324))
+    assert describe_analysis_finding(replace(stable, members=members)).endswith(
+        "; bar1 at 132 % of its buckling load"
+    )
+    within = replace(stable.members, worst=("bar1", "buckling", 0.9))
+    assert "bar1" not in describe_analysis_finding(replace(stable, members=within))
