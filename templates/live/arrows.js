@@ -9,8 +9,8 @@ const LONGEST = 0.24;
 const ROW = 512; // arrows of one row of the texture
 
 export function buildArrows(model, textures) {
-  const loaded = [];
-  for (let k = 0; k < model.nodeCount; k++) {
+  const loaded = [...model.loaded];
+  for (let k = 0; k < (model.loadMotion ? 0 : model.nodeCount); k++) {
     if (model.load[3 * k] || model.load[3 * k + 1] || model.load[3 * k + 2]) loaded.push(k);
   }
   const count = loaded.length + model.held.length;
@@ -66,5 +66,6 @@ export function buildArrows(model, textures) {
 const scaleOf = (length, largest) => (largest > 0 ? length / largest : Infinity);
 
 function largestLoad(model, loaded) {
+  if (model.scene.largest_load !== undefined) return model.scene.largest_load;
   return Math.max(0, ...loaded.map((k) => Math.hypot(...model.load.slice(3 * k, 3 * k + 3))));
 }

@@ -25,6 +25,8 @@ export function buildModel(scene, buffers) {
     tension: channels.member_tension,
     use: channels.use,
     reaction: channels.reaction,
+    loadMotion: channels.load_motion, // of loads that change with time, at the nodes `loaded`
+    loaded: list("loaded"),
     origin: scene.origin,
     shapes: scene.modes,
     held: list("held"),
@@ -95,6 +97,7 @@ export function readState(model, state, time) {
   model.tension.read(k, state.tension);
   if (state.use) model.use.read(k, state.use);
   if (state.reaction) model.reaction.read(k, state.reaction);
+  if (model.loadMotion) readLoads(model, k);
   if (part > 0) {
     const { nodes, tension } = state.next;
     model.position.read(k + 1, nodes);
@@ -103,6 +106,13 @@ export function readState(model, state, time) {
     for (let e = 0; e < tension.length; e++) state.tension[e] += part * (tension[e] - state.tension[e]);
   }
   measure(model, state);
+}
+
+/** Set the loads to those of a sample. */
+function readLoads(model, k) {
+  model.loaded.forEach((node, place) => {
+    for (let c = 0; c < 3; c++) model.load[3 * node + c] = model.loadMotion.at(k, 3 * place + c);
+  });
 }
 
 /** Lengths, and which cables are slack: without tension, and not just at their rest length. */

@@ -70,6 +70,7 @@ def show_picture(
 ) -> tuple[dict[str, Any], str]:
     """Write a picture or film of a scene; return the result of the verb as data and as text."""
     from tensegrity_codegen.report.loads import describe_other_loads
+    from tensegrity_codegen.structure.structure import Structure
 
     _require_packages(out)
     subject, request = output.load(scene, settles=options.settle)
@@ -85,7 +86,12 @@ def show_picture(
     other = describe_other_loads(subject)
     if other and options.choices.forces:
         output.warn(other)
-    return data, f"wrote {out}"
+    text = f"wrote {out}"
+    if unknown:
+        text += f"; {unknown} tension{'s' * (unknown > 1)} unknown"
+        if isinstance(subject, Structure) and not options.settle:
+            text += ", which --settle shows at the equilibrium"
+    return data, text
 
 
 def _write_motion(

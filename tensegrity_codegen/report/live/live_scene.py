@@ -137,6 +137,10 @@ def build_live_scene(
         "node_position": pack_rounded(position - origin, by_place=True),
         "member_tension": pack_rounded(tension),
     }
+    changing = np.flatnonzero(np.any(loads != structure.node_load, axis=(0, 2)))
+    if changing.size:
+        every = np.flatnonzero(np.any(loads != 0.0, axis=(0, 2)))
+        channels |= {"loaded": pack(every, "int32"), "load_motion": pack_rounded(loads[:, every])}
     if held.size:
         channels |= {"held": pack(held, "int32"), "reaction": pack_rounded(reaction)}
     uses = compute_uses(subject, structure, position, tension)
@@ -161,6 +165,7 @@ def build_live_scene(
         "modes": labels,
         "modes_note": modes_note or _describe_modes(analysis),
         "rounding": rounding,
+        "largest_load": float(np.linalg.norm(loads, axis=-1).max(initial=0.0)),
         "largest_reaction": float(np.nanmax(size, initial=0.0)),
     }
     facts = _list_facts(structure, motion, rounding)

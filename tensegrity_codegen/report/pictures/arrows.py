@@ -186,7 +186,7 @@ def describe_arrows(arrows: list[Arrows]) -> list[tuple[str, str]]:
         elif item.n_unknown:
             lines.append(("none", f"{item.name}s unknown ({item.n_unknown})"))
     if any(item.largest > 0 for item in arrows):
-        length = 10.0 ** np.floor(np.log10(2 * LONGEST * arrows[0].size))
+        length = 10.0 ** np.floor(np.log10(LONGEST * arrows[0].size))
         lines.append(("none", f"arrow of {length:.3g} m: {_describe(arrows[0].scale * length)}"))
     return lines
 

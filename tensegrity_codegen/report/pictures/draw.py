@@ -94,6 +94,8 @@ def draw_shot(
     setting = set_up(shown, replace(choices, follow=False))
     heading = structure.name if title is None else title
     note = shot.note or describe_size(structure, parts)
+    if setting.limit is None and choices.color != "kind":
+        note += "; no tension is known" if np.isnan(tension).all() else "; no member has a tension"
     return draw_shown(setting, number, heading, note, is_vector=is_vector), tension[~parts.edge]
 
 

@@ -22,6 +22,7 @@ TICK_SIZE = 8.0
 NAME_SIZE = 9.0
 # Numbers nearer to one another than this part of the panel give way to the first and the last.
 LABEL_SPACE = 0.055
+LETTERS = 4.5  # of a number that takes this part; longer ones take more
 # Rulers shorter than this part of the panel have no numbers.
 SHORT = 0.1
 # From this part of a unit vector on, what stands off a ruler stands beside it, not below or above.
@@ -120,7 +121,7 @@ def _draw_rulers(axes: Axes, view: PerspectiveView, box: Box) -> None:
             continue
         side = _find_side(view, box, axis, start)
         texts = _numbers(ticks, box.step[axis])
-        stride = _stride(places, extent)
+        stride = _stride(places, extent, texts)
         for place, text in zip(places[::stride], texts[::stride], strict=True):
             _write(axes, place, text, side.offset, side.align, size=TICK_SIZE, color=MUTED)
         _name_ground_ruler(axes, axis, places, texts, side)
@@ -138,9 +139,11 @@ def _draw_upright(axes: Axes, view: PerspectiveView, box: Box) -> None:
     axes.plot(upright[:, 0], upright[:, 1], color=GRID, linewidth=0.8, zorder=0.5, clip_on=False)
     ticks = box.ticks(2)
     places, texts = _project_ticks(view, low, 2, ticks), _numbers(ticks, box.step[2])
-    stride = _stride(places, panel_extent(view, box))
-    for place, text in zip(places[::stride], texts[::stride], strict=True):
-        _write(axes, place, text, (-6.0, 0.0), ("right", "center"), size=TICK_SIZE, color=MUTED)
+    stride = _stride(places, panel_extent(view, box), ["0"])
+    for place, text, tick in zip(places[::stride], texts[::stride], ticks[::stride], strict=True):
+        # The lowest number gives way to the first one of the ground.
+        upward = "bottom" if tick - low[2] < 0.1 * box.step[2] else "center"
+        _write(axes, place, text, (-6.0, 0.0), ("right", upward), size=TICK_SIZE, color=MUTED)
     _write(axes, upright[1], "z [m]", (0.0, 9.0), ("center", "bottom"), size=NAME_SIZE, color=INK)
 
 
@@ -176,13 +179,16 @@ def _find_side(view: View, box: Box, axis: int, start: ArrayLike) -> _Side:
     return _Side((8.0 * sign, 5.0 * upward), ("left" if sign > 0 else "right", "center"), sign)
 
 
-def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray]) -> int:
+def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
     """Return which multiple of the ticks at places (n, 2) gets numbers, so that they do not run together."""
     if len(places) < 2:
         return 1
     apart = float(np.linalg.norm(places[-1] - places[0])) / (len(places) - 1)
-    least = LABEL_SPACE * float(np.max(extent[1] - extent[0]))
-    return 1 if apart >= least else len(places) - 1
+    letters = max(map(len, texts))
+    least = LABEL_SPACE * max(1.0, letters / LETTERS) * float(np.max(extent[1] - extent[0]))
+    if apart >= least:
+        return 1
+    return 2 if 2 * apart >= least and len(places) % 2 == 1 else len(places) - 1
 
 
 def _name_ground_ruler(axes: Axes, axis: int, places: FloatArray, texts: list[str], side: _Side) -> None:

@@ -64,7 +64,8 @@ def choose_names(
 class NameWriter:
     """Texts on one panel; `show` moves them with the structure, on the sides chosen at first.
 
-    point_size: metres on paper of a point; obstacles: starts and ends (n, 3) [m] of other lines.
+    point_size: metres on paper of a point; obstacles: starts and ends (n, 3) [m] of other lines; texts:
+    annotations that are there already.
     """
 
     def __init__(
@@ -75,11 +76,13 @@ class NameWriter:
         labels: Sequence[str],
         point_size: float,
         obstacles: Sequence[tuple[FloatArray, FloatArray]] = (),
+        texts: Sequence[Any] = (),
     ) -> None:
         from matplotlib.patheffects import withStroke
 
         self._structure, self.view, self._point = structure, view, point_size
         self._obstacles = list(obstacles)
+        self._standing = [_find_standing(item, point_size) for item in texts]
         self._spots: list[tuple[str, int, Any]] | None = None
         rim = [withStroke(linewidth=2.5, foreground=PAPER)]
         self._texts: list[Any] = []
@@ -133,7 +136,7 @@ class NameWriter:
         part = np.linspace(0.1, 0.9, SAMPLES)[:, None, None]
         lines = (strokes[None, :, 0] + part * (strokes[:, 1] - strokes[:, 0])[None]).reshape(-1, 2)
         middle = points.mean(axis=0)
-        taken: list[FloatArray] = []
+        taken = list(self._standing)
         spots: list[tuple[str, int, Any]] = []
         for kind, number, name in self._rows:
             if kind == "nodes":
@@ -151,6 +154,15 @@ class NameWriter:
                 spots.append((kind, number, ALONG[found]))
                 taken.append(np.concatenate([centers[found], box]))
         return spots
+
+
+def _find_standing(text: Any, point_size: float) -> FloatArray:
+    """Return middle and half box of an annotation, (4,) [points]."""
+    box = _half_box(text.get_text(), text.get_fontsize())
+    across = {"left": 1.0, "right": -1.0}.get(text.get_ha(), 0.0)
+    upward = {"bottom": 1.0, "top": -1.0}.get(text.get_va(), 0.0)
+    middle = np.array(text.xy) / point_size + np.array(text.xyann) + box * (across, upward)
+    return np.concatenate([middle, box])
 
 
 def _half_box(name: str, size: float) -> FloatArray:

@@ -15,6 +15,7 @@ from tensegrity_codegen.report.pictures.frame import draw_frame, panel_extent, p
 from tensegrity_codegen.report.pictures.labels import NameWriter, choose_names
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
+from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +96,17 @@ def set_up(shown: Shown, choices: PictureChoices) -> Setting:
     else:
         box = replace(find_box(places, structure.axes), beyond=_find_extremes(beyond))
     view = choose_view(structure, box, position[0], choices.view)
-    return Setting(shown, choices, box, view, step, arrows, color, find_tension_limit(color))
+    limit = find_tension_limit(color)
+    if limit is not None and choices.color == "tension" and limit < _find_rounding(structure):
+        limit = None
+    return Setting(shown, choices, box, view, step, arrows, color, limit)
+
+
+def _find_rounding(structure: Structure) -> float:
+    """Return the tension that rounding of lengths explains [N]."""
+    far = float(np.abs(structure.node_position).max(initial=0.0))
+    stiff = float(np.asarray(structure.mu).max(initial=0.0))
+    return 8 * float(np.finfo(float).eps) * stiff * (far + float(structure.rest_length.max(initial=0.0)))
 
 
 def _find_extremes(points: FloatArray) -> FloatArray | None:
@@ -157,6 +168,7 @@ class Panel:
         self.names = NameWriter(
             axes, shown.structure, setting.view, written, point,
             [(item.tail[first], item.tip[first]) for item in setting.arrows],
+            [item for item in self._frame if hasattr(item, "xyann") and item.get_text()],
         )  # fmt: skip
 
     @property

@@ -186,7 +186,8 @@ def find_box(points: ArrayLike, axes: Sequence[int]) -> Box:
         # The ground is a whole number of cells, up to a small overhang.
         low = step * np.floor(low / step + OVERHANG)
         high[:2] = step[:2] * np.ceil(high[:2] / step[:2] - OVERHANG)
-        high = np.where(high > low, high, low + step)  # a mast is thinner than any overhang
+        is_thin = high <= low  # as a mast, thinner than any overhang
+        low, high = low - is_thin * step, high + is_thin * step
     return Box(low, high, step)
 
 

@@ -39,7 +39,7 @@ def test_arrows_push_into_members_and_pull_at_loose_ends(shift):
     assert reaction.largest == pytest.approx(6.0)
     texts = [text for _, text in describe_arrows([load, reaction])]
     assert texts[:2] == ["load (largest 6 N)", "reaction (largest 6 N)"]
-    assert texts[2] == f"arrow of 1 m: {load.scale:.3g} N"
+    assert texts[2] == f"arrow of 0.1 m: {0.1 * load.scale:.3g} N"
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 3.7, 1e7])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -85,3 +86,38 @@ def test_results_of_a_library_alone_are_refused(model: CompiledModel) -> None:
     alone = CompiledModel(model.path, model.manifest)
     with pytest.raises(InvalidValueError, match="without its scene"):
         draw(simulate(alone, t_end=0.01, samples=2))
+
+
+@pytest.mark.thorough
+def test_a_scene_and_its_model_are_drawn_at_their_equilibrium(scene: Path, model: CompiledModel) -> None:
+    found = find_equilibrium(model)
+    for subject in (scene, model, load_scene(scene)[0]):
+        figure = draw(subject, settle=True, labels="nodes", size="500x400", follow=False)
+        assert model.manifest.node_name[0] in texts(figure)
+        width, height = figure.get_size_inches() * figure.dpi
+        assert (round(width), round(height)) == (500, 400)
+    with pytest.raises(InvalidValueError, match="equilibrium"):
+        draw(found, settle=True)
+
+
+@pytest.mark.thorough
+def test_axes_of_a_sample_fit_it_or_the_whole_motion(model: CompiledModel) -> None:
+    run = simulate(model, t_end=0.2, samples=3)
+    for follow in (True, False):
+        assert "t = 0 s" in texts(draw(run, sample=0, follow=follow, color="force_density"))
+
+
+def test_rigid_bodies_have_faces_and_bars_of_bodies_unknown_tensions() -> None:
+    from matplotlib.collections import PolyCollection
+
+    tower = tower_of_bodies()
+    figure = draw(tower)
+    shown = texts(figure)
+    for words in ("rigid body", "tension unknown", "1 rigid body, 6 bars", "reactions unknown"):
+        assert words in shown, shown
+    faces = [item for item in figure.axes[0].collections if isinstance(item, PolyCollection)]
+    assert any(len(item.get_paths()) == 1 for item in faces)
+
+
+def tower_of_bodies() -> Any:
+    return load_scene(read_scene(tomllib.loads(read_example("svd_tower"))))[0]

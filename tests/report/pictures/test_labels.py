@@ -10,6 +10,7 @@ import pytest
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.labels import MOST_NAMES, choose_names
 from tensegrity_codegen.report.pictures.plots import draw_structure
+from tests.cases import thorough
 from tests.report.samples import frame, prism
 
 
@@ -23,8 +24,9 @@ def boxes(figure):
     return {item.get_text(): item.get_window_extent(renderer) for item in found}
 
 
-@pytest.mark.parametrize("structure", [frame(), prism()])
-@pytest.mark.parametrize("shift", [0.0, 1000.0])
+@pytest.mark.parametrize(
+    ("structure", "shift"), [(prism(), 0.0), *thorough((frame(), 0.0), (frame(), 1000.0), (prism(), 1000.0))]
+)
 def test_names_of_nodes_do_not_overlap(structure, shift):
     axes = np.isin(np.arange(3), structure.axes)
     moved = structure.with_changes(node_position=structure.node_position + shift * axes)

@@ -12,6 +12,7 @@ from tensegrity_codegen.report.pictures.choices import PictureChoices, read_view
 from tensegrity_codegen.report.pictures.panel import Panel, set_up
 from tensegrity_codegen.report.pictures.plots import draw_structure, plot_structure, plot_trajectory
 from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion, show_structure
+from tests.cases import thorough
 from tests.report.pictures.test_animate import read_gif
 from tests.report.samples import frame, make_trajectory, png_size, prism
 
@@ -25,7 +26,7 @@ def travel(structure, distance):
     return make_trajectory(structure, 5, node_position=position)
 
 
-@pytest.mark.parametrize("view", [None, "iso", "front", "side", "top", "30,-20", "0,90", "-90,0"])
+@pytest.mark.parametrize("view", ["iso", "30,-20", *thorough(None, "front", "side", "top", "0,90", "-90,0")])
 def test_every_view_shows_all_nodes_with_the_size_asked_for(view, tmp_path):
     choices = PictureChoices(view=read_view(view), size=(640, 480), labels=("nodes",))
     path = plot_structure(
@@ -92,7 +93,7 @@ def test_axes_that_follow_keep_their_size_and_tell_where_they_are(structure):
     assert seen[0] != seen[1]
 
 
-@pytest.mark.parametrize("structure", [prism(), frame()])
+@pytest.mark.parametrize("structure", [frame(), *thorough(prism())])
 def test_a_film_that_follows_moves_the_numbers_of_its_axes(structure, tmp_path):
     motion = travel(structure, 5.0)
     path = write_animation(
@@ -104,7 +105,14 @@ def test_a_film_that_follows_moves_the_numbers_of_its_axes(structure, tmp_path):
     # Below the structure, where numbers stand, the pictures differ; of axes that stand still they do not.
     rows = slice(int(0.55 * 260), int(0.85 * 260))
     assert np.abs(frames[4][rows] - frames[0][rows]).max() > 60
-    plot_trajectory(structure, motion, tmp_path / "a.png", choices=PictureChoices(follow=True))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("structure", [frame(), prism()])
+def test_a_page_of_a_motion_follows(structure, tmp_path):
+    choices = PictureChoices(follow=True, size=(900, 500))
+    plot_trajectory(structure, travel(structure, 5.0), tmp_path / "a.png", choices=choices)
+    assert png_size(tmp_path / "a.png") == (900, 500)
 
 
 def test_colours_are_tensions_force_densities_or_stresses():

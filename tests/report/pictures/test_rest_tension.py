@@ -72,3 +72,16 @@ def test_pictures_show_what_is_unknown(tmp_path: Path) -> None:
     none = tuple(np.round(drawing.mappable.to_rgba(0.0), 6))
     assert none not in colors
     assert plot_structure(structure, tmp_path / "a.png", member_tension=tension).stat().st_size > 0
+
+
+def test_bars_that_the_formulation_makes_rigid_have_no_tension_of_their_stiffness() -> None:
+    structure = toggle()
+    rigid = structure.is_rigid
+    stiff = structure.with_changes(spring_constant=np.where(rigid, 1e6, structure.spring_constant))
+    assert (
+        np.abs(find_rest_tension(stiff)[:2]).max() < 1e-6
+    )  # just at their rest lengths: no tension of springs
+    assert np.isnan(find_rest_tension(stiff, rigid)[:2]).all()
+    found = find_equilibrium(RigidReference(structure))
+    settled = stiff.with_changes(node_position=found.node_position)
+    np.testing.assert_allclose(find_rest_tension(settled, rigid), found.member_tension, rtol=1e-7)
