@@ -12,29 +12,21 @@ function fill(out, valueOf) {
   return out;
 }
 
-/** Return the largest known size of a channel over all its rows. */
-function largestOf(channel) {
-  const row = new Float64Array(channel.width);
-  let most = 0;
-  for (let k = 0; k < channel.rows; k++) most = Math.max(most, largest(channel.read(k, row)));
-  return most;
-}
-
 /** The ways to colour the members of a model, by name. */
 export function buildColorings(model) {
   const { tension, area, use } = model;
   const found = { kind: { label: "kind", unit: "", scale: null, values: () => null } };
   found.tension = {
-    label: "tension", meaning: "tension, compression negative", unit: "N", scale: "diverging", limit: model.tensionLimit ?? largestOf(tension),
+    label: "tension", meaning: "tension, compression negative", unit: "N", scale: "diverging", limit: largestOfRows(tension, null),
     values: (state) => state.tension,
   };
   found.density = {
-    label: "force density", unit: "N/m", scale: "diverging", limit: densityLimit(model),
+    label: "force density", unit: "N/m", scale: "diverging", limit: largestOfRows(tension, model.restLength),
     values: (state, out) => fill(out, (e) => state.tension[e] / state.length[e]),
   };
   if (area.some((value) => value > 0)) {
     const stress = (state, out) => fill(out, (e) => (area[e] > 0 ? state.tension[e] / area[e] : NaN));
-    found.stress = { label: "stress", unit: "Pa", scale: "diverging", limit: stressLimit(model), values: stress };
+    found.stress = { label: "stress", unit: "Pa", scale: "diverging", limit: largestOfRows(tension, area), values: stress };
   }
   if (use) {
     found.use = { label: "use of capacity", meaning: "used part of the limits", unit: "", scale: "sequential", limit: 1, values: (state) => state.use };
@@ -45,21 +37,30 @@ export function buildColorings(model) {
   return found;
 }
 
-function densityLimit(model) {
-  const first = largest(model.restLength.map((length) => 1 / length));
-  return (model.tensionLimit ?? largestOf(model.tension)) * first;
+/** Widen the scales of a running model for tensions that its first picture did not know; `usual` [N] where all are 0. */
+export function widenScales(colorings, model, tension, usual) {
+  const isKnown = largest(tension) > 0 || colorings.tension.limit > 0;
+  const shown = isKnown ? tension : new Float64Array(tension.length).fill(usual);
+  for (const [name, divisor] of [["tension", null], ["density", model.restLength], ["stress", model.area]]) {
+    const coloring = colorings[name];
+    if (coloring) coloring.limit = Math.max(coloring.limit, largestRatio(shown, divisor));
+  }
 }
 
-function stressLimit(model) {
-  const { tension, area } = model;
-  const row = new Float64Array(tension.width);
+/** The largest known tension over a number of its member, such as its area; numbers that are 0 are left out. */
+function largestRatio(tension, divisor) {
   let most = 0;
-  for (let k = 0; k < tension.rows; k++) {
-    tension.read(k, row);
-    row.forEach((value, e) => {
-      if (area[e] > 0 && Number.isFinite(value)) most = Math.max(most, Math.abs(value) / area[e]);
-    });
+  for (let e = 0; e < tension.length; e++) {
+    const value = Math.abs(tension[e]) / (divisor ? divisor[e] : 1);
+    if (Number.isFinite(value) && value > most) most = value;
   }
+  return most;
+}
+
+function largestOfRows(channel, divisor) {
+  const row = new Float64Array(channel.width);
+  let most = 0;
+  for (let k = 0; k < channel.rows; k++) most = Math.max(most, largestRatio(channel.read(k, row), divisor));
   return most;
 }
 

@@ -3,6 +3,7 @@
 import { buildPlot, writeLegend } from "live/plots";
 
 const LINES = 5; // members that have a line at once
+const ROUNDING = 1e-9; // of the energy: what is smaller is noise of the integration
 const SAME = 0.015; // of the largest tension: lines that are nearer to each other are one
 const MOST_TRIED = 400;
 
@@ -29,7 +30,7 @@ export function buildDiagrams(app) {
   const fill = () => {
     const { palette } = app;
     for (const plot of Object.values(plots)) plot.palette = palette;
-    plots.energy?.set(energies(model, palette));
+    plots.energy?.set(energies(model, palette), ROUNDING * largestEnergy(model));
     plots.tension.set(tensions(model, palette, busiest, app.chosen?.member));
     for (const plot of Object.values(plots)) writeLegend(plot);
   };
@@ -45,6 +46,9 @@ export function buildDiagrams(app) {
     },
   };
 }
+
+const largestEnergy = ({ channels }) =>
+  channels.total_energy.column(0).reduce((most, value) => Math.max(most, Math.abs(value)), 0);
 
 function energies(model, palette) {
   const kinetic = model.channels.kinetic_energy.column(0);

@@ -3,6 +3,7 @@
 import { startEngine } from "live/engine";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
+import { widenScales } from "live/coloring";
 import { buildModel, measure } from "live/model";
 import { pace } from "live/pace";
 import { buildPanel } from "live/panel";
@@ -25,6 +26,8 @@ export async function startPlay(scene, buffers) {
     recorder?.add(state);
   });
   app.moves = true;
+  widenScales(app.colorings, model, app.engine.last.tension, scene.engine.usual_force);
+  app.coloringName = "tension";
   app.player = playerOf(app);
   Object.defineProperty(app, "time", { get: () => app.engine.last.time });
   buildPanel(app);

@@ -8,9 +8,9 @@ const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 };
 /** One diagram on a canvas; series: [{name, values, color}] over `times`. */
 export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
   const plot = { canvas, legend, times, series: [], palette: null, cursor: times[0], range: null };
-  plot.set = (series) => {
+  plot.set = (series, least = 0) => {
     plot.series = series;
-    plot.range = rangeOf(series);
+    plot.range = rangeOf(series, least);
     plot.draw();
   };
   const mark = canvas.nextElementSibling;
@@ -62,7 +62,8 @@ export function writeLegend(plot) {
   }));
 }
 
-function rangeOf(series) {
+/** The range of all values; one that is smaller than `least`, such as rounding, does not fill the diagram. */
+function rangeOf(series, least) {
   let [low, high] = [Infinity, -Infinity];
   for (const { values } of series) {
     for (const value of values) {
@@ -71,6 +72,7 @@ function rangeOf(series) {
     }
   }
   if (!(low <= high)) return [0, 1];
+  if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
   if (low > 0 && low < 0.5 * high) low = 0;
   const size = Math.max(Math.abs(low), Math.abs(high));
   const room = high - low > 1e-6 * size ? 0.06 * (high - low) : 0.1 * size || 1;

@@ -4,6 +4,7 @@ import { buildPlot, writeLegend } from "live/plots";
 
 const SPAN = 12; // seconds
 const LINES = 4;
+const ROUNDING = 1e-9; // of the energy
 
 export function buildRecorder(app) {
   const { model } = app;
@@ -40,6 +41,7 @@ export function buildRecorder(app) {
         for (const list of [times, ...Object.values(rows), tensions]) list.length = 0;
       }
       if (!rows.kinetic.length) times.length = 0;
+      recorder.largest = Math.max(recorder.largest ?? 0, Math.abs(state.total));
       recorder.start ??= state.total - state.kinetic;
       times.push(state.time);
       rows.kinetic.push(state.kinetic);
@@ -52,7 +54,7 @@ export function buildRecorder(app) {
       if (times.length < 2) return;
       series();
       for (const plot of [energy, tension]) {
-        plot.set(plot.series);
+        plot.set(plot.series, plot === energy ? ROUNDING * recorder.largest : 0);
         plot.point(times.at(-1));
         plot.writeValues(times.length - 1);
       }

@@ -3,7 +3,8 @@
 import { THREE, OrbitControls } from "three";
 
 const FIELD = 35; // degrees of the view, from bottom to top
-const RAISE = 26; // pixels by which the picture stands above the middle, for the legend below it
+const RAISE = 26; // pixels by which the picture stands above the middle, at least, for the legend below it
+const NARROW = 600; // pixels of width below which the legend takes a row of its own
 const MANY = 1000; // members from which edges are not smoothed
 const SLOW = 34; // ms of a frame above which simpler shapes, then fewer pixels are drawn
 const FAST = 18; // ms of a frame below which more pixels are drawn again
@@ -79,8 +80,8 @@ function fit(stage, nodes, view) {
     point.set(nodes[k], nodes[k + 1], nodes[k + 2]).sub(center);
     distance = Math.max(distance, reachOf(point, { right, up, direction, axis: camera.up, tanX, tanY }));
   }
-  const { clientHeight } = stage.canvas;
-  const room = clientHeight > 4 * RAISE ? clientHeight / (clientHeight - 2 * RAISE) : 1;
+  const { height, raise } = stage;
+  const room = height > 4 * raise ? height / (height - 2 * raise) : 1;
   distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * room * distance, 0.2 * model.size);
   camera.near = distance / 300;
   camera.far = distance * 60 + 10 * model.reach;
@@ -139,7 +140,9 @@ function resize(stage) {
   renderer.setPixelRatio(ratio);
   renderer.setSize(width, height, false);
   camera.aspect = width / height;
-  camera.setViewOffset(width, height, 0, RAISE, width, height);
+  const legend = document.getElementById("legend").offsetHeight + 12;
+  stage.raise = width < NARROW ? Math.max(RAISE, Math.min(legend / 2, 0.12 * height)) : RAISE;
+  camera.setViewOffset(width, height, 0, stage.raise, width, height);
   const pixelSize = (2 * Math.tan((camera.fov * Math.PI) / 360)) / height;
   for (const call of stage.resized) call(pixelSize, ratio / pixelSize);
   if (isResized && stage.isFitted) stage.refit?.();

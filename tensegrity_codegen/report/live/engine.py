@@ -94,6 +94,7 @@ def add_engine(
         },
         "statuses": [f"{name}: {STATUS_TEXT[name]}" for name in STATUS],
         "size": scales.size,
+        "usual_force": scales.force,
         "sliders": Sliders(subject, structure, manifest, scales).build(),
         "pull": {"mass": scales.mass, "stiffness": _pull_stiffness(scales.force, scales.size, scales.mass)},
     }
