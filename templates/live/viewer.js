@@ -118,8 +118,12 @@ function addCamera(app) {
     app.refresh();
     return [...state.nodes, ...(app.arrows?.mesh.visible ? app.arrows.points() : [])];
   };
-  app.fit = () => stage.fit(points());
-  app.reset = () => stage.reset(points());
+  const aim = (place) => {
+    place(points());
+    stage.followTo(state.nodes); // a camera that follows does so from here on
+  };
+  app.fit = () => aim(stage.fit);
+  app.reset = () => aim(stage.reset);
   stage.refit = app.fit; // a window of another size, a phone that is turned
   app.followBy = (isOn) => {
     stage.follow = isOn;

@@ -6,6 +6,7 @@ import json
 import math
 import statistics
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,7 @@ def distance_of(view: dict[str, list[float]]) -> float:
     return math.dist(view["position"], view["target"])
 
 
+@pytest.mark.thorough
 def test_one_finger_turns_two_zoom_and_a_tap_chooses(browser: Browser, page: Path) -> None:
     phone = Tab(browser, 400, 800, "light")
     phone.open(page)
@@ -204,6 +206,7 @@ def test_the_page_asks_for_nothing_and_does_not_complain(tab: Tab) -> None:
     assert tab.requests() == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("width", "height"), [(400, 800), (1400, 860)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_width_and_theme(browser: Browser, page: Path, width: int, height: int, scheme: str) -> None:
@@ -218,6 +221,41 @@ def test_every_width_and_theme(browser: Browser, page: Path, width: int, height:
     opened.send("Page.close")
 
 
+@pytest.mark.thorough
+def test_a_camera_that_follows_keeps_a_falling_structure_in_the_picture(
+    browser: Browser, tmp_path: Path
+) -> None:
+    fall = np.array([0.0, 0.0, -500.0]) * MOTION.time[:, None, None] ** 2
+    falling = replace(MOTION, node_position=MOTION.node_position + fall)
+    opened = Tab(browser, 1000, 700, "light")
+    opened.open(write_page(build_live_scene(PRISM, falling), tmp_path / "fall.html"))
+    opened.ask("tensegrity.app.followBy(true); tensegrity.seekFrame(150)")
+    opened.frame()
+    target = opened.ask("tensegrity.camera.target")
+    middle = falling.node_position[150].mean(axis=0)
+    assert math.dist(target, middle) < 0.5 * np.ptp(PRISM.node_position, axis=0).max()
+    assert opened.ask("tensegrity.coverage()") > 0.003
+    opened.send("Page.close")
+
+
+@pytest.mark.thorough
+def test_names_of_any_letters_stand_as_they_are(browser: Browser, tmp_path: Path) -> None:
+    names = ("</script><i>", "Knoten ß\\")
+    structure = load("two_nodes").with_changes(
+        name='</script><b>ü "x" <!-- &', node_name=names, member_name=("</style><script>alert(1)</script>",)
+    )
+    opened = Tab(browser, 400, 700, "dark")
+    opened.open(write_page(build_live_scene(structure), tmp_path / "odd.html"))
+    opened.ask("tensegrity.choose({ member: 0 }); tensegrity.app.labelBy('nodes')")
+    opened.frame()
+    assert opened.ask("tensegrity.names.nodes") == list(names)
+    assert opened.ask("document.title") == structure.name
+    assert opened.ask("document.getElementById('chosen').innerText").startswith(structure.member_name[0])
+    assert opened.complaints() == []
+    opened.send("Page.close")
+
+
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["planar", "svd_tower", "two_nodes", "prism12"])
 def test_other_structures_stand_still(browser: Browser, tmp_path: Path, name: str) -> None:
     path = write_page(build_live_scene(load(name)), tmp_path / f"{name}.html")
@@ -245,6 +283,7 @@ def see_simple_shapes(tab: Tab) -> None:
     tab.ask("tensegrity.seekFrame(0)")
 
 
+@pytest.mark.thorough
 def test_frame_times_of_ten_thousand_members(
     browser: Browser, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
