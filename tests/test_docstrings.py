@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import tensegrity_codegen
+from tests.cases import thorough
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = (
@@ -150,7 +151,11 @@ def test_raised_errors_exist(name: str) -> None:
     assert raised <= set(errors.__all__)
 
 
-@pytest.mark.parametrize("name", [name for name, item in PUBLIC.items() if ">>>" in (item.__doc__ or "")])
+WITH_EXAMPLE = [name for name, item in PUBLIC.items() if ">>>" in (item.__doc__ or "")]
+LONG = ("design_distribution", "load_controller", "time_motion")
+
+
+@pytest.mark.parametrize("name", [*(name for name in WITH_EXAMPLE if name not in LONG), *thorough(*LONG)])
 def test_the_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for scene in ("prism", "prism12", "two_nodes"):
         shutil.copy(ROOT / f"tensegrity_codegen/scene/examples/{scene}.toml", tmp_path)

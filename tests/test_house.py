@@ -177,6 +177,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.thorough
 def test_imports_keep_to_the_floors_and_one_against_them_is_found(tmp_path: Path) -> None:
     shutil.copytree(
         ROOT / "tensegrity_codegen",

@@ -132,6 +132,7 @@ def run_cells() -> list[Any]:
     return shown
 
 
+@pytest.mark.thorough
 def test_the_cells_of_the_notebook_run_and_show_tables_and_pictures() -> None:
     pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     shown = run_cells()

@@ -16,6 +16,7 @@ from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.errors import CompileError, FormulationError, UnknownNameError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.tuning import TuningRow, build_tuned, fastest
+from tests.cases import thorough
 from tests.codegen.compilers import POSIX, write_script
 from tests.runtime.build import make_structure, prism, spring
 
@@ -88,6 +89,7 @@ def test_a_decision_is_remembered_until_something_changes(
     assert not build_tuned(prism(), REQUEST, compiler=command, cache=cache).from_cache
 
 
+@pytest.mark.thorough
 def test_a_candidate_that_fails_is_a_row_with_the_reason(
     monkeypatch: pytest.MonkeyPatch, cache: Cache
 ) -> None:
@@ -150,7 +152,7 @@ def test_rows_without_a_time_never_win() -> None:
     assert fastest(rows).emitter == "lanes"
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", ["double", *thorough("single")])
 def test_measured_times_are_those_of_the_functions(precision: str) -> None:
     """A chain of 300 springs takes longer than one of 10, by any clock."""
     request = ModelRequest(("member_length", "node_residual"), emitter="table", precision=precision)

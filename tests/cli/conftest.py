@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli import installation, main
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.cli.scene_files import list_examples
+from tensegrity_codegen.codegen.compilation import toolchain
+from tensegrity_codegen.codegen.compilation.flags import Compiler
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     place.mkdir()
     monkeypatch.chdir(place)
     return place
+
+
+@pytest.fixture(autouse=True)
+def without_zig(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let doctor try zig only where nothing else is: at first zig builds its C library, for seconds."""
+
+    def find_others() -> tuple[Compiler, ...]:
+        found = toolchain.find_compilers()
+        return tuple(item for item in found if item.name != "zig") or found
+
+    monkeypatch.setattr(installation, "find_compilers", find_others)
 
 
 @pytest.fixture

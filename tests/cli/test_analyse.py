@@ -85,6 +85,7 @@ def test_a_twist_without_prestress_ends_with_a_proof(run: Run, folder: Path) -> 
     assert "infeasible: no self-stress has every cable in tension" in " ".join(text.split())
 
 
+@pytest.mark.thorough
 def test_limits_and_inputs(run: Run, folder: Path) -> None:
     """Two motors let the prism of 12 cables go; the present forces are then out of balance."""
     path = write(folder / "prism12.toml", read_example("prism12"))

@@ -41,6 +41,7 @@ def test_it_says_where_how_many_and_how_large(run: Run, place: Path, two_nodes: 
     assert "1 libraries" in run("cache").out
 
 
+@pytest.mark.thorough
 def test_clear_removes_all_and_the_next_build_works(run: Run, place: Path, two_nodes: Path) -> None:
     run("build", two_nodes, "--json")
     size = run("cache", "--json").data["bytes"]

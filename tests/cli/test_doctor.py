@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.cli import installation
+from tensegrity_codegen.codegen.compilation import toolchain
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 from tensegrity_codegen.version import VERSION
 from tests.cli.conftest import Run
@@ -23,6 +24,14 @@ def test_it_says_what_is_here(run: Run) -> None:
     assert ended.data["three"]["where"]
     assert any(row["works"] for row in ended.data["compilers"])
     assert all(ended.data["packages"][name] for name in installation.NEEDED)
+
+
+@pytest.mark.thorough
+def test_every_compiler_that_is_here_works(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "find_compilers", toolchain.find_compilers)
+    rows = run("doctor", "--json").data["compilers"]
+    assert len(rows) == len(toolchain.find_compilers())
+    assert all(row["works"] for row in rows)
 
 
 def test_people_see_each_compiler_by_name(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,6 +155,7 @@ def test_a_load_that_is_none_is_refused(load: str, error: str, run: Run, folder:
     assert ended.data["allowed"]
 
 
+@pytest.mark.thorough
 def test_a_load_into_a_support_is_told(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
     loaded = run("equilibrium", path, "--load", "a=0,3,-5", "--json")

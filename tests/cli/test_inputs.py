@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.cases import thorough
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import HANGING, write
 
@@ -36,7 +37,7 @@ def hanging(folder: Path) -> Path:
 
 @pytest.mark.parametrize(
     ("words", "winch", "push"),
-    [([], 0.0, 0.0), (["winch=0.1"], 0.1, 0.0), (["winch = -0.15", "push=1.5"], -0.15, 1.5)],
+    [*thorough(([], 0.0, 0.0), (["winch=0.1"], 0.1, 0.0)), (["winch = -0.15", "push=1.5"], -0.15, 1.5)],
 )
 def test_the_equilibrium_with_inputs(
     run: Run, hanging: Path, words: list[str], winch: float, push: float
@@ -139,6 +140,7 @@ def test_linear_models_and_load_paths_with_inputs(run: Run, hanging: Path) -> No
     )
 
 
+@pytest.mark.thorough
 def test_tendons_of_bodies_have_inputs(run: Run, folder: Path) -> None:
     path = write_example(folder, "lin_prism")
     with path.open("a", encoding="utf-8") as file:

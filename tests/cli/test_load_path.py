@@ -55,6 +55,7 @@ def test_bars_that_cross_at_the_start_are_named_with_the_way_out(run: Run, folde
     assert (followed["status"], followed["hint"]) == ("completed", None)
 
 
+@pytest.mark.thorough
 def test_a_planar_scene_takes_two_numbers_or_three(run: Run, folder: Path) -> None:
     scene = write_example(folder, "planar")
     ends = [

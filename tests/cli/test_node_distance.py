@@ -46,6 +46,7 @@ def test_simulate_gives_what_node_positions_give(run: Run, prism: Path, in_dista
         np.testing.assert_allclose(results[1][name], results[0][name], rtol=0, atol=1e-9 * scale)
 
 
+@pytest.mark.thorough
 def test_simulate_settles_first(run: Run, in_distances: Path) -> None:
     data = run("simulate", in_distances, "--t-end", 0.05, "--samples", 6, "--settle", "--json").data
     assert data["largest_kinetic_energy"] < 1e-15

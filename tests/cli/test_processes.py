@@ -40,19 +40,19 @@ def call(*words: object, program: list[str] = COMMAND, **changed: str) -> subpro
 
 
 def loads_library(pid: int) -> bool:
-    """Whether a child of that process has loaded the library of the prism."""
+    """Whether a child of that process has loaded the library of the two nodes."""
     try:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
-        return any("libprism" in Path(f"/proc/{child}/maps").read_text() for child in children)
+        return any("libtwo_nodes" in Path(f"/proc/{child}/maps").read_text() for child in children)
     except OSError:
         return False
 
 
-def test_ctrl_c_in_a_long_run_leaves_no_file_and_ends_with_130(folder: Path, prism: Path) -> None:
-    words = ["simulate", prism.name, "--t-end", "1000", "--method", "rk4", "--step", "1e-5", "--out", "a.npz"]
-    assert call("simulate", prism.name, "--t-end", "0.001").returncode == 0  # the library is in the cache
+def test_ctrl_c_in_a_long_run_leaves_no_file_and_ends_with_130(folder: Path, two_nodes: Path) -> None:
+    words = ["simulate", two_nodes.name, "--t-end", "1000", "--method", "rk4", "--step", "1e-5"]
+    assert call("simulate", two_nodes.name, "--t-end", "0.001").returncode == 0  # the library is in the cache
     process = subprocess.Popen(
-        [*COMMAND, *words, "--json"],
+        [*COMMAND, *words, "--out", "a.npz", "--json"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -72,11 +72,11 @@ def test_ctrl_c_in_a_long_run_leaves_no_file_and_ends_with_130(folder: Path, pri
     assert process.returncode == 130
     assert out == ""
     assert "Traceback" not in err
-    assert list(folder.iterdir()) == [prism]
+    assert list(folder.iterdir()) == [two_nodes]
 
 
 @pytest.mark.parametrize(
-    "words", [["schema"], ["build", "two_nodes.toml"], ["check", "two_nodes.toml", "--json"]]
+    "words", [["schema"], ["check", "two_nodes.toml", "--json"], *thorough((["build", "two_nodes.toml"],))]
 )
 def test_a_reader_that_goes_away_is_no_error(words: list[str], folder: Path, two_nodes: Path) -> None:
     process = subprocess.Popen(
@@ -91,7 +91,7 @@ def test_a_reader_that_goes_away_is_no_error(words: list[str], folder: Path, two
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize("more", [[], ["--json"]])
+@pytest.mark.parametrize("more", [["--json"], *thorough(([],))])
 def test_a_full_disk_under_stdout_is_an_error(more: list[str], two_nodes: Path) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         ended = subprocess.run(
@@ -159,6 +159,7 @@ def test_zig_alone_builds_and_runs(folder: Path, two_nodes: Path) -> None:
     assert json.loads(ran.stdout)["status"] == "ok"
 
 
+@pytest.mark.thorough
 def test_a_file_name_that_is_no_text_is_no_trouble(folder: Path) -> None:
     path = os.fsdecode(b"\xff\xfe.toml")
     ended = call("examples", "prism", "--out", path)

@@ -44,6 +44,7 @@ def test_the_result_file_holds_what_the_motors_need(run: Run, tower: str, folder
         assert data["torque"].shape == (21,)
 
 
+@pytest.mark.thorough
 def test_track_drives_the_full_model(run: Run, tower: str) -> None:
     ended = run("reconfigure", tower, *WAY, "--track")
     assert ended.code == 0

@@ -36,6 +36,7 @@ def test_every_row_is_a_motion_of_its_own(run: Run, folder: Path, two_nodes: Pat
     assert run("simulate", two_nodes, "--batch", "starts.npz", "--t-end", 0.2).code == 0  # auto, in words
 
 
+@pytest.mark.thorough
 def test_a_bad_start_is_told_and_ends_with_3(run: Run, folder: Path, two_nodes: Path) -> None:
     place = write_starts(folder / "starts.npz", two_nodes)
     n = int((place[0] != place[1]).sum())

@@ -65,6 +65,7 @@ def test_the_plan_is_shown_and_nothing_done(run: Run, two_nodes: Path, folder: P
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.thorough
 def test_sobol_indices_of_a_linear_function(run: Run, two_nodes: Path) -> None:
     """Tension k (l - l0): its indices are the squared widths of the ranges over their sum; 0 for gravity."""
     samples = ("shape.length=uniform(1.0,1.2)", "classes.cord.rest_length=uniform(0.8,0.9)")
@@ -91,6 +92,7 @@ def test_sobol_indices_of_a_linear_function(run: Run, two_nodes: Path) -> None:
     assert indices["total"][2] == 0.0
 
 
+@pytest.mark.thorough
 def test_a_latin_hypercube_is_stratified_in_every_dimension(run: Run, two_nodes: Path) -> None:
     words = ("--sample", "shape.length=uniform(1,3)", "--sample", "classes.cord.rest_length=uniform(0.2,0.7)")
     words = (*words, "--n", "64", "--sampling", "latin_hypercube", "--seed", "5")

@@ -48,6 +48,7 @@ def test_text_and_json_say_the_same(stored: Path, run: Run) -> None:
     assert {item["name"] for item in data.data["results"]} >= {"energy", "tension[max]"}
 
 
+@pytest.mark.thorough
 def test_chosen_results_and_keys_are_on_the_page(stored: Path, run: Run, folder: Path) -> None:
     pytest.importorskip("matplotlib")
     words = ("--result", "tension[c1]", "--result", "energy", "--over", "gravity[2]", "-o", "page.html")
@@ -126,6 +127,7 @@ def test_sub_commands_have_help_with_an_example(name: str, run: Run) -> None:
     assert f"sweep {name}" in run("sweep", "--help").out
 
 
+@pytest.mark.thorough
 def test_all_kinds_of_cases_have_a_summary(run: Run, folder: Path) -> None:
     for kind, cases in KINDS.items():
         write_sweep(folder / f"{kind}.zarr", cases, operation={"do": "simulate", "t_end": 1.0})

@@ -34,6 +34,7 @@ def test_a_good_scene_gives_no_warning(run: Run, prism: Path) -> None:
     assert "warnings" not in ended.data
 
 
+@pytest.mark.thorough
 def test_who_settles_is_not_told_to_settle(run: Run, folder: Path) -> None:
     bar = 'bar = { kind = "bar", nodes = ["b", "c"], spring_constant = 1e4, mass = 0.1 }\n'
     text = GOOD.replace("[members]\n", "c = { position = [0, 0, -2], anchored = true }\n\n[members]\n" + bar)

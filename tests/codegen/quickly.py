@@ -25,6 +25,7 @@ SANITIZE = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 def without_optimisation() -> Iterator[None]:
     """Within it the flags `reference` do not optimise, and manifests have no rows of what is left out.
 
+    Nor are libraries loaded once in a process of its own before they are stored: tests load them anyway.
     Libraries have keys of their own in the cache.
     """
     usual = FLAG_SETS["reference"]
@@ -32,5 +33,6 @@ def without_optimisation() -> Iterator[None]:
     with (
         mock.patch.dict(FLAG_SETS, reference=quick),
         mock.patch.object(emit, "account_left_out", return_value=()),
+        mock.patch("tensegrity_codegen.libraries.compile_source.check_library"),
     ):
         yield

@@ -191,6 +191,7 @@ def test_the_sanitizers_find_nothing(flags: str, tmp_path: Path) -> None:
     run_driver(folder, source.manifest, "gcc", (*FLAG_SETS[flags].options, *SANITIZE))
 
 
+@pytest.mark.thorough
 def test_a_function_too_long_for_lanes_runs_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -237,6 +238,7 @@ int main(void)
     run([str(folder / "main")], folder)
 
 
+@pytest.mark.thorough
 def test_what_is_not_asked_for_is_not_there() -> None:
     structure, request = everything()
     assert request.batch_width == 0

@@ -67,6 +67,9 @@ EACH_CPP = ("g++", *thorough("clang++", "zig"))
 each = pytest.mark.parametrize(
     "subject", ["everything", "bare", "batches", *thorough("single", "lanes", "tables")]
 )
+few = pytest.mark.parametrize(
+    "subject", ["bare", "batches", *thorough("everything", "single", "lanes", "tables")]
+)
 
 
 class Made(dict[str, Any]):
@@ -110,7 +113,7 @@ def test_it_is_c99_without_a_warning(sources: Any, subject: str, family: str, tm
         run([*compiler.command, "-std=c99", *STRICT, "-c", unit, "-o", f"{unit}.o"], folder, compiler)
 
 
-@each
+@few
 @pytest.mark.parametrize("family", EACH_CPP)
 def test_it_is_cpp11_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
     command, name = require_cpp(family), sources[subject].manifest.name
@@ -143,6 +146,7 @@ def test_the_header_may_be_included_twice(sources: Any, subject: str, tmp_path: 
     run([*compiler.command, "-std=c99", *STRICT, "-c", "twice.c", "-o", "twice.o"], folder, compiler)
 
 
+@pytest.mark.thorough
 def test_two_scenes_go_into_one_program(sources: Any, tmp_path: Path) -> None:
     compiler, chosen = find_compiler(), (sources["everything"], sources["bare"])
     folder = write_files(tmp_path / "source", {n: t for s in chosen for n, t in s.files.items()})
@@ -253,7 +257,7 @@ def test_forces_in_a_program_of_one_s_own(models: Any, tmp_path: Path) -> None:
 # --- no state, no memory, no undefined behaviour ---------------------------------------------------
 
 
-@each
+@few
 @pytest.mark.parametrize("options", [("-std=c99",), *thorough((REFERENCE,))])
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the symbols of ELF objects")
 def test_it_allocates_nothing_and_has_no_writable_data(

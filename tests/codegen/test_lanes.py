@@ -120,7 +120,11 @@ def slack_net(n_nodes: int, load: float = 0.0) -> Structure:
 
 @pytest.mark.parametrize(
     ("structure", "settled"),
-    [(prism(150.0), True), (slack_net(5), True), (slack_net(6), False), (slack_net(5, 1e300), False)],
+    [
+        (slack_net(5), True),
+        (slack_net(6), False),
+        *thorough((prism(150.0), True), (slack_net(5, 1e300), False)),
+    ],
 )
 def test_sums_over_members_miss_no_argument_and_no_result(structure: Structure, settled: bool) -> None:
     wanted = ("node_residual", "node_force", "tangent_stiffness")

@@ -142,6 +142,7 @@ def test_measured_bytes_are_those_of_the_compiled_variants() -> None:
     assert all(row.object_bytes > 0 for row in manifest.left_out)
 
 
+@pytest.mark.thorough
 def test_the_estimate_is_near_what_the_compiler_makes() -> None:
     compiler = find_compiler()
 

@@ -13,6 +13,7 @@ from tensegrity_codegen import Profile, load_scene, simulate
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import thorough
 from tests.codegen.build_c import STRICT, require_cpp, run, write_files
 from tests.codegen.compilers import require_compiler
 from tests.codegen.subjects import bare, everything, in_single_precision
@@ -65,9 +66,7 @@ def write_library(folder: Path, structure: Structure, request: object) -> list[s
     return [name for name in files if name.endswith(".c") and name != "example.c"]
 
 
-@pytest.mark.parametrize(
-    "case", ["all", "no events", "single", pytest.param("batches", marks=pytest.mark.thorough)]
-)
+@pytest.mark.parametrize("case", ["all", *thorough("no events", "single", "batches")])
 def test_libraries_with_profiles_compile_without_a_warning(case: str, tmp_path: Path) -> None:
     structure, request = in_single_precision(everything) if case == "single" else everything()
     request = replace(request, quantities=("acceleration",))

@@ -13,6 +13,7 @@ from tensegrity_codegen.codegen.print.wrap_lines import LONGEST
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.request import ModelRequest
+from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples").glob("*.toml"))
@@ -40,7 +41,7 @@ def test_no_line_of_an_example_is_long(scene: Path, emitter: str) -> None:
 
 
 @pytest.mark.parametrize("emitter", EMITTERS)
-@pytest.mark.parametrize("subject", [bare, everything], ids=["bare", "everything"])
+@pytest.mark.parametrize("subject", [bare, *thorough(everything)], ids=["bare", "everything"])
 def test_no_line_is_long_with_all_there_is(subject: object, emitter: str) -> None:
     structure, request = subject()  # type: ignore[operator]
     solvers = ("equilibrium",) if {"tangent_stiffness", "node_residual"} <= set(request.quantities) else ()

@@ -31,6 +31,7 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.symbolic.build import build_model
+from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.running_error import evaluate_with_bound
 from tests.codegen.subjects import bare, everything, in_single_precision, offered
@@ -88,7 +89,7 @@ def test_every_operation_is_rounded_to_float(subject: Any, family: str) -> None:
     assert compared >= len(request.quantities)
 
 
-@pytest.mark.parametrize("subject", [everything, bare], ids=["everything", "bare"])
+@pytest.mark.parametrize("subject", [*thorough(everything), bare], ids=["everything", "bare"])
 def test_it_agrees_with_double_precision_within_the_rounding_of_its_terms(subject: Any) -> None:
     structure, request = in_single_precision(subject)
     model, functions = build_library(structure, request).load(), offered(structure, request)
@@ -255,6 +256,7 @@ def test_solvers_need_double_precision() -> None:
     assert "double" in caught.value.hint
 
 
+@pytest.mark.thorough
 def test_casadi_cannot_call_it_and_is_not_offered_to() -> None:
     name = "braced_member_tension_n_in"
     structure, request = everything()
@@ -277,7 +279,10 @@ def test_an_unknown_precision_is_refused_with_the_known_ones() -> None:
 
 @pytest.mark.parametrize(
     ("field", "index", "owner"),
-    [("spring_constant", 0, "e0"), ("rest_length", 2, "e2"), ("node_mass", 1, "n1"), ("gravity", 2, "2")],
+    [
+        ("rest_length", 2, "e2"),
+        *thorough(("spring_constant", 0, "e0"), ("node_mass", 1, "n1"), ("gravity", 2, "2")),
+    ],
 )
 def test_a_value_beyond_float_is_named(field: str, index: int, owner: str) -> None:
     structure, request = in_single_precision(everything)

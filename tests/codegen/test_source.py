@@ -48,6 +48,7 @@ def test_many_constants_have_a_file_of_their_own(apart: GeneratedSource) -> None
     assert whole["manifest.json"] == apart.files["manifest.json"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("family", EACH_FAMILY)
 def test_both_files_are_c99_without_a_warning(apart: GeneratedSource, family: str, tmp_path: Path) -> None:
     compiler = require_compiler(family)
@@ -83,6 +84,7 @@ def test_a_library_of_two_files_computes_the_same(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_array_equal(found, expected)
 
 
+@pytest.mark.thorough
 def test_casadi_is_told_of_no_pattern_that_is_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
     structure, request = everything()
     request = replace(request, interfaces=("casadi",))

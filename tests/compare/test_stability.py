@@ -161,6 +161,7 @@ def test_tensions_are_held_to_what_errors_of_states_come_to() -> None:
         assert judge(item, replace(good, tension=changed), truth).verdict == verdict, off
 
 
+@pytest.mark.thorough
 def test_extended_precision_agrees_with_two_methods_where_these_do() -> None:
     (item,) = (item for item in generate_cases(prism(), 0.02) if item.name == "1e+04")
     compiled = models(prism())
@@ -239,6 +240,7 @@ def test_the_page_of_a_small_scene(tmp_path: Path) -> None:
     assert narrow["outside"] == []
 
 
+@pytest.mark.thorough
 def test_rigid_bars_take_part() -> None:
     compiled = models(common_prism())
     for item in generate_cases(common_prism(), 0.2):

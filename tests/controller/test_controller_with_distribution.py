@@ -112,6 +112,7 @@ def test_yielding_members_are_those_of_python(
         )
 
 
+@pytest.mark.thorough
 def test_an_own_range_and_a_distribution_without_gains(
     model: CompiledModel, motion: Motion, distribution: TensionDistribution, tmp_path: Path
 ) -> None:

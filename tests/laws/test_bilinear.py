@@ -318,6 +318,7 @@ def test_batches_compute_what_single_calls_do() -> None:
         assert model.compute_batch(name, coordinate=many) == pytest.approx(single, rel=1e-13, abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_batches_of_motions_have_the_closed_form() -> None:
     model = load(hanging(3.0, 0.1), *SIMULATION_QUANTITIES, integrators=("rk853",), batch_width=4)
     speed = np.array([1.2, 1.3, 1.4, 1.5, 1.6])
@@ -327,6 +328,7 @@ def test_batches_of_motions_have_the_closed_form() -> None:
     assert -1.0 - found.coordinate[:, -1, 0] == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.thorough
 def test_node_distances_and_node_positions_move_alike() -> None:
     structure = bilinear_prism()
     ends = []
@@ -342,6 +344,7 @@ def test_node_distances_and_node_positions_move_alike() -> None:
     assert ends[0] == pytest.approx(ends[1], abs=1e-7)
 
 
+@pytest.mark.thorough
 def test_cables_of_rigid_bars_follow_the_law() -> None:
     structure = prism(strain=0.2, anchored={0: "xyz", 1: "z"})
     bar = structure.is_bar

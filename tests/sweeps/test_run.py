@@ -19,6 +19,7 @@ from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
 from tensegrity_codegen.sweeps.run import run_sweep
 from tensegrity_codegen.sweeps.store.folder import find_finished
 from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tests.cases import thorough
 from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
@@ -91,7 +92,7 @@ run(Path(sys.argv[1]), on_progress=lambda progress: time.sleep(3600 if progress.
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, *thorough(signal.SIGINT)])
 def test_a_client_that_is_ended_goes_on_where_it_stopped(tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "a.zarr"
     client = subprocess.Popen([sys.executable, "-c", CLIENT, str(out)], stderr=subprocess.PIPE)

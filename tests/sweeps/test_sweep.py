@@ -15,6 +15,7 @@ from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, Outp
 from tensegrity_codegen.pipeline import compile_scene
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.sweeps.tasks.operations import build_operation
+from tests.cases import thorough
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
 pytest.importorskip("xarray", reason="xarray is missing: pip install '.[sweep]'")
@@ -75,7 +76,7 @@ def test_cases_with_other_members_share_arrays_by_their_names() -> None:
         assert np.isnan(row.sel(member=others).values).all()
 
 
-@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
+@pytest.mark.parametrize("sampling", ["sobol", *thorough("random", "latin_hypercube")])
 def test_the_same_seed_gives_the_same_bits_on_any_number_of_workers(sampling: str) -> None:
     options: dict[str, Any] = {
         "do": "evaluate",

@@ -23,7 +23,7 @@ from tests.segments import exact_distance, searched_distance
 
 Array = NDArray[np.float64]
 EPSILON = float(np.finfo(float).eps)
-MANY = settings(max_examples=300, deadline=None)
+MANY = settings(max_examples=100, deadline=None)
 
 
 def make_contact(n_axes: int = 3) -> ca.Function:

@@ -129,6 +129,7 @@ def test_results_are_those_of_node_positions(
     close(found("acceleration"), expected, scale=force_to_acceleration(structure))
 
 
+@pytest.mark.thorough
 @given(structures(most_nodes=10), CHOICES, st.integers(0, 2**32 - 1))
 @FEW
 def test_jacobians_are_those_of_node_positions_mapped(
@@ -149,6 +150,7 @@ def test_jacobians_are_those_of_node_positions_mapped(
             close(found(name), expected, 1e-11)
 
 
+@pytest.mark.thorough
 @given(structures(most_nodes=10), st.integers(0, 2**32 - 1))
 @FEW
 def test_masses_and_stiffnesses_may_change_at_run_time(structure: Structure, seed: int) -> None:

@@ -82,7 +82,7 @@ def test_every_quantity_equals_the_numpy_model_with_constants_baked_in(
 
 
 @given(structures(most_nodes=15), st.integers(0, 2**32 - 1))
-@settings(SLOW, max_examples=15)
+@settings(SLOW, max_examples=6)
 def test_every_quantity_equals_the_numpy_model_with_all_parameters_at_run_time(
     structure: Structure, seed: int
 ) -> None:

@@ -150,6 +150,7 @@ def test_a_project_with_cmake_finds_an_installed_and_a_plain_bundle(
         )
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="the paths are those of Linux")
 def test_a_project_of_c_plus_plus_alone_compiles_the_sources(
     bundles: dict[str, Path], libraries: dict[str, BuiltLibrary], tmp_path: Path
@@ -245,6 +246,7 @@ def test_all_sources_are_compiled_where_tables_are_apart() -> None:
     assert all(text.endswith("\n") for text in files.values())
 
 
+@pytest.mark.thorough
 def test_the_folder_names_the_functions_of_other_programs() -> None:
     structure, request = load_scene(EXAMPLES / "prism12.toml")
     request = request.wanting("acceleration", "state_derivative")

@@ -110,6 +110,7 @@ def fill(sparsity: ca.Sparsity, i: int) -> ca.DM:
     return ca.DM(sparsity, values)
 
 
+@pytest.mark.thorough
 def test_the_function_pointers_of_acados_take_them(tmp_path: Path) -> None:
     structure, request = subject()
     files = emit(structure, request).files  # type: ignore[arg-type]

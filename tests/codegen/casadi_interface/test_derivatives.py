@@ -19,6 +19,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tests.cases import thorough
 from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import bare, everything
 from tests.codegen.table.subjects import served
@@ -70,7 +71,7 @@ class Pair:
         return [ca.DM((value + 0.01 * random.uniform(0.5, 1.0, value.shape)).T) for value in nominal]
 
 
-@pytest.fixture(scope="module", params=SUBJECTS)
+@pytest.fixture(scope="module", params=["table", "bodies", "plane", *thorough("lanes")])
 def pair(request: pytest.FixtureRequest) -> Pair:
     structure, wanted = SUBJECTS[request.param]()
     wanted = replace(wanted, interfaces=("casadi_hessian",), integrators=())

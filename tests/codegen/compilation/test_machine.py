@@ -24,6 +24,7 @@ from tensegrity_codegen.errors import CompileError, FormulationError, LibraryErr
 from tensegrity_codegen.manifest import STATUS, Manifest
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tests.cases import thorough
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.drive_c import format_driver
@@ -114,6 +115,7 @@ def test_every_function_refuses_and_writes_nothing(tmp_path: Path) -> None:
         assert (result == 7.0).all()
 
 
+@pytest.mark.thorough
 @ON_X86
 @ON_LINUX
 def test_the_machine_is_asked_what_the_kernel_says_of_it(tmp_path: Path) -> None:
@@ -238,6 +240,7 @@ def test_on_an_older_machine_reference_code_runs(tmp_path: Path) -> None:
     assert found[:6] == ["0"] * 6  # the machine, and the functions
 
 
+@pytest.mark.thorough
 @ON_X86
 @ON_LINUX
 @pytest.mark.parametrize("family", EACH_FAMILY)
@@ -273,7 +276,7 @@ def test_no_sanitizer_has_anything_to_say_of_native_code(tmp_path: Path) -> None
 ANSWERS = ("_checkout", "_work")
 
 
-@pytest.mark.parametrize("subject", [bare, everything], ids=["bare", "everything"])
+@pytest.mark.parametrize("subject", [bare, *thorough(everything)], ids=["bare", "everything"])
 def test_every_public_function_asks_before_it_does_anything(subject: Any) -> None:
     """Also those that a later emitter adds: plain itself, the first statement the question."""
     structure, request = subject()

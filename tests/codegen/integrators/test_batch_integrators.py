@@ -280,6 +280,7 @@ def test_other_compilers_take_it_too(family: str, tmp_path: Path) -> None:
     build_and_run(tmp_path, manifest, family, *QUICK, *STRICT)
 
 
+@pytest.mark.thorough
 def test_it_is_cpp_without_a_warning(tmp_path: Path) -> None:
     compiler, manifest = require_cpp("g++"), write(native_everything, tmp_path)
     native = FLAG_SETS["native"].options[1:]

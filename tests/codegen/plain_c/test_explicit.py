@@ -76,6 +76,7 @@ def test_a_linear_oscillator_is_followed(n: int, single: bool, tmp_path: Path) -
         assert speed == pytest.approx(-2 * math.sin(2 * t) / n, abs=4e-2 if single else 2e-5)
 
 
+@pytest.mark.thorough
 def test_calls_one_after_the_other_give_the_bits_of_one(tmp_path: Path) -> None:
     parts = "while (status == 0 && time < 1.0) status = method_advance(1.0, 3, &m);"
     assert run(parts + SAY_SAMPLES, tmp_path) == run(WHOLE + SAY_SAMPLES, tmp_path)

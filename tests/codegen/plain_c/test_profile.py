@@ -143,6 +143,7 @@ int main(void)
 """
 
 
+@pytest.mark.thorough
 def test_steps_end_at_kinks_and_follow_the_changing_stiffness(tmp_path: Path) -> None:
     *kinks, status, place, speed = map(float, run_c(HEAD + MOTION, tmp_path, *options_for(3, False)).split())
     assert (sorted(set(kinks)), status) == ([0.3, 0.7], 0)

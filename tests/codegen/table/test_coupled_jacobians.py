@@ -139,6 +139,7 @@ def test_structures_of_480_and_1074_members_with_heavy_bars_have_a_linear_model(
     assert found.A.nnz == 14_544 if count == 27 else found.A.nnz > 14_544
 
 
+@pytest.mark.thorough
 def test_a_matrix_that_large_groups_fill_is_refused_with_a_way_out() -> None:
     structure = heavy(tower(230))
     with pytest.raises(FormulationError) as caught:

@@ -32,6 +32,7 @@ def test_cable_forces_and_laws_have_the_bits_of_unrolled_code(is_changeable: boo
             np.testing.assert_array_equal(table.compute(spec.quantity, **given), expected)
 
 
+@pytest.mark.thorough
 def test_radau_runs_over_tables_to_the_same_bits() -> None:
     request = ModelRequest(("member_tension",), integrators=("radau",))
     runs = []

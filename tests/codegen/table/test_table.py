@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, everything
 from tests.codegen.table.subjects import assert_equal_to_casadi, build_table, some_of
@@ -44,9 +45,11 @@ def test_every_compiler_gives_the_same_bits(family: str) -> None:
 
 
 NODES = [path for path in EXAMPLES if isinstance(load_scene(path)[0], Structure)]
+LARGE = [path for path in NODES if path.stem in ("icosahedron", "prism12", "tower")]
+SMALL = [path for path in NODES if path not in LARGE]
 
 
-@pytest.mark.parametrize("scene", NODES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("scene", [*SMALL, *thorough(*LARGE)], ids=lambda path: path.stem)
 def test_the_shipped_structures_equal_the_virtual_machine(scene: Path) -> None:
     structure, request = load_scene(scene)
     assert isinstance(structure, Structure)

@@ -146,6 +146,7 @@ def distance_of_axes(prism: Any, q: np.ndarray, i: int, j: int) -> float:
     return float(np.sqrt(found.fun))
 
 
+@pytest.mark.thorough
 def test_slack_load_and_contact_load_by_another_way(derivation: ModuleType) -> None:
     """Linear springs: both loads by bracketing on the equilibria of the derivation."""
     prism, found = derivation.Prism(), find_load_events()
@@ -258,6 +259,7 @@ def test_work_is_the_change_of_potential(tension_only: bool, top: int) -> None:
         assert found["work"] > 0.05
 
 
+@pytest.mark.thorough
 def test_work_is_the_change_of_potential_through_a_limit_point() -> None:
     problem, path = follow_load(compile_prism(), past_contact=True)
     assert path.find_events("limit")

@@ -116,6 +116,7 @@ def test_constraints_stay_put_for_a_thousand_seconds(pairs: str, basis: str) -> 
     assert found["drift"].max() < 1e-15
 
 
+@pytest.mark.thorough
 def test_constraints_of_stiff_bars_stay_put_too() -> None:
     stiff = sample_prism().with_changes(spring_constant=np.where(sample_prism().is_bar, 2e5, 200.0))
     found = measure_constraint_drift(stiff, t_end=2.0, step=1e-4)
@@ -140,6 +141,7 @@ def test_node_positions_lose_digits_with_the_offset_and_distances_do_not() -> No
     assert rows["single", 1e9]["node_position_acceleration"] is None  # all nodes coincide
 
 
+@pytest.mark.thorough
 def test_simulations_far_from_the_origin_are_those_at_the_origin() -> None:
     found = compare_offset_trajectories(offsets=(0.0, 1e6), t_end=0.2, samples=11)
     assert found["node_distance"][1e6].max() == 0.0

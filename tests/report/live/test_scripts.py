@@ -41,6 +41,7 @@ def test_nothing_is_fetched(path: Path) -> None:
     assert not re.search(r"https?://|\bfetch\(|XMLHttpRequest|@import|url\((?!#)", text)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(shutil.which("node") is None, reason="no node is installed")
 def test_every_script_can_be_parsed(tmp_path: Path) -> None:
     for path in SCRIPTS:

@@ -8,6 +8,7 @@ from PIL import Image
 from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tensegrity_codegen.report.pictures import canvas, plots
 from tensegrity_codegen.report.pictures.plots import plot_structure, plot_trajectory
+from tests.cases import thorough
 from tests.report.samples import frame, make_trajectory, png_size, prism, thread
 
 
@@ -46,7 +47,9 @@ def check_nothing_is_clipped(figure):
         assert inside, (part, extent, width, height)
 
 
-@pytest.mark.parametrize("structure", [prism(), frame(), thread("xyz"), thread("z"), prism(sides=40)])
+@pytest.mark.parametrize(
+    "structure", [prism(), thread("z"), *thorough(frame(), thread("xyz"), prism(sides=40))]
+)
 @pytest.mark.parametrize("with_tension", [False, True])
 def test_picture_has_the_size_of_its_figure_and_no_clipped_text(tmp_path, figures, structure, with_tension):
     tension = structure.static_tension() if with_tension else None
@@ -146,7 +149,7 @@ def test_wrong_shapes_and_infinities_are_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("structure", [prism(), frame(), thread("xyz"), prism(sides=12)])
+@pytest.mark.parametrize("structure", [prism(), thread("xyz"), *thorough(frame(), prism(sides=12))])
 def test_trajectory_page_shows_the_shapes_and_three_diagrams(tmp_path, figures, structure):
     path = plot_trajectory(structure, make_trajectory(structure, 50), tmp_path / "a.png")
     (figure,) = figures

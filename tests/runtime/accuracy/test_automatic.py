@@ -211,6 +211,7 @@ def test_jumps_of_damped_cables_keep_the_error_within_ten_tolerances(ratio: floa
         assert worst(found, exact)[1] <= 10.0
 
 
+@pytest.mark.thorough
 def test_what_damped_cables_excite_counts_in_what_radau_leaves_out() -> None:
     found = run(spinning, 1e9)
     assert (found.status, found.method[:11]) == ("ok", "auto (radau")

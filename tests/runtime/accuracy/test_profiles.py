@@ -45,6 +45,7 @@ def test_a_ramp_with_slack_cables_meets_the_tolerance(tolerance: float) -> None:
     assert max(position, velocity) < tolerance
 
 
+@pytest.mark.thorough
 def test_radau_takes_stiff_bars_and_bounds_what_kinks_excite() -> None:
     """Bars 10^6 times as stiff as cables: kinks of the ramp make them vibrate, which radau leaves out."""
     model = build_prism(1e8)

@@ -68,6 +68,7 @@ def build_kite() -> Structure:
     return actuate(kite, rate=0.1)
 
 
+@pytest.mark.thorough
 def test_a_free_kite_in_the_plane() -> None:
     structure = build_kite()
     model = compile_motion(structure)

@@ -50,6 +50,7 @@ def test_rigid_bars_are_followed_exactly() -> None:
     assert tension < 1e-5
 
 
+@pytest.mark.thorough
 def test_elastic_bars_are_followed_up_to_their_vibration() -> None:
     model, found = compile_motion(PINNED), plan_prism(PINNED)
     dynamic = time_motion(model, found, 0.8)
@@ -80,6 +81,7 @@ def group(structure: Structure) -> Structure:
     )
 
 
+@pytest.mark.thorough
 def test_motors_of_several_cables_with_axial_stiffness() -> None:
     model = compile_motion(group(build_prism()))
     found = plan(model, "twist=165")

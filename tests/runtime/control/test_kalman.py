@@ -41,6 +41,7 @@ def check_draw(model: CompiledModel, motion: Motion, gains: Gains, estimator: Es
     assert np.degrees(biased.worst_error(0.5)) > 0.1
 
 
+@pytest.mark.thorough
 def test_noisy_lengths_serve_where_disturbances_are_estimated(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
 ) -> None:

@@ -153,6 +153,7 @@ def test_a_cable_between_two_fixed_points_is_said_to_have_no_effect() -> None:
     assert "bottom1 connects points that cannot move" in str(caught.value)
 
 
+@pytest.mark.thorough
 def test_rigid_motions_of_a_free_structure_are_named() -> None:
     model = compile_scene(EXAMPLES / "prism12.toml", for_=("control", "equilibrium"))
     found = find_equilibrium(model)

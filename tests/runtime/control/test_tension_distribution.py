@@ -94,6 +94,7 @@ def test_the_least_tension_yields_where_the_rate_is_too_small(
     assert (np.abs(found.command - wanted) <= 0.001 + 1e-12).all()
 
 
+@pytest.mark.thorough
 def test_the_loop_keeps_tensions_that_feedback_alone_loses(
     model: CompiledModel, motion: Motion, gains: Gains
 ) -> None:

@@ -100,6 +100,7 @@ def test_the_tower_ends_at_the_plan_without_torque(name: str) -> None:
     assert np.degrees(np.abs(run.coordinate[-1] - np.asarray(path.coordinate)[-1]).max()) < 1e-4
 
 
+@pytest.mark.thorough
 def test_slow_motors_are_refused_with_the_rate_that_the_motion_needs() -> None:
     model = compile_motion(build(0.02), "bodies")
     with pytest.raises(InvalidValueError) as caught:

@@ -255,6 +255,7 @@ def test_tensions_of_rigid_bars_beside_a_soft_spring_are_as_exact_as_the_motion(
     np.testing.assert_allclose(one.member_tension, other.member_tension, atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_parameters_and_inputs_change_at_run_time() -> None:
     structure = prism_of_ratio(1e6)
     everything = tuple(range(structure.n_members))
@@ -372,6 +373,7 @@ def test_rigid_bars_are_the_end_of_the_scale(make: Any) -> None:
     np.testing.assert_allclose(raw.state[1:], stiff.state[1:], atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_far_from_the_origin_steps_do_not_chase_rounding() -> None:
     structure = class_two(1e9)
     far = structure.with_changes(node_position=structure.node_position + 40.0)

@@ -157,6 +157,7 @@ def test_a_condition_ends_the_run_with_state_and_tension_there() -> None:
     assert (found.log.kind, found.log.direction.tolist()) == (("condition",), [1])
 
 
+@pytest.mark.thorough
 def test_contact_of_bars_is_logged_and_may_end_the_run() -> None:
     """A bar flies through another: their surfaces meet at t = 0.45 s and part at 0.55 s."""
     position = [[0, -0.5, 0], [0, 0.5, 0], [-0.5, 0, 1], [0.5, 0, 1]]

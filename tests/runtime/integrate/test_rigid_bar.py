@@ -102,6 +102,7 @@ def test_an_initial_motion_that_stretches_a_rigid_bar_is_refused() -> None:
         simulate(model, 1.0, velocity=velocity)
 
 
+@pytest.mark.thorough
 def test_chains_of_rigid_bars_swing_as_stiff_ones_do() -> None:
     position = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0, -1]]
 

@@ -11,6 +11,7 @@ from scipy import optimize
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.path_problem import Watch
+from tests.cases import thorough
 from tests.runtime.path_problems import Chain, Column, Kinked, Line, VonMises
 
 FREE = {"floor": -np.inf}
@@ -98,7 +99,7 @@ def test_equal_columns_side_by_side_buckle_together() -> None:
     assert event.load_factor == pytest.approx(3 - np.sqrt(5), rel=1e-10)
 
 
-@pytest.mark.parametrize("size", [5, 400])
+@pytest.mark.parametrize("size", [5, *thorough(400)])
 def test_limit_load_of_a_chain_with_dense_and_with_sparse_factors(size: int) -> None:
     path = follow_path(Chain(size), np.zeros(size), most=1.0)
     (event,) = path.find_events("limit")

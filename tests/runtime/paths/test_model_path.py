@@ -241,6 +241,7 @@ def test_a_load_may_turn_back_where_a_cable_goes_slack(prism: tuple[Structure, A
     assert moved[1] > 1e-2
 
 
+@pytest.mark.thorough
 def test_a_floating_structure_turns_to_stay_in_balance() -> None:
     structure, request = load_scene(EXAMPLES / "icosahedron.toml")
     assert isinstance(structure, Structure)

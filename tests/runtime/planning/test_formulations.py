@@ -28,6 +28,7 @@ def check_points(found: PlanResult) -> None:
     np.testing.assert_allclose(found.target[-1], found.goal, rtol=1e-7)
 
 
+@pytest.mark.thorough
 def test_rigid_bars_and_stiff_bars_have_nearly_the_same_plan() -> None:
     stiff = build_prism(155.0)
     shape = {"kind": "prism", "bars": 3, "bottom_radius": 0.15, "height": 0.3, "twist": 155.0}

@@ -36,6 +36,7 @@ def test_the_least_stiffness(model: Any) -> None:
     assert any(item.limit == "least_stiffness" for items in found.binding for item in items)
 
 
+@pytest.mark.thorough
 def test_the_yield_stress_of_bars(model: Any) -> None:
     structure = model.structure
     free = find(model)  # the bars have 29.6 N at the start, and more later
@@ -111,6 +112,7 @@ def doubled() -> Any:
     return compile_plan(limit(structure.with_changes(actuators=actuators, inputs=inputs), least=0.1))
 
 
+@pytest.mark.thorough
 def test_the_ranges_of_two_actuators_on_one_member_hold_for_its_rest_length(doubled: Any) -> None:
     structure = doubled.structure
     rest = float(structure.rest_length[structure.member_name.index("vertical1")])

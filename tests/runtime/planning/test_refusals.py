@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.planning.plan import plan
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
+from tests.cases import thorough
 from tests.runtime.planning.structures import CLASSES, actuate, assemble, build_prism, compile_plan, limit
 
 PRISM = build_prism(155.0)
@@ -124,7 +125,7 @@ def motors() -> CompiledModel:
     return compile_plan(assemble(document))
 
 
-@pytest.mark.parametrize("goal", [0.0, -0.3, -3.0])
+@pytest.mark.parametrize("goal", [-0.3, *thorough(0.0, -3.0)])
 def test_a_path_goes_as_far_whatever_the_distance_of_the_target(goal: float, motors: CompiledModel) -> None:
     found = plan(motors, {"height": goal})
     assert found.status == "blocked"
@@ -132,7 +133,7 @@ def test_a_path_goes_as_far_whatever_the_distance_of_the_target(goal: float, mot
     assert names(found, "clearance") == ["bar1 and bar2", "bar1 and bar3", "bar2 and bar3"]
 
 
-@pytest.mark.parametrize("steps", [1, 2, 20])
+@pytest.mark.parametrize("steps", [1, *thorough(2, 20)])
 def test_few_steps_reach_the_target_too(steps: int, motors: CompiledModel) -> None:
     found = plan(motors, "height=0.15", steps=steps)
     assert found.status == "found", found.message

@@ -196,6 +196,7 @@ def check_bodies(system: BodySystem) -> tuple[Any, Sensitivity]:
     return start, found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", ["axial_stiffness", *thorough("spring_constant")])
 def test_the_tower_of_bodies(law: str) -> None:
     system, _ = load_scene(EXAMPLES / "svd_tower.toml")

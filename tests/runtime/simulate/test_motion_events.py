@@ -153,6 +153,7 @@ def test_the_first_of_many_contacts_between_two_samples_is_found(method: str) ->
     assert first.time == pytest.approx(found.events[0].time, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_prism_of_three_bars_touches_at_three_places_at_once() -> None:
     system = example("lin_prism")
     model = build(system, *CONTACT_QUANTITIES, "state_derivative", formulation="bodies")

@@ -214,6 +214,7 @@ def test_more_samples_than_memory_holds_are_refused(
         simulate_batch(model, T_END, coordinate=starts(model, 20), samples=20)
 
 
+@pytest.mark.thorough
 def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None:
     members = [cable(0, 1, 1.0, 40.0), bar(1, 2, 0.7, 90.0)]
     place = [[0.0, 0.0, 0.0], [1.2, 0.0, 0.0], [1.9, 0.1, 0.0]]
@@ -241,6 +242,7 @@ def test_cables_that_go_slack_cost_accuracy_no_more_than_the_tolerance() -> None
         assert np.all(apart([found[k] for k in range(6)], tight) < 5.0 * growth * rtol)
 
 
+@pytest.mark.thorough
 def test_redundant_coordinates_stay_on_their_constraints() -> None:
     structure = prism(150.0)
     model = build(structure, formulation="node_distance", parameters={})

@@ -156,6 +156,7 @@ def test_the_c_loop_and_scipy_agree(method: str) -> None:
     np.testing.assert_allclose(by_c.node_position, by_scipy.node_position, atol=1e-7)
 
 
+@pytest.mark.thorough
 def test_friction_and_damping_take_energy_away() -> None:
     document = {**EVERYTHING, "loads": EVERYTHING["loads"][:1], "inputs": []}
     system, _ = assemble_document(document)
@@ -164,6 +165,7 @@ def test_friction_and_damping_take_energy_away() -> None:
     assert motion.energy_drift is None
 
 
+@pytest.mark.thorough
 def test_passing_the_pole_of_the_angles_is_reported_with_body_and_time() -> None:
     document = {**PENDULUM, "bodies": {
         **PENDULUM["bodies"],

@@ -180,7 +180,7 @@ def net(n: int, rest: float = 1.02, weight: float = -1.0):
     return make_structure(place, members, anchored=rim, gravity=(0.0, 0.0, weight))
 
 
-@pytest.mark.parametrize("n", [5, 11, 33])
+@pytest.mark.parametrize("n", [5, 11, *thorough(33)])
 def test_slack_net_falls_into_its_ropes(n: int) -> None:
     """Weight in equals reactions out; with n = 33 the net has 2,883 coordinates and is solved sparsely."""
     structure = net(n)

@@ -23,6 +23,7 @@ from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_tdf import import_tdf
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.read import parse_scene
+from tests.cases import thorough
 
 TEXT = """<?xml version="1.0"?>
 <tdf>
@@ -113,7 +114,7 @@ def test_entities_that_grow_without_limit_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["<a>" * 100_000, "<tdf>" + "<a/>" * 600_000 + "</tdf>", "", "<", "<tdf", "\x00"]
+    "text", ["<a>" * 100_000, *thorough("<tdf>" + "<a/>" * 600_000 + "</tdf>"), "", "<", "<tdf", "\x00"]
 )
 def test_deep_long_and_broken_files_are_refused(text: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError):

@@ -38,6 +38,7 @@ def test_what_stands_for_too_much_is_refused(tmp_path: Path, text: str) -> None:
         import_ntrt(path)
 
 
+@pytest.mark.thorough
 def test_pairs_are_counted_as_substructures_repeat_them(tmp_path: Path) -> None:
     (tmp_path / "part.yaml").write_text(PAIRS, encoding="utf-8")
     names = "/".join(f"p{i}" for i in range(200))

@@ -19,6 +19,7 @@ from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import MOST_LIBRARIES, find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.keys import KeyPath, find_numbers
+from tests.cases import thorough
 from tests.sweeps.apply.exactly import EXAMPLES, group_and_compare
 
 
@@ -37,7 +38,7 @@ def sweep_number(name: str, path: str) -> None:
     group_and_compare(document, build_cases({path: values}))
 
 
-@pytest.mark.parametrize("name", ["planar", "prism", "prism12", "two_nodes"])
+@pytest.mark.parametrize("name", ["planar", "two_nodes", *thorough("prism", "prism12")])
 def test_every_number_of_a_small_example_can_vary(name: str) -> None:
     for path in find_numbers(scene(name)):
         sweep_number(name, path)
@@ -177,6 +178,7 @@ def test_cases_that_fail_only_together_get_a_message() -> None:
     assert 0 < good.sum() < cases.count
 
 
+@pytest.mark.thorough
 def test_normal_tails_outside_the_allowed_numbers_are_single_bad_cases() -> None:
     cases = build_cases({}, {"classes.cable.damping": "normal(0.1,0.1)"}, n=300, seed=1)
     (group,) = group_and_compare(scene("prism"), cases)

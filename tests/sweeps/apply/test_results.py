@@ -68,6 +68,7 @@ def test_tensions_are_those_of_the_edited_scene(name: str) -> None:
     compare(together, alone, 1e-12)
 
 
+@pytest.mark.thorough
 def test_equilibria_are_those_of_the_edited_scene() -> None:
     keep = ("node_position", "member_tension")
     _, together, alone = run_both("prism", SWEEPS["prism"], build_operation("equilibrium", keep))

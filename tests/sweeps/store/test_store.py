@@ -114,6 +114,7 @@ except OutputError as error:
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="limits on the size of files are those of POSIX")
 def test_without_space_the_finished_tasks_stay_and_nothing_of_the_other(tmp_path: Path) -> None:
     contents = make_contents(KINDS["sample"], size=8)

@@ -13,6 +13,7 @@ from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.pipeline import load_scene
 from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
+from tests.cases import thorough
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
@@ -20,7 +21,9 @@ KEPT = ("member_tension", "node_residual", "tangent_stiffness", "total_energy")
 COUNT = 11
 
 
-@pytest.mark.parametrize("scene", [PRISM, TRIANGLE, BODIES, SINGLE], ids=lambda scene: str(scene["name"]))
+@pytest.mark.parametrize(
+    "scene", [TRIANGLE, BODIES, SINGLE, *thorough(PRISM)], ids=lambda scene: str(scene["name"])
+)
 def test_rows_are_those_of_single_calls(scene: dict[str, Any]) -> None:
     operation = Evaluate(() if "bodies" in scene else KEPT)
     model = compile_for(scene, operation)

@@ -57,6 +57,7 @@ def test_the_worst_draw_is_kept_and_can_be_repeated(
     np.testing.assert_array_equal(run.coordinate, study.loops["open"].run.coordinate)
 
 
+@pytest.mark.thorough
 def test_loops_in_c_give_the_same_study(model: CompiledModel, motion: Motion) -> None:
     from tensegrity_codegen import simulate_control_batch
 

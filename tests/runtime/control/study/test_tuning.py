@@ -65,6 +65,7 @@ def test_names_of_sums_and_none(model: CompiledModel, motion: Motion) -> None:
     assert len(choose_weights(model, motion, integral_action=[]).Q) == 12
 
 
+@pytest.mark.thorough
 def test_more_coordinates_than_actuators_sum_what_these_can_move(
     tmp_path: Path, model: CompiledModel
 ) -> None:

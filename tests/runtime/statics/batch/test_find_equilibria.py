@@ -55,6 +55,7 @@ def vary_prism(model: CompiledModel, count: int, sideways: float = 0.0) -> dict[
     return {"node_load": load, "rest_length": rest}
 
 
+@pytest.mark.thorough
 def test_prisms_that_slide_and_turn_on_a_table() -> None:
     model = compile_scene(PRISM, for_="equilibria")
     given = vary_prism(model, COUNT)
