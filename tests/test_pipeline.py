@@ -269,6 +269,7 @@ LIES = {
 
 
 @pytest.mark.thorough
+@pytest.mark.optimised
 @POSIX
 @pytest.mark.parametrize("write", LIES.values(), ids=LIES)
 def test_what_a_lying_compiler_writes_is_not_kept(
@@ -283,6 +284,7 @@ def test_what_a_lying_compiler_writes_is_not_kept(
     assert build(scene, cache=cache).load().compute("member_length").tolist() == [1.0]
 
 
+@pytest.mark.optimised
 def test_the_library_of_another_scene_from_the_compiler_is_refused(
     scene: Path, cache: Cache, tmp_path: Path
 ) -> None:

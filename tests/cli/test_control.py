@@ -62,10 +62,15 @@ def test_a_motion_is_planned_held_and_written(run: Run, folder: Path, pinned: Pa
     with np.load("c.npz", allow_pickle=False) as file:
         assert file["estimator_draws_end_error"].tolist() == data["loops"]["estimator"]["end_error"]["draws"]
         assert file["open_coordinate"].shape[1] == 6
-    again = run(
-        "control", pinned, "--weights", "c.npz", "--no-estimator", "--draws", 1, "--t-end", 0.5, "--json"
-    )
-    assert again.code == 0
+
+
+@pytest.mark.thorough
+def test_the_weights_of_a_file_serve_again(run: Run, folder: Path, pinned: Path) -> None:
+    words = ("control", pinned, "--draws", 1, "--t-end", 0.5, "--json")
+    first = run(*words, "--to", TWIST, "--out", "c.npz")
+    assert first.code == 0, first.err
+    again = run(*words, "--weights", "c.npz", "--no-estimator")
+    assert again.code == 0, again.err
     assert "estimator" not in again.data["loops"]
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from functools import cache
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
+from tensegrity_codegen.report import control_figures
 from tensegrity_codegen.report.control_page import STATUS, build_control_page
 from tensegrity_codegen.report.pages.page import Figure, Page, Table
 from tensegrity_codegen.report.pages.render_page import render_page
@@ -28,7 +30,8 @@ def study_prism() -> tuple[ControlStudy, Page]:
     errors = StatedErrors(gusts=(RandomGust("bar*_B", 3.0, 0.1, 0.1),))
     study = study_control(model, move_prism(model, duration=0.5), errors=errors, draws=2, t_end=1.0)
     assert model.structure is not None
-    return study, build_control_page(study, model, outline_bodies(model.structure), COMMAND)
+    with mock.patch.object(control_figures, "FRAMES", 12):
+        return study, build_control_page(study, model, outline_bodies(model.structure), COMMAND)
 
 
 def test_the_finding_is_the_title_and_every_part_is_there() -> None:

@@ -56,6 +56,8 @@ def draw_film(
     drawing = StructureDrawing(axes, structure, view, tension_limit=limit)
     if drawing.mappable is not None:
         add_color_bar(figure, axes, drawing.mappable, name="member tension [N]")
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # one layout for all pictures; to find it takes longer than to draw
 
     def paint() -> Iterator[NDArray[np.uint8]]:
         canvas: Any = figure.canvas
