@@ -10,7 +10,15 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["announce", "read_announcements", "remove_leftovers", "report_to", "withdraw"]
+__all__ = [
+    "announce",
+    "announce_advice",
+    "announce_end",
+    "read_announcements",
+    "remove_leftovers",
+    "report_to",
+    "withdraw",
+]
 
 LONGEST = 4096  # bytes of one announcement; a pipe takes that many in one piece
 
@@ -32,12 +40,29 @@ def withdraw(path: Path) -> None:
     _write(b"-", path)
 
 
-def read_announcements(data: bytes, known: set[str]) -> bytes:
-    """Bring `known`, the paths that are open, up to date; return the rest of `data` that is not whole yet."""
+def announce_advice(text: str) -> None:
+    """Say what the user is told if this process has to be killed, such as how to go on; "" for nothing."""
+    _write(b"?", text)
+
+
+def announce_end() -> None:
+    """Say that the user knows of the interruption: nothing is said if this process has to be killed."""
+    _write(b"!", "")
+
+
+def read_announcements(data: bytes, known: set[str], advice: list[str | None] | None = None) -> bytes:
+    """Bring `known` and `advice` up to date; return the rest of `data` that is not whole yet.
+
+    known: the paths that are open; advice: nothing, or the text for the user if the process is killed, or
+    None where the user knows already.
+    """
     *whole, rest = data.split(b"\0")
     for item in whole:
         path = os.fsdecode(item[1:])
-        if item[:1] == b"+":
+        if item[:1] in (b"?", b"!"):
+            if advice is not None:
+                advice[:] = [None] if item[:1] == b"!" else [path] if path else []
+        elif item[:1] == b"+":
             known.add(path)
         else:
             known.discard(path)
@@ -58,8 +83,8 @@ def remove_leftovers(known: set[str]) -> None:
             path.with_name(path.name + ".lock").unlink(missing_ok=True)
 
 
-def _write(sign: bytes, path: Path) -> None:
-    data = sign + os.fsencode(path) + b"\0"
+def _write(sign: bytes, text: Path | str) -> None:
+    data = sign + os.fsencode(text) + b"\0"
     if _pipe and len(data) <= LONGEST:
         with suppress(OSError):
             os.write(_pipe[0], data)

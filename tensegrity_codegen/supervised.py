@@ -128,6 +128,7 @@ class _Waiting:
     def __init__(self, worker: int, notes: int) -> None:
         self.worker, self.notes = worker, notes
         self.known: set[str] = set()
+        self.advice: list[str | None] = []
         self.rest = b""
         self.deadline: float | None = None
 
@@ -165,7 +166,7 @@ class _Waiting:
     def _read_notes(self) -> None:
         with suppress(BlockingIOError):
             while data := os.read(self.notes, 65536):
-                self.rest = read_announcements(self.rest + data, self.known)
+                self.rest = read_announcements(self.rest + data, self.known, self.advice)
 
     def _kill(self) -> NoReturn:
         """Kill the worker and all that it started, and remove what it left."""
@@ -175,7 +176,9 @@ class _Waiting:
         os.waitpid(self.worker, 0)
         self._read_notes()
         remove_leftovers(self.known)
-        os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + b"interrupted\n")
+        lines = [] if None in self.advice else [*self.advice, "interrupted"]
+        said = "".join(f"{line}\n" for line in lines)
+        os.write(2, (SHOW_CURSOR if os.isatty(2) else b"") + os.fsencode(said))
         os._exit(INTERRUPTED)
 
     def _end(self, status: int) -> NoReturn:

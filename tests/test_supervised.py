@@ -214,6 +214,17 @@ def test_ctrl_c_in_every_phase_of_a_build(phase: str, tmp_path: Path) -> None:
     assert list(build.cache.glob("libraries/*")) == []
 
 
+def test_advice_is_the_last_one_that_was_announced() -> None:
+    known: set[str] = set()
+    advice: list[str | None] = []
+    assert read_announcements(b"+/a\0?go on with a\0?go on with b\0", known, advice) == b""
+    assert (known, advice) == ({"/a"}, ["go on with b"])
+    read_announcements(b"?\0", known, advice)
+    assert (known, advice) == ({"/a"}, [])
+    read_announcements(b"?go on\0!\0", known, advice)
+    assert advice == [None]  # the process has said it
+
+
 def test_announcements_come_in_pieces(tmp_path: Path) -> None:
     known: set[str] = set()
     rest = b""

@@ -9,9 +9,10 @@ from typing import Any, NoReturn
 import typer
 
 from tensegrity_codegen.cli.output import Output, explain_system_error
-from tensegrity_codegen.cli.streams import print_text
+from tensegrity_codegen.cli.streams import print_aside, print_text
 from tensegrity_codegen.cli.verb_group import VerbGroup
 from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.leftovers import announce_end
 from tensegrity_codegen.version import VERSION
 
 __all__ = ["CommandLineError", "app", "main"]
@@ -65,7 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except OSError as error:
         code = output.fail(explain_system_error(error)).exit_code
     if code == INTERRUPTED:
-        output.aside.print("interrupted")
+        print_aside("interrupted")
+        announce_end()
     sys.exit(_flush(code, output))
 
 

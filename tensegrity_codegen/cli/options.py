@@ -22,6 +22,7 @@ __all__ = [
     "BatchWidthOption",
     "CompilerOption",
     "FlagsOption",
+    "FreshOption",
     "JsonOption",
     "OverwriteOption",
     "PeersOption",
@@ -40,6 +41,9 @@ SceneArgument = Annotated[
 ScenesArgument = Annotated[list[Path], typer.Argument(metavar="SCENE...", help="Scene files.")]
 PeersOption = Annotated[
     bool, typer.Option("--peers/--no-peers", help="Compare with MuJoCo, SUNDIALS and SciPy, where installed.")
+]
+FreshOption = Annotated[
+    bool, typer.Option("--fresh", help="Use nothing of an earlier run, also where it was interrupted.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 OverwriteOption = Annotated[

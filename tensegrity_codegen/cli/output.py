@@ -19,12 +19,14 @@ from tensegrity_codegen.cli.option_names import name_options, name_options_in_er
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.cli.streams import print_aside, print_text
 from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
+from tensegrity_codegen.leftovers import announce_advice
 from tensegrity_codegen.long_work.estimate import Pass, name_duration
 from tensegrity_codegen.passes import work_pass
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
+    from tensegrity_codegen.long_work.resumption import Resumption
     from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
@@ -43,6 +45,7 @@ class Output:
         self.started = time.monotonic()
         self._work: CommandProgress | None = None
         self.warned: list[str] = []
+        self.resumed: list[dict[str, Any]] = []
 
     @cached_property
     def human(self) -> Console:
@@ -169,6 +172,27 @@ class Output:
         """Yield a function of the fraction done of a pass, which is a part of the whole work."""
         with work_pass(title) as move:
             yield move
+
+    @contextmanager
+    def resumable(self, folder: Path) -> Iterator[Callable[[Resumption], None]]:
+        """Yield what is called with the results that are taken from an earlier run, kept in `folder`.
+
+        They are named on stderr, and with --json in `resumed`. Ctrl-C says how to go on.
+        """
+        advice = f"{folder} keeps what is finished; the same command goes on from there"
+        announce_advice(advice)
+        try:
+            yield self._resume
+        except KeyboardInterrupt:
+            self._end_bar()
+            print_aside(advice)
+            announce_advice("")
+            raise
+        announce_advice("")
+
+    def _resume(self, taken: Resumption) -> None:
+        self.resumed.append(taken.as_dict())
+        self.aside.print(name_options(taken.describe(time.time())), markup=False, soft_wrap=True)
 
     def entitle(self, title: str) -> None:
         """Change what the command's bar says of the work."""

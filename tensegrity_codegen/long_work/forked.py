@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 import warnings
@@ -22,6 +23,7 @@ Result = TypeVar("Result")
 DEFERRED = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGUSR1") if hasattr(signal, name)
 )  # those that interrupt this program
+PR_SET_PDEATHSIG = 1  # of prctl
 LOOK = 0.5  # seconds between two looks at the clock
 
 
@@ -129,6 +131,7 @@ def deferred_signals() -> Iterator[None]:
 
 
 def _answer(work: Callable[[Item], Result], item: Item, sender: Connection) -> None:
+    _end_with_parent()
     os.setpgid(0, 0)  # Ctrl-C reaches the parent alone, which ends this process and all that it started
     for number in DEFERRED:
         signal.signal(number, signal.SIG_IGN)
@@ -137,6 +140,19 @@ def _answer(work: Callable[[Item], Result], item: Item, sender: Connection) -> N
             sender.send((work(item), ""))
         except Exception as error:
             sender.send((None, f"{type(error).__name__}: {error}"[:500]))
+
+
+def _end_with_parent() -> None:
+    """Let the system end this process when its parent ends, even by SIGKILL; Linux alone can do so."""
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    parent = os.getppid()
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
+        os._exit(128 + signal.SIGKILL)
 
 
 def _receive(receiver: Connection, index: int, child: Any) -> Piece[Any]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import time
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.files import replaced
+from tensegrity_codegen.long_work.resumption import Resumption
 
 __all__ = ["Journal", "read_record"]
 
@@ -30,6 +33,10 @@ class Journal:
         The file, made when the first result is kept; None keeps results in memory only.
     key : str
         What the results belong to.
+    fresh : bool
+        Whether to remove the results that belong to the key.
+    notice : callable, optional
+        Called with what is taken from an earlier run.
 
     Raises
     ------
@@ -37,9 +44,18 @@ class Journal:
         If `path` is a folder, a device or a pipe.
     """
 
-    def __init__(self, path: Path | None, key: str = "") -> None:
+    def __init__(
+        self,
+        path: Path | None,
+        key: str = "",
+        *,
+        fresh: bool = False,
+        notice: Callable[[Resumption], None] | None = None,
+    ) -> None:
         self.path, self.key = path, key
+        self._notice = notice
         self._values: dict[str, Any] = {}
+        self._times: dict[bool, float | None] = {}  # of the last line, of this key or of another
         if path is not None and path.exists():
             if not path.is_file():
                 raise OutputError(
@@ -48,6 +64,8 @@ class Journal:
                     hint="remove it, or choose another folder",
                 )
             self._read(path.read_text(encoding="utf-8", errors="replace"))
+            if fresh:
+                self._forget(path)
 
     def find(self, name: str) -> Any:
         """Return the result of this name in JSON's types, None if there is none."""
@@ -58,7 +76,8 @@ class Journal:
         self._values[name] = value
         if self.path is None:
             return
-        line = json.dumps({"key": self.key, "name": name, "value": value}, allow_nan=False) + "\n"
+        data = {"key": self.key, "name": name, "time": round(time.time(), 3), "value": value}
+        line = json.dumps(data, allow_nan=False) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab+") as file:
             if file.tell() > 0:
@@ -67,14 +86,53 @@ class Journal:
                 line = line if file.read(1) == b"\n" else f"\n{line}"
             file.write(line.encode("utf-8"))
 
+    def announce(self, subject: str, what: str, taken: int, total: int) -> None:
+        """Say how many results of an earlier run are taken, or that those of another key are not.
+
+        Parameters
+        ----------
+        subject : str
+            Scene or chapter.
+        what : str
+            What is counted, in the plural.
+        taken, total : int
+            How many are taken, and how many there are in all.
+        """
+        is_stale = not taken and False in self._times and True not in self._times
+        if self._notice is not None and (taken or is_stale):
+            written = self._times.get(not is_stale)
+            self._notice(Resumption(subject, what, taken, total, written, is_stale))
+
     def _read(self, text: str) -> None:
         for line in text.split("\n"):
-            try:
-                data = json.loads(line, parse_constant=_refuse)
-                if data["key"] == self.key and isinstance(data["name"], str):
-                    self._values[data["name"]] = data["value"]
-            except (ValueError, KeyError, TypeError, RecursionError):
+            found = _read_line(line)
+            if found is None:
                 continue
+            key, name, value, written = found
+            self._times[key == self.key] = written
+            if key == self.key:
+                self._values[name] = value
+
+    def _forget(self, path: Path) -> None:
+        """Remove the results of this key, from the file too."""
+        self._values.clear()
+        self._times.clear()
+        lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
+        others = [line for line in lines if (found := _read_line(line)) is not None and found[0] != self.key]
+        with replaced(path) as temporary:
+            temporary.write_text("".join(f"{line}\n" for line in others), encoding="utf-8", newline="\n")
+
+
+def _read_line(line: str) -> tuple[str, str, Any, float | None] | None:
+    """Return key, name, value and time of a line, None for what is no line of a journal."""
+    try:
+        data = json.loads(line, parse_constant=_refuse)
+        key, name, value, written = data["key"], data["name"], data["value"], data.get("time")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+    if not isinstance(key, str) or not isinstance(name, str):
+        return None
+    return key, name, value, float(written) if _is_of(float, written) else None
 
 
 def read_record(kind: type[Record], data: Any) -> Record | None:

@@ -26,18 +26,22 @@ def build_sections(
     Sections that the journal has are taken from there; others are kept in it as soon as they are built.
     """
     journal = journal or Journal(None)
+    sections = {name: read_section(journal.find(name)) for name, _, _ in steps}
+    kept = [name for name, section in sections.items() if section is not None]
+    journal.announce(steps[0][0].split()[0], "sections", len(kept), len(steps))
     total = sum(share for _, share, _ in steps)
-    done, sections = 0.0, []
+    done = sum(share for name, share, _ in steps if name in kept)
+    if progress is not None:
+        progress(min(done / total, 1.0))
     for name, share, build in steps:
-        section = read_section(journal.find(name))
-        if section is None:
-            section = run_study(name, build)
-            journal.store(name, section_as_json(section))
-        sections.append(section)
+        if sections[name] is not None:
+            continue
+        sections[name] = section = run_study(name, build)
+        journal.store(name, section_as_json(section))
         done += share
         if progress is not None:
             progress(min(done / total, 1.0))
-    return tuple(sections)
+    return tuple(section for section in sections.values() if section is not None)
 
 
 def run_study(name: str, build: Callable[[], Result]) -> Result:

@@ -17,6 +17,7 @@ from tensegrity_codegen.long_work.identity import hash_run
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import ProgressFunction, part_of
 from tensegrity_codegen.long_work.provenance import describe_provenance
+from tensegrity_codegen.long_work.resumption import Resumption
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.output_folder import write_folder
 from tensegrity_codegen.papers.errata import ERRATA, ERRATA_TITLE
@@ -93,20 +94,23 @@ def reproduce(
     *,
     quick: bool = False,
     progress: ProgressFunction | None = None,
+    fresh: bool = False,
+    notice: Callable[[Resumption], None] | None = None,
 ) -> Reproduction:
     """Compute the chapters of the papers and write reproduce.html and reproduce.json into `folder`.
 
     papers: names of PAPERS, or "all"; quick: smaller sizes and shorter times; progress is called with the
     fraction done. Both files are written after all studies are done, or neither. Sections go into a journal
     in the folder as soon as they are done; the same call again, with the same code on the same machine, takes
-    them from there. Raises UnknownNameError,
+    them from there, unless `fresh`; `notice` is called with what is taken. Raises UnknownNameError,
     OutputError for a folder that cannot be written, MissingExtraError without matplotlib, and what a study
     raises, with its name.
     """
     names = choose_papers(papers)
     require_plot()
     target = write_folder(folder, {})  # before the long work: that the result has a place
-    journal = Journal(target / JOURNAL_NAME, hash_run("reproduce", str(quick)))
+    key = hash_run("reproduce", str(quick))
+    journal = Journal(target / JOURNAL_NAME, key, fresh=fresh, notice=notice)
     page = build_page(names, quick=quick, progress=progress, journal=journal)
     html, data = target / PAGE_NAME, target / DATA_NAME
     text = json.dumps({"made_by": MARK} | page.as_dict(), ensure_ascii=False, allow_nan=False, default=_plain)

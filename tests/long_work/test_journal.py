@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.long_work import identity
+from tensegrity_codegen.long_work import identity, journal
 from tensegrity_codegen.long_work.identity import hash_study
 from tensegrity_codegen.long_work.journal import Journal, read_record
+from tensegrity_codegen.long_work.resumption import Resumption
 from tests.runtime.build import prism
 
 
@@ -29,9 +33,9 @@ def test_results_of_the_same_key_are_found_again(tmp_path: Path) -> None:
 @pytest.mark.parametrize("cut", range(1, 30, 4))
 def test_a_last_line_that_is_cut_off_costs_only_itself(tmp_path: Path, cut: int) -> None:
     file = tmp_path / "a.jsonl"
-    journal = Journal(file, "one")
-    journal.store("x", 1)
-    journal.store("y", 2)
+    whole = Journal(file, "one")
+    whole.store("x", 1)
+    whole.store("y", 2)
     file.write_bytes(file.read_bytes()[:-cut])
     torn = Journal(file, "one")
     assert torn.find("x") == 1
@@ -113,3 +117,60 @@ def test_the_key_of_a_study_changes_with_code_scene_options_and_machine(
             identity._surroundings.cache_clear()
             assert hash_study(structure, None, "reference", "0.1") != key, name
     identity._surroundings.cache_clear()
+
+
+def test_a_fresh_journal_forgets_the_results_of_its_key_alone(tmp_path: Path) -> None:
+    file = tmp_path / "a.jsonl"
+    for key in ("one", "two"):
+        Journal(file, key).store("x", key)
+    assert Journal(file, "one", fresh=True).find("x") is None
+    assert Journal(file, "one").find("x") is None
+    assert Journal(file, "two").find("x") == "two"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.jsonl"]
+
+
+def test_what_is_taken_is_announced_with_its_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, told = tmp_path / "a.jsonl", list[Resumption]()
+    monkeypatch.setattr(journal, "time", SimpleNamespace(time=lambda: 1234.5))
+    Journal(file, "one", notice=told.append).announce("prism", "cases", 0, 2)
+    assert told == []  # there was no run before
+    Journal(file, "one").store("x", 1)
+    Journal(file, "one", notice=told.append).announce("prism", "cases", 1, 2)
+    assert told.pop() == Resumption("prism", "cases", 1, 2, 1234.5)
+    Journal(file, "two", notice=told.append).announce("prism", "cases", 0, 2)
+    assert told.pop() == Resumption("prism", "cases", 0, 2, 1234.5, is_stale=True)
+    Journal(file, "one", fresh=True, notice=told.append).announce("prism", "cases", 0, 2)
+    assert told == []
+    file.write_text('{"key": "one", "name": "x", "value": 1}\n', encoding="utf-8")  # of an older version
+    Journal(file, "one", notice=told.append).announce("prism", "cases", 1, 2)
+    assert told.pop().written is None
+
+
+NOON = time.mktime((2026, 7, 1, 12, 0, 0, 0, 0, -1))
+
+
+@pytest.mark.parametrize(
+    ("taken", "hours", "is_stale", "text"),
+    [
+        (12, 1, False, "prism: 12 of 40 cases taken from the interrupted run of 12:00"),
+        (12, 24, False, "prism: 12 of 40 cases taken from the interrupted run of 2026-07-01 12:00"),
+        (40, 1, False, "prism: all 40 cases taken from the run of 12:00; `fresh=True` computes them again"),
+        (
+            0,
+            1,
+            True,
+            "prism: results of the run of 12:00 are not used: "
+            "scene, options, code, packages or machine differ",
+        ),
+    ],
+)
+def test_what_is_taken_is_described_in_a_sentence(taken: int, hours: int, is_stale: bool, text: str) -> None:
+    assert Resumption("prism", "cases", taken, 40, NOON, is_stale).describe(NOON + 3600.0 * hours) == text
+
+
+def test_a_run_of_unknown_time() -> None:
+    taken = Resumption("prism", "cases", 3, 40, None)
+    assert taken.describe(NOON) == "prism: 3 of 40 cases taken from the interrupted run before"
+    assert taken.as_dict()["written"] is None
+    written = Resumption("prism", "cases", 3, 40, NOON).as_dict()["written"]
+    assert datetime.strptime(written, "%Y-%m-%dT%H:%M:%S%z").timestamp() == NOON

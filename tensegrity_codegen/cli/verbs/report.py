@@ -9,6 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import (
     CompilerOption,
+    FreshOption,
     JsonOption,
     OverwriteOption,
     PeersOption,
@@ -34,6 +35,7 @@ def report(
     ] = 3.0,
     compiler: CompilerOption = None,
     flags: Annotated[str, typer.Option("--flags", help="reference or native.")] = "native",
+    fresh: FreshOption = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -55,13 +57,22 @@ def report(
         for structure in structures:
             output.warn_of(structure)
         options = Options(flags=flags, compiler=compiler, peers=peers, longest=longest)
-        with output.progress("measuring") as progress:
+        with output.resumable(out) as notice, output.progress("measuring") as progress:
             made = write_report(
-                structures, out, t_end=t_end, samples=samples, options=options, progress=progress
+                structures,
+                out,
+                t_end=t_end,
+                samples=samples,
+                options=options,
+                progress=progress,
+                fresh=fresh,
+                notice=notice,
             )
         files = {"html": str(made.html), "csv": str(made.csv), "data": str(made.data)}
         output.result(
-            {"status": "ok", "files": files, **made.as_dict()}, "\n".join(made.sentences()), list_files(files)
+            {"status": "ok", "files": files, "resumed": output.resumed, **made.as_dict()},
+            "\n".join(made.sentences()),
+            list_files(files),
         )
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
+from tensegrity_codegen.cli.options import FreshOption, JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.output_folder import check_folder
@@ -25,6 +25,7 @@ def reproduce(
     quick: Annotated[
         bool, typer.Option("--quick", help="Smaller sizes and shorter times, for a first look.")
     ] = False,
+    fresh: FreshOption = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -40,10 +41,12 @@ def reproduce(
         from tensegrity_codegen.report.pages.page_outcome import outcome_table
 
         check_folder(out, ["reproduce.html", "reproduce.json"], inputs=(), overwrite=overwrite)
-        with output.progress("computing") as progress:
-            made = run(paper or [], out, quick=quick, progress=progress)
+        with output.resumable(out) as notice, output.progress("computing") as progress:
+            made = run(paper or [], out, quick=quick, progress=progress, fresh=fresh, notice=notice)
         wrote = f"wrote {made.html}\nwrote {made.data}"
-        output.result({"status": "ok", **made.summary()}, outcome_table(made.page), wrote)
+        output.result(
+            {"status": "ok", "resumed": output.resumed, **made.summary()}, outcome_table(made.page), wrote
+        )
 
 
 VERB = Verb(reproduce, order=90)

@@ -9,6 +9,7 @@ import typer
 
 from tensegrity_codegen.cli.options import (
     CompilerOption,
+    FreshOption,
     JsonOption,
     OverwriteOption,
     PeersOption,
@@ -38,6 +39,7 @@ def stability(
     ] = 540.0,
     compiler: CompilerOption = None,
     flags: Annotated[str, typer.Option("--flags", help="reference or native.")] = "reference",
+    fresh: FreshOption = False,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -60,9 +62,17 @@ def stability(
         for structure in structures:
             output.warn_of(structure)
         limits = Limits(run=limit, reference=2 * limit, total=budget, peers=peers)
-        with output.progress("running cases") as progress:
+        with output.resumable(out) as notice, output.progress("running cases") as progress:
             made = write_stability(
-                structures, out, t_end=t_end, limits=limits, compiler=compiler, flags=flags, progress=progress
+                structures,
+                out,
+                t_end=t_end,
+                limits=limits,
+                compiler=compiler,
+                flags=flags,
+                progress=progress,
+                fresh=fresh,
+                notice=notice,
             )
         counts = {word: made.count(word, own=True) for word in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
@@ -78,7 +88,9 @@ def stability(
             )
         files = {"html": str(made.html), "data": str(made.data)}
         output.result(
-            {"status": status, "files": files, "counts": counts, **made.as_dict()}, said, list_files(files)
+            {"status": status, "files": files, "counts": counts, "resumed": output.resumed, **made.as_dict()},
+            said,
+            list_files(files),
         )
         if counts["wrong"]:
             raise typer.Exit(UnstableError.exit_code)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
@@ -52,20 +53,25 @@ def run_cases(
         Time of time.monotonic() [s] at which running cases are ended. They and those that were not begun
         have the verdict "not run", and are not kept.
     progress : callable or None
-        Called with the fraction of cases that are done, about twice a second.
+        Called about twice a second with the fraction of cases that are done, or of the time until the
+        deadline that has passed, whichever is larger.
     """
     start = set_problem(structure, t_end, 2).structure
     models = CaseModels(start, compiler=compiler, flags=flags)
     cases = list(generate_cases(start, t_end))
     done = {n: kept for n, case in enumerate(cases) if (kept := _find(journal, case, limits)) is not None}
+    journal.announce(structure.name, "cases", len(done), len(cases))
     if limits.peers:
         import_peers()
     why = dict.fromkeys(range(len(cases)), f"the time budget of {limits.total:g} s had passed before")
     order = sorted(set(why) - set(done), key=lambda n: (cases[n].group == LAST, n))
 
+    began = time.monotonic()
+
     def look() -> None:
-        if progress is not None:
-            progress(len(done) / len(cases))
+        if progress is not None:  # the budget ends the work however many cases are open
+            spent = (time.monotonic() - began) / max(deadline - began, 1e-9)
+            progress(min(max(len(done) / len(cases), spent), 1.0))
 
     look()
     work = partial(_run, models, limits)

@@ -18,6 +18,7 @@ from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.long_work.identity import hash_study
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import part_of
+from tensegrity_codegen.long_work.resumption import Resumption
 from tensegrity_codegen.long_work.scene_names import check_scene_names
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.output_folder import write_folder
@@ -75,11 +76,14 @@ def write_stability(
     compiler: str | None,
     flags: str,
     progress: Callable[[float], None] | None = None,
+    fresh: bool = False,
+    notice: Callable[[Resumption], None] | None = None,
 ) -> StabilityReport:
     """Run all cases of some structures and write stability.html and .json into `folder`.
 
     Finished cases go into a journal in the folder at once. The same call again takes them from there, if
-    code, scene, options and machine are the same, and runs the others. All scenes share limits.total: each
+    code, scene, options and machine are the same, and runs the others; with `fresh` it runs all. `notice` is
+    called with what is taken. All scenes share limits.total: each
     has an equal part of the time that is left when it begins.
 
     Raises
@@ -107,7 +111,9 @@ def write_stability(
             limits,
             compiler=compiler,
             flags=flags,
-            journal=Journal(folder / JOURNAL_NAME / f"{structure.name}.jsonl", key),
+            journal=Journal(
+                folder / JOURNAL_NAME / f"{structure.name}.jsonl", key, fresh=fresh, notice=notice
+            ),
             deadline=now + max(0.0, end - now) / left,
             progress=part_of(progress, number / len(structures), 1.0 / len(structures)),
         )

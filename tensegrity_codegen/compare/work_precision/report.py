@@ -13,10 +13,16 @@ from typing import Any
 from tensegrity_codegen.compare.work_precision.page import build_page, say_recommendation
 from tensegrity_codegen.compare.work_precision.problem import set_problem
 from tensegrity_codegen.compare.work_precision.row import Row
-from tensegrity_codegen.compare.work_precision.scene_report import Options, SceneReport, report_scene
+from tensegrity_codegen.compare.work_precision.scene_report import (
+    Options,
+    SceneReport,
+    open_journal,
+    report_scene,
+)
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.long_work.progress import part_of
+from tensegrity_codegen.long_work.resumption import Resumption
 from tensegrity_codegen.long_work.scene_names import check_scene_names
 from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.output_folder import write_folder
@@ -59,13 +65,16 @@ def write_report(
     samples: int,
     options: Options,
     progress: Callable[[float], None] | None = None,
+    fresh: bool = False,
+    notice: Callable[[Resumption], None] | None = None,
 ) -> WorkReport:
     """Measure the motions of some structures and write report.html, .csv and .json into `folder`.
 
     Rows go into a journal in the folder as soon as they are measured; a report that was interrupted and is
-    asked for again goes on from there. Raises InvalidValueError for a time or number of samples out of range,
-    DuplicateNameError for two scenes of one name, MissingExtraError without matplotlib, ConvergenceError
-    where nothing certifies a reference, OutputError.
+    asked for again goes on from there, unless `fresh`; `notice` is called with what is taken. Raises
+    InvalidValueError for a time or number of samples out of range, DuplicateNameError for two scenes of one
+    name, MissingExtraError without matplotlib, ConvergenceError where nothing certifies a reference,
+    OutputError.
     """
     if not (0.0 < t_end < float("inf")):
         raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
@@ -80,7 +89,8 @@ def write_report(
     for number, structure in enumerate(structures):
         move = part_of(progress, number / len(structures), 1.0 / len(structures))
         problem = set_problem(structure, t_end, samples)
-        reports.append(report_scene(problem, options, folder / "journal", move))
+        journal = open_journal(problem, options, folder / "journal", fresh=fresh, notice=notice)
+        reports.append(report_scene(problem, options, journal, move))
     page = render_page(build_page(reports))
     found = WorkReport(tuple(reports), folder / PAGE_NAME, folder / TABLE_NAME, folder / DATA_NAME)
     data = json.dumps({"made_by": MARK} | found.as_dict(), indent=1, allow_nan=False) + "\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ from tensegrity_codegen.compare.work_precision.row import Row, find_front, recom
 from tensegrity_codegen.long_work.identity import hash_study
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import part_of
+from tensegrity_codegen.long_work.resumption import Resumption
 
-__all__ = ["Options", "SceneReport", "report_scene"]
+__all__ = ["Options", "SceneReport", "open_journal", "report_scene"]
 
 Progress = Callable[[float], None]
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
@@ -30,6 +31,7 @@ LONGEST = 3.0
 FLOOR = 10.0
 # Fractions of the work, about.
 BUILDING, CERTIFYING = 0.2, 0.2
+BEFORE = BUILDING + CERTIFYING
 REFERENCE = "reference"  # its name in the journal
 # Contenders that may certify: of the physics of the scene, without approximation.
 EXACT = ("node_position, ", "rigid_bar, rk", "rigid_bar, radau")
@@ -85,33 +87,109 @@ class SceneReport:
         }
 
 
+def open_journal(
+    problem: MotionProblem,
+    options: Options,
+    folder: Path,
+    *,
+    fresh: bool = False,
+    notice: Callable[[Resumption], None] | None = None,
+) -> Journal:
+    """Return the journal of the measurements of one scene, see Journal; raises OutputError."""
+    path = folder / f"{problem.structure.name}.jsonl"
+    return Journal(path, _key(problem, options), fresh=fresh, notice=notice)
+
+
 def report_scene(
-    problem: MotionProblem, options: Options, folder: Path, progress: Progress | None = None
+    problem: MotionProblem, options: Options, journal: Journal, progress: Progress | None = None
 ) -> SceneReport:
-    """Measure every contender at every setting; what `folder` holds of the same problem is not measured anew.
+    """Measure every contender at every setting, unless the journal has it.
 
     Raises ConvergenceError where no reference can be certified.
     """
-    journal = Journal(folder / f"{problem.structure.name}.jsonl", _key(problem, options))
     contenders, absent = _gather(problem, options, part_of(progress, 0.0, BUILDING))
     reference = _find_reference(problem, contenders, journal, part_of(progress, BUILDING, CERTIFYING))
-    progress = part_of(progress, BUILDING + CERTIFYING, 1.0 - BUILDING - CERTIFYING)
-    total, done = sum(len(c.settings) for c in contenders), 0
-    rows: list[Row] = []
-    for contender in contenders:
+    measured = _Measured(
+        problem, options, reference, journal, part_of(progress, BEFORE, 1.0 - BEFORE) or _ignore
+    )
+    return SceneReport(problem, reference, measured.measure_all(contenders), absent)
+
+
+def _ignore(fraction: float) -> None:
+    """Take a progress that nobody looks at."""
+
+
+class _Measured:
+    """The rows of a scene as they are measured, or taken from the journal.
+
+    What the journal has counts as done from the start, so that it says nothing of the speed.
+    """
+
+    def __init__(
+        self,
+        problem: MotionProblem,
+        options: Options,
+        reference: Reference,
+        journal: Journal,
+        progress: Progress,
+    ) -> None:
+        self.problem, self.options, self.reference = problem, options, reference
+        self.journal, self.progress = journal, progress
+
+    def measure_all(self, contenders: Sequence[Contender]) -> tuple[Row, ...]:
+        """Return the rows of all contenders, from loose settings to tight ones while these add something."""
+        kept = [self._find_kept(contender) for contender in contenders]
+        open_settings = [
+            0 if self._is_finished(rows, contender) else len(contender.settings) - len(rows)
+            for rows, contender in zip(kept, contenders, strict=True)
+        ]
+        total, done = sum(len(c.settings) for c in contenders), 0
+        taken = sum(map(len, kept))
+        self.journal.announce(self.problem.structure.name, "measurements", taken, taken + sum(open_settings))
+        done = total - sum(open_settings)
+        self.progress(done / max(total, 1))
+        found: list[Row] = []
+        for rows, contender, left in zip(kept, contenders, open_settings, strict=True):
+            found += rows
+            settings = sorted(contender.settings, reverse=True)[len(rows) :] if left else []
+            for count, setting in enumerate(settings):
+                row = self._take(contender, setting)
+                if row is None:
+                    row = _measure(self.problem, contender, setting, self.reference)
+                    self.journal.store(_name(contender, setting), row.as_dict())
+                found.append(row)
+                self.progress((done + count + 1) / total)
+                if _is_enough(row, self.reference, self.options):
+                    break
+            done += left
+        return tuple(found)
+
+    def _find_kept(self, contender: Contender) -> list[Row]:
+        """Return the rows that the journal has, up to the first one that is missing or ends the contender."""
+        rows: list[Row] = []
         for setting in sorted(contender.settings, reverse=True):
-            name = f"{contender.name} at {setting!r}"
-            row = Row.from_dict(journal.find(name))
-            if row is None or (row.contender, row.setting) != (contender.name, setting):
-                row = _measure(problem, contender, setting, reference)
-                journal.store(name, row.as_dict())
-            rows.append(row)
-            if _is_enough(row, reference, options):
+            row = self._take(contender, setting)
+            if row is None:
                 break
-        done += len(contender.settings)
-        if progress is not None:
-            progress(done / total)
-    return SceneReport(problem, reference, tuple(rows), absent)
+            rows.append(row)
+            if _is_enough(row, self.reference, self.options):
+                break
+        return rows
+
+    def _take(self, contender: Contender, setting: float) -> Row | None:
+        """Return the row that the journal has, None if it has none."""
+        row = Row.from_dict(self.journal.find(_name(contender, setting)))
+        if row is None or (row.contender, row.setting) != (contender.name, setting):
+            return None
+        return row
+
+    def _is_finished(self, rows: Sequence[Row], contender: Contender) -> bool:
+        enough = bool(rows) and _is_enough(rows[-1], self.reference, self.options)
+        return enough or len(rows) == len(contender.settings)
+
+
+def _name(contender: Contender, setting: float) -> str:
+    return f"{contender.name} at {setting!r}"
 
 
 def _find_reference(
