@@ -60,10 +60,11 @@ def functions_table(manifest: Manifest) -> Table:
             f"{item.operations:,}",
         )  # fmt: skip
     for integrator in manifest.integrators:
-        arguments = ", ".join(integrator.arguments) or "none"
-        add_row(table, f"integrate_{integrator.name}", arguments, "", "", "")
+        passed = ", ".join(("state", *integrator.arguments))
+        add_row(table, f"integrate_{integrator.name}", passed, "", "", "")
     for solver in manifest.solvers:
-        add_row(table, f"find_{solver.name}", ", ".join(solver.arguments) or "none", "", "", "")
+        passed = ", ".join(("coordinate", *solver.arguments))
+        add_row(table, f"find_{solver.name}", passed, "", "", "")
     return table
 
 

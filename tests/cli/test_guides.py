@@ -17,6 +17,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 GUIDES = sorted(path.name for path in (DOCS / "guides").glob("*.md") if path.name != "README.md")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 FILE = re.compile(r"`([\w.]+\.(?:csv|c))`")
+SCENE = re.compile(r"`([\w.]+\.toml)`")
 NEEDS = {"sweep.md": ("zarr", "xarray", "SALib"), "plan.md": ("daqp",)}
 
 
@@ -46,6 +47,9 @@ def run_page(page: Path, folder: Path, run: Run) -> dict[str, object]:
             name = FILE.findall(text[: block.start()])[-1]
             assert name.endswith(".csv" if language == "text" else ".c")
             (folder / name).write_text(code, encoding="utf-8")
+        elif language == "toml":  # lines that the reader adds to a scene
+            with (folder / SCENE.findall(text[: block.start()])[-1]).open("a", encoding="utf-8") as scene:
+                scene.write("\n" + code)
         elif language == "sh":
             for command in code.splitlines():
                 run_command(command, folder, run)

@@ -20,6 +20,7 @@ from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
@@ -198,6 +199,31 @@ def test_the_example_prints_what_python_computes(
         np.testing.assert_array_equal(read, stored)
     run(["make", "clean"], folder)
     assert not (folder / "example").exists()
+
+
+MOTION_ROW = re.compile(r"^  (\d\.\d+) s((?:  \S+ +\S+)+)$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["rk54", "rk4", "radau"])
+def test_the_example_integrates_the_motion(models: Any, name: str, tmp_path: Path) -> None:
+    """From the scene's own state, with each kind of integrator that a library can have alone."""
+    structure, request = everything()
+    request = replace(request, quantities=("acceleration",), integrators=(name,))
+    folder = write_files(tmp_path / "source", emit(structure, request).files)
+    compiler = require_compiler("gcc")
+    command = [*compiler.command, "-std=c99", "-O0", *STRICT, "example.c", "braced.c", "-o", "example", "-lm"]
+    run(command, folder, compiler)
+    text = run([str(folder / "example")], folder).stdout
+    assert f"motion by {name}, 0.1 s" in text
+    rows = [(float(time), found.split()) for time, found in MOTION_ROW.findall(text)]
+    assert [time for time, _ in rows] == [k / 100 for k in range(11)]
+    model = models["everything"]
+    motion = simulate(model, 0.1, samples=11, method="rk853", rtol=1e-10, atol=1e-12)
+    names = list(model.manifest.coordinate_name)
+    for k, (_, words) in enumerate(rows):
+        for coordinate, value in zip(words[::2], words[1::2], strict=True):
+            expected = motion.coordinate[k, names.index(coordinate)]
+            assert float(value) == pytest.approx(expected, abs=2e-6)
 
 
 EMBEDDER = """

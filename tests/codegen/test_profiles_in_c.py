@@ -35,6 +35,43 @@ int main(void)
 """
 
 
+def test_the_documented_program_steps_the_model(tmp_path: Path) -> None:
+    """The whole program of the page as printed, beside one `simulate` for each period."""
+    text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split("## Integrating in C")[1]
+    found = re.search(r"```c\n(.*?)```", text, re.DOTALL)
+    assert found is not None
+    structure, request = load_scene(ROOT / "tensegrity_codegen/scene/examples/prism12.toml")
+    request = request.wanting(*SIMULATION_QUANTITIES, integrators=("rk54",))
+    write_files(tmp_path, emit(structure, request).files | {"stepping.c": found[1]})
+    command = [*require_compiler("gcc").command, "-std=c99", "-O0", *STRICT]
+    run([*command, "stepping.c", "prism12.c", "-lm", "-o", "stepping"], tmp_path)
+    shown = run([str(tmp_path / "stepping")], tmp_path).stdout
+    printed = re.findall(r"^(\S+) s  t1_z (\S+) m  vertical1 (\S+) N$", shown, re.MULTILINE)
+    assert [float(row[0]) for row in printed] == pytest.approx([0.02 * k for k in range(1, 11)])
+    model = build_library(structure, request).load()
+    start = {name: model.nominal(name) for name in ("coordinate", "velocity")}
+    motor_input = model.nominal("input").copy()
+    motor = list(model.manifest.input_name).index("v1")
+    height = list(model.manifest.coordinate_name).index("t1_z")
+    for k in range(1, 41):
+        motor_input[motor] = -1e-4 * k
+        motion = simulate(
+            model,
+            1e-3,
+            samples=2,
+            method="rk54",
+            rtol=1e-9,
+            atol=1e-12,
+            arguments={"input": motor_input},
+            **start,
+        )
+        start = {"coordinate": motion.coordinate[-1], "velocity": motion.velocity[-1]}
+        if k % 20 == 0:
+            _, position, tension = printed[k // 20 - 1]
+            assert float(position) == pytest.approx(motion.coordinate[-1, height], abs=1e-7)
+            assert float(tension) == pytest.approx(motion.tension("vertical1")[-1], abs=1e-3)
+
+
 def test_the_documented_c_drives_the_motor_as_simulate_does(tmp_path: Path) -> None:
     text = (ROOT / "docs/embedding.md").read_text(encoding="utf-8").split(SECTION)[1]
     found = re.search(r"```c\n(.*?)```", text, re.DOTALL)

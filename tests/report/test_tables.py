@@ -48,7 +48,7 @@ def test_functions_are_listed_with_arguments_shape_unit_and_operations():
     assert header == ["quantity", "arguments", "shape", "unit", "operations"]
     assert body[0] == ("acceleration", "coordinate, gravity", "18", "m/s2", "12,345")
     assert body[1] == ("total_energy", "none", "1", "J", "7")
-    assert body[2][:2] == ("integrate_rk4", "gravity")
+    assert body[2][:2] == ("integrate_rk4", "state, gravity")
 
 
 def test_left_out_marks_estimates_and_keeps_brackets():

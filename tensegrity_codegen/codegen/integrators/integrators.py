@@ -135,6 +135,7 @@ def integrator_context(
     passed = {name for spec in manifest.integrators for name in spec.arguments}
     return {
         "integrators": integrators,
+        "example_integrator": min(integrators, key=lambda item: item["template"] == "rk4", default=None),
         "explicit": next((item for item in integrators if item["name"] != RADAU), None),
         "motion_arguments": [item for name, item in arguments.items() if name in passed],
         "motion_call": _motion_call,
