@@ -61,7 +61,11 @@ def examine_installation() -> dict[str, Any]:
         "compilers": compilers,
         "cache": str(cache.root),
         "cache_bytes": size,
-        "three": {"is_here": three[0], "where": three[1], "revision": THREE_REVISION},
+        "three": {
+            "is_here": three[0],
+            "where": three[1].replace("`three=PATH`", "--three PATH"),  # an option of other verbs
+            "revision": THREE_REVISION,
+        },
         "ffmpeg": shutil.which("ffmpeg") is not None,
         "problems": problems,
     }

@@ -186,7 +186,7 @@ def _lead(chapters: Sequence[Chapter]) -> str:
 
 
 def _facts(quick: bool) -> tuple[str, ...]:
-    size = "Small sizes and short times (--quick)" if quick else "Full sizes"
+    size = "Small sizes and short times" if quick else "Full sizes"
     return (
         *describe_provenance(),
         f"{size}. All numbers, and the data behind the figures, stand in {DATA_NAME} beside this page.",

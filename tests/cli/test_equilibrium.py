@@ -65,6 +65,7 @@ def test_loads_are_added_to_those_of_the_scene(run: Run, folder: Path) -> None:
     assert data["member_tension"]["s1"] == pytest.approx(9.81 + 13.5, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_a_load_may_start_with_a_minus(run: Run, folder: Path) -> None:
     path = write(folder / "small.toml", HANGING)
     data = run("equilibrium", path, "--load", "b=-1,0,0", "--json").data

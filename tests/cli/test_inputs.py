@@ -53,6 +53,7 @@ def test_the_equilibrium_with_inputs(
     )
 
 
+@pytest.mark.thorough
 def test_the_written_scene_is_in_equilibrium_without_the_input(run: Run, hanging: Path, folder: Path) -> None:
     found = run("equilibrium", hanging, "--input", "winch=0.1", "--out", folder / "new.toml", "--json").data
     again = run("equilibrium", folder / "new.toml", "--json").data

@@ -42,6 +42,7 @@ def test_a_plan_is_found_written_and_followed_by_a_motion(run: Run, folder: Path
         np.testing.assert_allclose(file["input"][-1], change[-1], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_plan_in_time_is_followed_by_a_motion(run: Run, folder: Path, prism12: Path) -> None:
     words = ("plan", prism12, "--to", "twist=157", "--steps", 5, "--duration", 0.5)
     data = run(*words, "--motion", "motion.csv", "--json").data
@@ -63,7 +64,6 @@ def test_a_plan_in_time_is_followed_by_a_motion(run: Run, folder: Path, prism12:
         assert file["actuator_name"].tolist() == ["v1", "v2", "v3", "o1", "o2", "o3"]
 
 
-@pytest.mark.thorough
 def test_a_motion_that_is_too_fast_is_refused_by_its_cable(run: Run, folder: Path, prism12: Path) -> None:
     words = ("plan", prism12, "--to", "twist=157", "--steps", 5, "--duration", 0.12)
     ended = run(*words, "--motion", "motion.csv", "--out", "plan.npz")

@@ -104,7 +104,7 @@ def models() -> dict[str, CompiledModel]:
 # --- compilers and languages -----------------------------------------------------------------------
 
 
-@each
+@few
 @pytest.mark.parametrize("family", EACH_FAMILY)
 def test_it_is_c99_without_a_warning(sources: Any, subject: str, family: str, tmp_path: Path) -> None:
     compiler = require_compiler(family)

@@ -68,7 +68,7 @@ def stored(model: CompiledModel, quantity: str, arguments: dict[str, np.ndarray]
 
 @pytest.mark.optimised
 @pytest.mark.parametrize("family", EACH_FAMILY)
-@pytest.mark.parametrize("subject", [everything, bare], ids=["everything", "bare"])
+@pytest.mark.parametrize("subject", [*thorough(everything), bare], ids=["everything", "bare"])
 def test_every_operation_is_rounded_to_float(subject: Any, family: str) -> None:
     """Bit for bit what NumPy computes with float32, one operation after the other."""
     require_compiler(family)

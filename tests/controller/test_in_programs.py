@@ -206,6 +206,7 @@ int main(void)
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sanitize", [*thorough(False), True])
 def test_two_controllers_and_16_threads(
     bundle: ControllerBundle, lift: ControllerBundle, tmp_path: Path, sanitize: bool

@@ -110,6 +110,7 @@ def test_accelerations_and_tensions_solve_the_saddle_system(structure: Structure
     assert np.abs(force[places[:, 0], columns] - moved).max() < 1e-8 * (np.abs(force).max() + 1.0)
 
 
+@pytest.mark.thorough
 @given(structures(most_nodes=12), st.integers(0, 2**32 - 1))
 @FEW
 def test_projections_restore_lengths_and_rates_and_leave_what_keeps_them(

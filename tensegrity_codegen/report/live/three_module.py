@@ -37,7 +37,7 @@ THREE = PinnedFile(
     sha256="a2bd51642312d98aab6d8b641245d796ff1b89da5829777170bcc488140c3dcd",
     title="the wheel of NiceGUI, which contains three.js,",
     is_source=False,
-    hand=f"`--three PATH` of show and play, or the environment variable {THREE_VARIABLE}",
+    hand=f"`three=PATH` of show and play, or the environment variable {THREE_VARIABLE}",
 )
 # Of the module as live pages contain it: the bytes of `three.js` that `write_three` writes.
 MODULE_SHA256 = "1c1f5f800bad1d669035023f0b265038d25e95501e156dce75b5ebb0f324c9d1"

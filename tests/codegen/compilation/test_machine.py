@@ -93,6 +93,7 @@ def list_missing(path: Path) -> list[str]:
 # --- a made-up requirement -------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 @ON_X86
 def test_the_loader_names_what_is_missing_and_what_to_do(tmp_path: Path) -> None:
     path, manifest = library_requiring(MADE_UP, tmp_path)
@@ -232,6 +233,7 @@ def test_on_an_older_machine_native_code_is_a_status_and_no_crash(family: str, t
     assert set(statuses) == {str(UNSUPPORTED)}
 
 
+@pytest.mark.thorough
 @ON_X86
 @ON_LINUX
 @pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="qemu-user is not installed")

@@ -71,6 +71,7 @@ def test_every_compiler_takes_it_and_gives_the_same_bits(family: str, tmp_path: 
     assert said == REFERENCE.setdefault("bits", said)
 
 
+@pytest.mark.thorough
 def test_it_is_clean_under_sanitizers(tmp_path: Path) -> None:
     compiler, folder = find_compiler(), write(tmp_path)
     if not has_sanitizers(compiler, tmp_path):

@@ -55,7 +55,7 @@ def test_a_named_file_comes_first_and_another_file_is_refused(
     other.write_bytes(b"no wheel")
     with pytest.raises(MissingSourceError, match="this is not") as caught:
         find_three(other)
-    assert "--three PATH" in caught.value.hint
+    assert "`three=PATH`" in caught.value.hint
     monkeypatch.setenv(THREE_VARIABLE, str(other))
     with pytest.raises(MissingSourceError, match="this is not"):
         find_three()
@@ -75,4 +75,4 @@ def test_without_any_copy_the_option_is_named(
     monkeypatch.setenv("TENSEGRITY_CODEGEN_CACHE", str(empty))
     is_here, where = describe_three()
     assert not is_here
-    assert "--three PATH" in where
+    assert "`three=PATH`" in where

@@ -201,6 +201,7 @@ def test_the_shortest_duration_counts_inertia() -> None:
         time_motion(model, found, 0.999 * shortest.duration, samples=51)
 
 
+@pytest.mark.thorough
 def test_other_inputs_are_held_at_their_arguments() -> None:
     structure = PINNED.with_changes(
         inputs=(ActuatedInput("push", "force", (3,), (1.0, 0.0, 0.0)), *PINNED.inputs)

@@ -58,6 +58,7 @@ def trace(name: str) -> EquilibriumPath:
     return EquilibriumPath(change, coordinate, progress)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", NAMES)
 def test_inverse_dynamics_of_its_motion_are_the_rest_lengths_of_reconfigure(name: str) -> None:
     model, motion = compile_motion(build(0.05), "bodies"), paper_motion(name)
