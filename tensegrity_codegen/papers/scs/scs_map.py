@@ -30,7 +30,7 @@ REGIONS = {
     1: ("saddle", SEQUENCE[0]),
     2: ("vertical", SEQUENCE[4]),
     4: ("diagonal", SEQUENCE[3]),
-    3: ("saddle, vertical", SEQUENCE[5]),
+    3: ("saddle, vertical", "#e69f00"),
     5: ("saddle, diagonal", SEQUENCE[1]),
     6: ("vertical, diagonal", MUTED),
     7: ("all three", INK),
@@ -88,7 +88,7 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
         draw_picture(figure, f"scs-map-{POSES[name][0]}"),
         f"Z = {found.height:.5g} m, F₃ = {found.force:g} N".replace("-", "−")
         + ". Green: all tendons taut; other colours: which tendons would have to push. Dashed: det(A_r) = 0. "
-        "Dots: printed equilibria. White, at 30°: bars intersect.",
+        "Dots: printed equilibria. Empty, at 30°: bars intersect.",
         "Map of feasible configurations over azimuth and declination; the printed equilibria lie in its "
         "taut region.",
         {
@@ -110,7 +110,7 @@ def _fill_regions(axes: Axes, found: RegionMap) -> list[Patch]:
     for code in present:
         name, color = REGIONS[code]
         inside = np.where(found.code == code, 1.0, 0.0)
-        strength = 0.85 if code == 0 else 0.38
+        strength = 0.6 if code == 0 else 0.38
         axes.contourf(
             found.alpha_deg, found.delta_deg, inside, levels=[0.5, 1.5], colors=[color], alpha=strength
         )
