@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from harness.comparison import comparison_cells, describe_finding, describe_rows
 from harness.report import Report
-from harness.summary import summary_sections
-from harness.tables import acceptance_cells, floor_cells, growth_cells, markdown_table
+from harness.summary import large_cells, summary_sections
+from harness.tables import floor_cells, growth_cells, markdown_table
 
 __all__ = ["write_document"]
 
@@ -44,10 +45,13 @@ def write_document(report: Report, path: Path) -> None:
     """Write the page."""
     sections: list[tuple[str, Sequence[Sequence[str]]]] = [
         ("Machine", [["what", "value"], *([key, value] for key, value in report.machine.items())]),
-        ("Asked, measured, holds", acceptance_cells(report.lines)),
+        ("Against the fastest other way", comparison_cells(report.rows)),
+        ("From a scene to a loaded library", large_cells(report.large)),
         *([("Floor of this core", floor_cells(report.floor))] if report.floor else []),
         *summary_sections(report.rows),
         ("Growth: exponents over the towers", growth_cells(report.rows)),
     ]
-    parts = [OPENING, *(f"## {title}\n\n{markdown_table(cells)}" for title, cells in sections)]
+    finding = f"**{describe_finding(report.rows)}.** {describe_rows(report.rows)}\n"
+    tables = (f"## {title}\n\n{markdown_table(cells)}" for title, cells in sections if len(cells) > 1)
+    parts = [OPENING, finding, *tables]
     path.write_text("\n".join(parts), encoding="utf-8")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
-import html
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from harness.acceptance import Line
+from harness.comparison import comparison_cells
 from harness.floor import Floor
-from harness.pictures import draw_all
+from harness.page import build_page
+from harness.pictures import can_draw, draw_rates, draw_sizes, draw_times
 from harness.session import Row
-from harness.summary import summary_sections
+from harness.summary import large_cells, summary_sections
 from harness.tables import (
     HEADINGS,
-    acceptance_cells,
     csv_text,
     floor_cells,
     gather_untimed,
@@ -26,17 +25,13 @@ from harness.tables import (
     markdown_table,
     row_cells,
 )
+from tensegrity_codegen.report.pages.render_page import render_page
+from tensegrity_codegen.report.pictures.palette import PAPER
 
 __all__ = ["Report", "write_report"]
 
 Cells = Sequence[Sequence[str]]
-
-STYLE = (
-    "body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem}"
-    "table{border-collapse:collapse;font-size:13px;margin:.5rem 0 1.5rem}td,th{padding:.15rem .6rem;"
-    "border-bottom:1px solid #ddd;text-align:left}td{font-variant-numeric:tabular-nums}"
-    "img{max-width:100%}pre{background:#f6f6f6;padding:.6rem;overflow:auto}"
-)
+DPI = 120
 
 
 @dataclass
@@ -54,8 +49,9 @@ class Report:
         """Return title and cells of every table."""
         found: list[tuple[str, Cells]] = [
             ("Machine", [["what", "value"], *([k, v] for k, v in self.machine.items())]),
-            ("Asked, measured, holds", acceptance_cells(self.lines)),
+            ("Against the fastest other way", comparison_cells(self.rows)),
         ]
+        found.append(("From a scene to a loaded library", large_cells(self.large)))
         if self.floor is not None:
             found.append(("Floor of this core", floor_cells(self.floor)))
         found += summary_sections(self.rows)
@@ -75,16 +71,16 @@ def write_report(report: Report, folder: Path) -> list[Path]:
     """Write bench.md, bench.json, bench.csv, the pictures and bench.html into `folder`; return the paths."""
     folder.mkdir(parents=True, exist_ok=True)
     sections = [(title, cells) for title, cells in report.sections() if len(cells) > 1]
-    pictures = draw_all(folder, report.rows, report.floor)
+    page = build_page(report.rows, report.machine, report.floor, report.large, report.scripts)
     texts = {
         "bench.md": _markdown(sections, report.scripts),
         "bench.json": json.dumps(_data(report), indent=1) + "\n",
         "bench.csv": csv_text(dataclasses.asdict(row) for row in report.rows),
-        "bench.html": _page(sections, pictures, report.scripts),
+        "bench.html": render_page(page),
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    return [*(folder / name for name in texts), *pictures]
+    return [*(folder / name for name in texts), *_save_pictures(report, folder)]
 
 
 def _data(report: Report) -> dict[str, Any]:
@@ -104,24 +100,17 @@ def _markdown(sections: Sequence[tuple[str, Cells]], scripts: Mapping[str, str])
     return "\n".join(parts)
 
 
-def _page(sections: Sequence[tuple[str, Cells]], pictures: Sequence[Path], scripts: Mapping[str, str]) -> str:
-    """Return one page without any file beside it."""
-    images = [base64.b64encode(path.read_bytes()).decode("ascii") for path in pictures]
-    shown = [
-        f'<p><img alt="{path.stem}" src="data:image/png;base64,{image}"></p>'
-        for path, image in zip(pictures, images, strict=True)
+def _save_pictures(report: Report, folder: Path) -> list[Path]:
+    """Write the pictures of the page as PNG too; return their paths, none without matplotlib."""
+    if not can_draw():
+        return []
+    quantities = dict.fromkeys(row.quantity for row in report.rows)
+    drawings = [
+        *(drawing for name in quantities for drawing in draw_times(report.rows, name, report.floor)),
+        *draw_sizes(report.rows),
+        *draw_rates(report.rows),
     ]
-    tables = [f"<h2>{html.escape(title)}</h2>{_table(cells)}" for title, cells in sections]
-    texts = [f"<h2>{html.escape(t)}</h2><pre>{html.escape(text)}</pre>" for t, text in scripts.items()]
-    head = '<!doctype html><html lang="en"><meta charset="utf-8"><title>Benchmarks</title>'
-    head += f"<style>{STYLE}</style>"
-    return "\n".join([head, "<h1>Benchmarks</h1>", *tables[:3], *shown, *tables[3:], *texts, "</html>", ""])
-
-
-def _table(cells: Cells) -> str:
-    kept = [k for k in range(len(cells[0])) if any(row[k] for row in cells[1:])]
-    rows = [
-        "<tr>" + "".join(f"<{tag}>{html.escape(row[k])}</{tag}>" for k in kept) + "</tr>"
-        for tag, row in [("th", cells[0]), *(("td", row) for row in cells[1:])]
-    ]
-    return f"<table>{''.join(rows)}</table>"
+    paths = [folder / f"{drawing.name}.png" for drawing in drawings]
+    for path, drawing in zip(paths, drawings, strict=True):
+        drawing.figure.savefig(path, dpi=DPI, facecolor=PAPER)
+    return paths

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from harness.ensemble import MANY
 from harness.session import Row
 from harness.tables import number
 
-__all__ = ["pivot_cells", "rate_cells", "summary_sections"]
+__all__ = ["large_cells", "pivot_cells", "rate_cells", "summary_sections"]
 
 Cells = list[list[str]]
 
@@ -52,3 +53,26 @@ def rate_cells(rows: Sequence[Row]) -> Cells:
     names = dict.fromkeys(row.name for row in chosen)
     body = [[name, *(places.get((name, quantity), "") for quantity in quantities)] for name in names]
     return [["candidate", *quantities], *body]
+
+
+def large_cells(large: Mapping[int, Mapping[str, Any]]) -> Cells:
+    """Return heading and rows: what a scene takes from its file to a loaded library, or why it failed."""
+    heading = ["members", "scene to loaded library [s]", "memory of all processes [GB]"]
+    heading += ["instructions [B]", "tables [B]", "quantities"]
+    rows = []
+    for stages, found in sorted(large.items()):
+        if "error" in found:
+            rows.append([f"tower of {stages:,} stages", "", "", "", "", found["error"]])
+            continue
+        peak = found.get("peak")
+        rows.append(
+            [
+                f"{found['members']:,}",
+                f"{found['seconds']:.1f}",
+                f"{peak / 1e9:.2f}" if peak else "",
+                number(found["code_bytes"]),
+                number(found["table_bytes"]),
+                ", ".join(found["quantities"]),
+            ]
+        )
+    return [heading, *rows]

@@ -46,10 +46,11 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Command:
-    """Words to be copied into a terminal, character by character."""
+    """Words to be copied into a terminal, or printed by one; folded: text of the line that opens them."""
 
     text: str
     kind: str = "command"
+    folded: str = ""
 
 
 @dataclass(frozen=True)
