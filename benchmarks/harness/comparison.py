@@ -97,4 +97,6 @@ def _time(row: Row) -> float:
 
 
 def _factor(value: float) -> str:
-    return f"{value:.2g}" if value < 9.95 else f"{value:,.0f}"
+    if value < 0.95:
+        return f"{value:.2g}"
+    return f"{value:.1f}" if value < 9.95 else f"{value:,.0f}"

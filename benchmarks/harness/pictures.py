@@ -87,7 +87,7 @@ def draw_rates(rows: Iterable[Row]) -> Iterator[Drawing]:
     listed = [row for row in rows if MANY in row.structure and row.ns]
     for quantity in dict.fromkeys(row.quantity for row in listed):
         chosen = sorted((row for row in listed if row.quantity == quantity), key=lambda row: -(row.ns or 0.0))
-        figure = new_figure(6.2, 0.9 + BAR * len(chosen))
+        figure = new_figure(WIDTH, 0.9 + BAR * len(chosen))
         axes = figure.add_subplot()
         colours = [find_style(row.name).light for row in chosen]
         axes.barh([row.name for row in chosen], [1e9 / (row.ns or 1.0) for row in chosen], color=colours)

@@ -36,8 +36,8 @@ const FIXED = {
     paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", load: "#e3a0c6", reaction: "#34c99c" },
 };
 const LINES = {
-  light: ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b27a00", "#56b4e9"],
-  dark: ["#56b0ea", "#f28e45", "#34c99c", "#e3a0c6", "#f2c14e", "#a5d8f6"],
+  light: ["#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60"],
+  dark: ["#56b0ea", "#f28e45", "#34c99c", "#9560ff", "#b0603a", "#dfe5ea"],
 };
 
 /** Return the colours of a theme, "light" or "dark"; single ones as (r, g, b) of 0 to 255. */

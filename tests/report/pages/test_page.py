@@ -236,7 +236,7 @@ def test_a_diagram_keeps_what_is_not_finite_out_of_the_data() -> None:
 
 
 @in_browser
-@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("width", [400, pytest.param(1400, marks=pytest.mark.thorough)])
 def test_a_browser_shows_all_of_it_without_complaint(width: int, text: str, tmp_path: Path) -> None:
     file = tmp_path / "page.html"
     file.write_text(text, encoding="utf-8")
@@ -252,6 +252,7 @@ def test_a_browser_shows_all_of_it_without_complaint(width: int, text: str, tmp_
     assert found["lost_links"] == []
 
 
+@pytest.mark.thorough
 @in_browser
 def test_the_check_in_the_browser_finds_what_is_wrong(text: str, tmp_path: Path) -> None:
     broken = text.replace("data:image/png;base64,", "data:image/png;base64,AAAA", 1)

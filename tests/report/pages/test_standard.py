@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.long_work.provenance import describe_provenance
+from tensegrity_codegen.report.live.render_live import live_folder
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.method_style import (
     METHOD_STYLES,
@@ -85,6 +87,18 @@ def test_colours_of_scales_turn_dark_with_the_page() -> None:
     assert style == f'<path id="#07305f" style="fill: light-dark(#07305f, {dark}); stroke: var(--ink)"/>'
 
 
+def test_live_pages_have_the_same_colours() -> None:
+    style = (live_folder() / "style.css").read_text(encoding="utf-8")
+    script = (live_folder() / "palette.js").read_text(encoding="utf-8")
+    for color in THEME:
+        if color.name in ("ink", "muted", "grid", "paper", "card"):
+            assert f"--{color.name}: {color.light};" in style
+            assert f"--{color.name}: {color.dark};" in style
+    for scheme in ("light", "dark"):
+        lines = [getattr(color, scheme) for color in THEME if color.name.startswith("line-")]
+        assert f"{scheme}: {json.dumps(lines)}," in script
+
+
 # --- methods ---------------------------------------------------------------------------------------
 
 
@@ -151,13 +165,12 @@ def test_long_tables_show_some_rows_and_fold_all() -> None:
     assert make_table(1).row_count == "1 row"
 
 
-def make_page(*tables: Table) -> Page:
-    section = make_section("first")
-    sections = (section, *(Section(f"s{k}", "all", "T", "plain", "r", (t,)) for k, t in enumerate(tables)))
-    plain = tuple(
-        s if s is not section else Section("first", "", "T", "plain", "", s.blocks[1:-1]) for s in sections
-    )
-    chapter = Chapter("c", "prism", "a chapter", "12 members.", plain)
+def make_page(*tables: Table, draws: bool = False) -> Page:
+    """Return a page of tables, with all other kinds of blocks where pictures are wanted too."""
+    sections = [Section(f"s{k}", "all", "T", "plain", "r", (t,)) for k, t in enumerate(tables)]
+    if draws:
+        sections.append(Section("pictures", "", "T", "plain", "", make_section("p").blocks[1:-1]))
+    chapter = Chapter("c", "prism", "a chapter", "12 members.", tuple(sections))
     return Page("3 of 118 wrong", "What it is about.", (chapter,), subject="A subject", facts=("A fact.",))
 
 
@@ -180,7 +193,7 @@ def test_a_page_of_this_kind_passes_and_faults_are_found() -> None:
         'content="light dark"': 'content="light"',
         '<link rel="icon" href="data:,">': '<link rel="icon" href="https://example.org/x.png">',
         'data-head="name"': "",
-        'href="#first"': 'href="#last"',
+        'href="#s0"': 'href="#last"',
     }
     for old, new in faults.items():
         assert old in text.replace(" – A subject</title>", "</title>"), old
@@ -194,7 +207,9 @@ def test_a_page_of_this_kind_passes_and_faults_are_found() -> None:
 
 @in_browser
 def test_a_browser_shows_all_of_it(tmp_path: Path) -> None:
-    text = render_page(make_page(make_table(40, 9), make_table(5, 26), make_table(3, 2, folded="More")))
+    text = render_page(
+        make_page(make_table(40, 9), make_table(5, 26), make_table(3, 2, folded="More"), draws=True)
+    )
     file = tmp_path / "page.html"
     file.write_text(text, encoding="utf-8")
     check_in_browser(file, ["3", "118"])
