@@ -12,6 +12,7 @@ from tensegrity_codegen.errors import InvalidValueError
 if TYPE_CHECKING:
     from tensegrity_codegen.report.pictures.choices import PictureChoices
     from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["ANIMATED", "PAGE", "ShowOptions", "check_kind", "describe_left_out", "show_picture"]
@@ -74,8 +75,9 @@ def show_picture(
 
     _require_packages(out)
     subject, request = output.load(scene, settles=options.settle)
+    motion = None
     if trajectory is not None:
-        _write_motion(output, subject, out, trajectory, options)
+        motion = _write_motion(output, subject, out, trajectory, options)
         unknown = 0
     else:
         unknown = _write_scene(output, subject, request, out, options)
@@ -83,7 +85,7 @@ def show_picture(
     if unknown:
         data["n_unknown"] = unknown
     data |= describe_left_out(output, subject, options.choices.labels)
-    other = describe_other_loads(subject)
+    other = describe_other_loads(subject, motion)
     if other and options.choices.forces:
         output.warn(other)
     text = f"wrote {out}"
@@ -96,8 +98,8 @@ def show_picture(
 
 def _write_motion(
     output: Output, subject: Subject, out: Path, trajectory: Path, options: ShowOptions
-) -> None:
-    """Write a film, or a page with the first and last shape and diagrams."""
+) -> Trajectory:
+    """Write a film, or a page with the first and last shape and diagrams; return the motion."""
     from tensegrity_codegen.report.pictures.animate import write_animation
     from tensegrity_codegen.report.pictures.draw import outline_motion
     from tensegrity_codegen.report.pictures.plots import plot_trajectory
@@ -108,12 +110,13 @@ def _write_motion(
     motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
     if out.suffix.lower() not in ANIMATED:
         plot_trajectory(structure, motion, out, choices=options.choices, subject=subject)
-        return
+        return motion
     with output.progress("drawing") as progress:
         write_animation(
             structure, motion, out, fps=USUAL_FPS if options.fps is None else options.fps,
             slow_down=options.slow_down, progress=progress, choices=options.choices, subject=subject,
         )  # fmt: skip
+    return motion
 
 
 def _write_scene(

@@ -63,11 +63,20 @@ def _is_force(item: ActuatedInput | BodyInput) -> bool:
     return item.kind == "force" and getattr(item, "frame", "inertial") == "inertial"
 
 
-def describe_other_loads(subject: Structure | BodySystem) -> str:
-    """Return a sentence on loads that compute_loads leaves out, "" where there are none."""
+def describe_other_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> str:
+    """Return a sentence on loads that compute_loads leaves out, "" where there are none.
+
+    Inputs count where a motion has values of them other than zero.
+    """
     if not isinstance(subject, BodySystem):
         return ""
-    count = len(subject.loads) + sum(item.kind == "torque" or item.frame == "body" for item in subject.inputs)
+    pushed = (
+        set() if motion is None or motion.input is None else set(np.flatnonzero(motion.input.any(axis=0)))
+    )
+    names = () if motion is None else motion.input_name
+    driven = {names[k] for k in pushed}
+    turning = [item for item in subject.inputs if item.kind == "torque" or item.frame == "body"]
+    count = len(subject.loads) + sum(item.name in driven for item in turning if item.kind != "rest_length")
     if not count:
         return ""
     return f"{count} torques, or forces that turn with a body, are not drawn"

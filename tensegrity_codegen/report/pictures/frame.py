@@ -22,6 +22,7 @@ TICK_SIZE = 8.0
 NAME_SIZE = 9.0
 # Numbers nearer to one another than this part of the panel give way to the first and the last.
 LABEL_SPACE = 0.055
+LABEL_INCHES = 0.3  # the same in inches, of small panels
 LETTERS = 4.5  # of a number that takes this part; longer ones take more
 # Rulers shorter than this part of the panel have no numbers.
 SHORT = 0.1
@@ -121,7 +122,7 @@ def _draw_rulers(axes: Axes, view: PerspectiveView, box: Box) -> None:
             continue
         side = _find_side(view, box, axis, start)
         texts = _numbers(ticks, box.step[axis])
-        stride = _stride(places, extent, texts)
+        stride = _stride(axes, places, extent, texts)
         for place, text in zip(places[::stride], texts[::stride], strict=True):
             _write(axes, place, text, side.offset, side.align, size=TICK_SIZE, color=MUTED)
         _name_ground_ruler(axes, axis, places, texts, side)
@@ -139,7 +140,7 @@ def _draw_upright(axes: Axes, view: PerspectiveView, box: Box) -> None:
     axes.plot(upright[:, 0], upright[:, 1], color=GRID, linewidth=0.8, zorder=0.5, clip_on=False)
     ticks = box.ticks(2)
     places, texts = _project_ticks(view, low, 2, ticks), _numbers(ticks, box.step[2])
-    stride = _stride(places, panel_extent(view, box), ["0"])
+    stride = _stride(axes, places, panel_extent(view, box), ["0"])
     for place, text, tick in zip(places[::stride], texts[::stride], ticks[::stride], strict=True):
         # The lowest number gives way to the first one of the ground.
         upward = "bottom" if tick - low[2] < 0.1 * box.step[2] else "center"
@@ -179,13 +180,16 @@ def _find_side(view: View, box: Box, axis: int, start: ArrayLike) -> _Side:
     return _Side((8.0 * sign, 5.0 * upward), ("left" if sign > 0 else "right", "center"), sign)
 
 
-def _stride(places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
+def _stride(axes: Axes, places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
     """Return which multiple of the ticks at places (n, 2) gets numbers, so that they do not run together."""
     if len(places) < 2:
         return 1
     apart = float(np.linalg.norm(places[-1] - places[0])) / (len(places) - 1)
-    letters = max(map(len, texts))
-    least = LABEL_SPACE * max(1.0, letters / LETTERS) * float(np.max(extent[1] - extent[0]))
+    letters = max(1.0, max(map(len, texts)) / LETTERS)
+    sides = extent[1] - extent[0]
+    box = axes.get_window_extent()
+    scale = float(np.min(np.array([box.width, box.height]) / sides)) / axes.figure.dpi  # inches of a metre
+    least = letters * max(LABEL_SPACE * float(np.max(sides)), LABEL_INCHES / scale)
     if apart >= least:
         return 1
     return 2 if 2 * apart >= least and len(places) % 2 == 1 else len(places) - 1

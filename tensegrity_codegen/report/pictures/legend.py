@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["add_color_bar", "add_key", "add_legend", "describe_size"]
 
 TEXT_SIZE = 9.0
+ROOM = 0.8  # part of a figure's height that a scale may have beside it
 UNKNOWN_NAMES = {color: unknown for color, (_, unknown) in COLOR_NAMES.items()}
 ARROW = {"marker": ">", "markersize": 6.0, "markevery": [1]}
 
@@ -132,6 +133,9 @@ def add_color_bar(
         mappable, ax=panels, location="bottom" if below else "right", shrink=0.7,
         aspect=30 if below else 26, pad=0.03, panchor=False,
     )  # fmt: skip
-    bar.set_label(f"{name}  (compression < 0 < tension)", fontsize=TEXT_SIZE, color=INK)
+    text = f"{name}  (compression < 0 < tension)"
+    length = (figure.bbox.width if below else ROOM * figure.bbox.height) / figure.dpi
+    fits = 0.6 * TEXT_SIZE * len(text) / 72 < length
+    bar.set_label(text if fits else name, fontsize=TEXT_SIZE, color=INK)
     bar.ax.tick_params(labelsize=TEXT_SIZE - 1, colors=MUTED, length=2)
     bar.outline.set_edgecolor(GRID)

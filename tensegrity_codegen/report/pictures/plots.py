@@ -39,6 +39,7 @@ PAGE_WIDTH, PAGE_LEAST, PAGE_MOST = 13.0, 6.3, 7.6
 WIDE = 1.3
 AREA = 26.0  # of the panel of a picture [in2]
 PICTURE_DPI = 150
+USUAL_ROOM = 2.6  # inches of a panel's shorter side below which lines get thinner
 VECTOR = (".svg", ".pdf")
 DEFAULT = PictureChoices()
 
@@ -109,7 +110,9 @@ def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vecto
     """Return a figure of one sample; setting: axes, view and colours; is_vector: for a file of lines."""
     width, height, dpi = fit_size(setting, area=AREA, dpi=PICTURE_DPI, is_vector=is_vector)
     figure = new_figure(width, height, dpi, compress=setting.choices.size is not None)
-    panel = Panel(figure.add_subplot(), setting, (width - 1.6, height - 1.6), first=sample)
+    room = (width - 1.6, height - 1.6)
+    thin = float(np.clip(min(room) / USUAL_ROOM, 0.4, 1.0))
+    panel = Panel(figure.add_subplot(), setting, room, line_scale=thin, first=sample)
     panel.show(sample)
     if panel.drawing.mappable is not None:
         add_color_bar(figure, panel.axes, panel.drawing.mappable, name=setting.color_name)
