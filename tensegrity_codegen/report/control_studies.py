@@ -115,7 +115,7 @@ def describe_facts(study: ControlStudy) -> list[str]:
     """Return what the study assumes and what the design is, a line each."""
     tuning, gains = study.tuning, study.gains
     still = not np.any(study.motion.velocity)
-    motion = "the equilibrium is held" if still else f"motion of {study.motion.duration:.6g} s"
+    motion = "an equilibrium to be kept" if still else f"motion of {study.motion.duration:.6g} s"
     if not still and study.motion.shortest_duration:
         motion += f", shortest {study.motion.shortest_duration:.6g} s"
     lines = [f"{motion}; simulated {study.t_end:.6g} s, a command every {gains.sample:.6g} s"]

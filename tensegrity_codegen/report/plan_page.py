@@ -96,7 +96,7 @@ def _outcome(found: PlanResult) -> Section:
     blocks.append(Table("Targets", (*heads, Column("unit", numeric=False)), rows))
     blocks += [Paragraph(_sentence(text)) for text in describe_extremes(found)]
     if found.time is not None and found.n_steps:
-        blocks.append(Paragraph(f"The plan takes {found.time[-1]:.6g} s."))
+        blocks.append(Paragraph(f"The plan takes {format_short(float(found.time[-1]))} s."))
     return Section("outcome", "all", "Outcome", "plain", STATUS[found.status], tuple(blocks))
 
 

@@ -112,17 +112,17 @@ def describe_extremes(found: PlanResult) -> list[str]:
     lines = []
     if data["largest_tension"] is not None:
         lines.append(
-            f"tensions of cables from {data['least_tension']['value']:.6g} N "
-            f"({data['least_tension']['member']}) to {data['largest_tension']['value']:.6g} N "
+            f"tensions of cables from {data['least_tension']['value']:.4g} N "
+            f"({data['least_tension']['member']}) to {data['largest_tension']['value']:.4g} N "
             f"({data['largest_tension']['member']})"
         )
     if data["least_distance"] is not None:
         lines.append(
-            f"least distance between bars {data['least_distance']['value']:.6g} m "
+            f"least distance between bars {data['least_distance']['value']:.4g} m "
             f"({data['least_distance']['bars']})"
         )
     if found.n_steps:
-        lines.append(f"smallest eigenvalue of the stiffness {data['smallest_eigenvalue']:.6g} N/m")
+        lines.append(f"smallest eigenvalue of the stiffness {data['smallest_eigenvalue']:.4g} N/m")
     return lines
 
 

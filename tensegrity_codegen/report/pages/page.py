@@ -92,6 +92,11 @@ class Section:
     blocks: tuple[Block, ...]
 
     @property
+    def is_one_figure(self) -> bool:
+        """Whether there is nothing but one figure: two such sections stand beside each other."""
+        return [block.kind for block in self.blocks] == ["figure"]
+
+    @property
     def groups(self) -> list[tuple[str, list[Block]]]:
         """The blocks in order, neighbouring figures together."""
         rows: list[tuple[str, list[Block]]] = []

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.page import Block, Paragraph, Section
-from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.sweeps.summary.figures import draw_indices
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
@@ -15,44 +18,54 @@ __all__ = ["build_causes"]
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:
     """Return Sobol' indices where the cases allow them, and rank correlations."""
-    if not summary.chosen or not summary.results.keys:
+    shown = [item for item in summary.chosen if item.distribution.count and not item.is_constant]
+    if not shown or not summary.results.keys:
         return
-    blocks: list[Block] = []
-    tables: list[Block] = []
-    for number, item in enumerate(summary.chosen):
-        if isinstance(item.indices, Indices) and len(item.indices.keys) > 1:
-            blocks.append(draw_indices(item.result, item.indices, f"indices{number}"))
-            tables.append(_index_table(item, item.indices))
-    reasons = {item.indices for item in summary.chosen if isinstance(item.indices, str)}
-    tables += [Paragraph(f"No Sobol' indices: {reason}.") for reason in sorted(reasons)]
-    tables.append(_correlation_table(summary))
-    found = len(blocks)
+    figures: list[Block] = []
+    reasons: dict[str, list[str]] = {}
+    for number, item in enumerate(shown):
+        if isinstance(item.indices, str):
+            reasons.setdefault(item.indices, []).append(item.result.name)
+        elif len(item.indices.keys) > 1:
+            figures.append(draw_indices(item.result, item.indices, f"indices{number}"))
+    missing = [Paragraph(f"No Sobol' indices of {', '.join(of)}: {why}.") for why, of in reasons.items()]
+    found = len(figures)
     text = f"Sobol' indices of {found} result{'s' * (found > 1)}" if found else "rank correlations"
-    yield Section("causes", "results", "What results depend on", "plain", text, (*blocks, *tables))
+    blocks: list[Block] = [*figures, *missing, _strength_table(summary, shown, with_indices=bool(found))]
+    yield Section("causes", "results", "What results depend on", "plain", text, tuple(blocks))
 
 
-def _index_table(item: ResultSummary, indices: Indices) -> Table:
-    columns = (
-        Column("key", numeric=False), Column("first order"), Column("± 95 %"), Column("total"),
-        Column("± 95 %"),
-    )  # fmt: skip
-    rows = tuple(
-        (text_cell(key), *(number_cell(float(value), ".3f") for value in values))
-        for key, *values in zip(
-            indices.keys, indices.first, indices.first_error, indices.total, indices.total_error, strict=True
-        )
-    )
-    return Table(f"Sobol' indices of {item.result.name}", columns, rows, f"From: {indices.source}.")
+def _strength_table(summary: SweepSummary, shown: Sequence[ResultSummary], *, with_indices: bool) -> Table:
+    """Return a table with a row for each result and key, the strongest key of each result first."""
+    columns = [Column("result", numeric=False), Column("key", numeric=False), Column("rank correlation")]
+    columns += [Column("first order"), Column("total")] if with_indices else []
+    rows: list[tuple[Cell, ...]] = []
+    sources: dict[str, None] = {}
+    for item in shown:
+        for place in np.argsort(-item.strength, kind="stable").tolist():
+            cells = [
+                text_cell(item.result.name), text_cell(summary.results.keys[place]),
+                number_cell(float(item.correlation[place]), ".2f"),
+            ]  # fmt: skip
+            if with_indices:
+                cells += _index_cells(item.indices, place)
+            rows.append(tuple(cells))
+        if with_indices and isinstance(item.indices, Indices):
+            sources[item.indices.source] = None
+    note = "Spearman's rank correlation: 1 rises, −1 falls with the key, near 0 does neither."
+    if sources:
+        note = f"Indices with 95 % intervals, from: {'; '.join(sources)}. {note}"
+    return Table("Each result and key, the strongest first", tuple(columns), tuple(rows), note)
 
 
-def _correlation_table(summary: SweepSummary) -> Table:
-    columns = (
-        Column("key", numeric=False),
-        *(Column(item.result.name) for item in summary.chosen),
-    )
-    rows = tuple(
-        (text_cell(key), *(number_cell(float(item.correlation[place]), ".2f") for item in summary.chosen))
-        for place, key in enumerate(summary.results.keys)
-    )
-    note = "Spearman's rank correlation: 1 rises, -1 falls with the key, near 0 does neither."
-    return Table("Rank correlations", columns, rows, note)
+def _index_cells(indices: Indices | str, place: int) -> list[Cell]:
+    """Return first-order and total index with their intervals; dashes where there are none."""
+    if isinstance(indices, str):
+        return [number_cell(None, ".3f")] * 2
+    pairs = ((indices.first, indices.first_error), (indices.total, indices.total_error))
+    return [_index_cell(float(value[place]), float(error[place])) for value, error in pairs]
+
+
+def _index_cell(value: float, error: float) -> Cell:
+    interval = f" ± {format_number(error, '.3f')}" if error > 0.0 else ""
+    return Cell((("", format_number(value, ".3f") + interval),), {"value": value, "interval": error})

@@ -73,7 +73,8 @@ def _default_specs(results: SweepResults) -> list[str]:
     """Return tensions first, then numbers, then quantities with dimensions; diagnostics last.
 
     Where the user chose what is kept, its order is kept. What is the largest or smallest of something already
-    is described by this alone, and an array of one entry once.
+    is described by this alone, an array of one entry once, and arrays of two dimensions, such as positions,
+    where nothing else was kept.
     """
     order = sorted(
         (item for item in results.kept.values() if item.shape == () or min(item.shape) > 0),
@@ -81,12 +82,12 @@ def _default_specs(results: SweepResults) -> list[str]:
             item.name in DIAGNOSTICS,
             item.name == "displacement" and "change" in results.kept,  # almost the same
             _find_rank(item.name, results.keep),
-            len(item.dims) > 1,
             not item.name.startswith("member_tension"),
             len(item.dims),
         ),
     )
-    return [spec for item in order for spec in _list_parts(item)]
+    few = [item for item in order if len(item.dims) < 2]
+    return [spec for item in few or order for spec in _list_parts(item)]
 
 
 def _find_rank(name: str, keep: Sequence[str]) -> int:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.sweep_commands import build_commands
-from tensegrity_codegen.report.pages.page import Command, Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph, Table
 from tensegrity_codegen.report.pages.render_page import render_page
+from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
 from tests.report.page_checks import check_in_browser, check_static, in_browser
@@ -61,6 +62,21 @@ def test_axes_have_the_units_of_keys() -> None:
     assert "height [1]" not in text
     long = make_sweep(np.arange(3.0)[:, None], ["a" * 90], [])
     assert len(long.label_key(long.keys[0])) == 36
+
+
+def test_what_results_depend_on_is_one_table_with_intervals() -> None:
+    (section,) = [item for item in page_of("saltelli").chapters[0].sections if item.anchor == "causes"]
+    (table,) = [block for block in section.blocks if isinstance(block, Table)]
+    assert [row[1].value for row in table.rows] == ["c", "b", "a"]  # the strongest first
+    indices = summarize(MAKERS["saltelli"]()).chosen[0].indices
+    assert isinstance(indices, Indices)
+    assert [row[4].value["value"] for row in table.rows] == pytest.approx(sorted(indices.total)[::-1])
+    assert " ± " in table.rows[0][3].lines[0][1]
+    sample = next(item for item in page_of("sample").chapters[0].sections if item.anchor == "causes")
+    texts = [block.text for block in sample.blocks if isinstance(block, Paragraph)]
+    assert texts == [
+        "No Sobol' indices of elastic_energy, height: they need a grid of all keys, or the sampling saltelli."
+    ]
 
 
 def test_one_value_in_all_cases_has_no_diagrams() -> None:

@@ -247,13 +247,14 @@ def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[st
         if cut > OFTEN:
             found.append(
                 f"{WORDS[name]}: {100 * cut:.0f} % of the commands were cut to the rate or range of an "
-                "actuator, and sums of errors stand still then: weaker feedback (a smaller effort), a "
+                "actuator, and integrals of errors stand still then: weaker feedback (a smaller effort), a "
                 "slower motion or faster actuators avoid that"
             )
         left = float(loop.end_error.max())
         if not loops[OPEN].unstable and left > LITTLE * without and left > WORSE * tolerance:
+            kind = "makes the error larger" if left > without else "gains little"
             found.append(
-                f"{WORDS[name]}: feedback gains little, {1000 * left:.3g} mm are left at the end of "
-                f"{1000 * without:.3g} mm without feedback: look at weights, actuators and sensors"
+                f"{WORDS[name]}: feedback {kind}, {1000 * left:.3g} mm at the end, {1000 * without:.3g} mm "
+                "without feedback: look at weights, actuators and sensors"
             )
     return tuple(found)

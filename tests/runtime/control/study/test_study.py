@@ -160,7 +160,10 @@ def test_loops_that_are_cut_often_or_gain_little_are_warned_of(study: ControlStu
     )
     cut, little = find_warnings(loops, tolerance)
     assert cut.startswith("true state: 40 % of the commands were cut")
-    assert f"{900 * before:.3g} mm are left" in little
+    assert f"feedback gains little, {900 * before:.3g} mm at the end" in little
+    worse = replace(loops["true_state"].measures[0], end_error=1.5 * before, steps={"ok": 1})
+    harmed = loops | {"true_state": replace(loops["true_state"], measures=(worse,))}
+    assert "feedback makes the error larger" in find_warnings(harmed, tolerance)[0]
     loops["open"] = replace(loops["open"], measures=(replace(loops["open"].measures[0], status="unstable"),))
     assert find_warnings(loops, tolerance) == (cut,)
 
