@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ThreeOption", "play_live", "show_live"]
 
+MOST_OFFERED = 2000  # members up to which pages offer radau unasked: for 9,384 its C took 45 s to write
 METHODS = ("auto", "rk54", "radau")
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")
 
@@ -137,7 +138,8 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
     cables = tuple(int(e) for e in np.flatnonzero(subject.tension_only & (subject.mu > 0)))
     parameters = {"node_load": tuple(range(subject.n_nodes)), "gravity": (), "damping": cables}
     kept = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
-    wanted = request.wanting(*shown, integrators=(EXPLICIT, STIFF), parameters=kept)
+    offered = (EXPLICIT, STIFF) if method == STIFF or _offers_stiff(subject) else (EXPLICIT,)
+    wanted = request.wanting(*shown, integrators=offered, parameters=kept)
     wanted = replace(wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=())
     try:
         check_buildable(subject, wanted)
@@ -146,6 +148,16 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
             raise
         return replace(wanted, integrators=(EXPLICIT,))
     return wanted
+
+
+def _offers_stiff(subject: Subject) -> bool:
+    """Return whether a page offers the implicit method: of many members only where they call for it."""
+    from tensegrity_codegen.report.live.engine import EXPLICIT, STIFF, choose_method
+    from tensegrity_codegen.structure.outline import outline_bodies
+
+    if subject.n_members <= MOST_OFFERED:
+        return True
+    return choose_method(outline_bodies(subject), (EXPLICIT, STIFF)) == STIFF
 
 
 def _check_tolerance(rtol: float) -> None:

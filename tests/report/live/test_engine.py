@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tensegrity_codegen.cli import live_page
 from tensegrity_codegen.cli.live_page import request_play
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline import load_scene
@@ -84,3 +85,13 @@ def test_pages_offer_the_methods_of_the_library(name: str, methods: list[str]) -
 def test_the_worker_and_the_description_agree_on_the_pull() -> None:
     worker = (live_folder() / "worker.js").read_text(encoding="utf-8")
     assert f"const PULLED = 1 / {round(1 / PULLED)};" in worker
+
+
+@pytest.mark.parametrize(("most", "integrators"), [(2000, ("rk54", "radau")), (3, ("rk54",))])
+def test_many_members_have_the_implicit_method_on_request_only(
+    most: int, integrators: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_page, "MOST_OFFERED", most)
+    subject, request = load_scene(EXAMPLES / "prism.toml")
+    assert request_play(subject, request).integrators == integrators
+    assert request_play(subject, request, "radau").integrators == ("rk54", "radau")
