@@ -102,7 +102,7 @@ def write_scenes(words: argparse.Namespace) -> dict[str, Path]:
     scenes: dict[str, Path] = {}
     for file in words.ntrt:
         scenes[file.stem] = words.out / f"{file.stem}.toml"
-        run("import", file, "--out", scenes[file.stem])
+        run("import", file, "--out", scenes[file.stem], "--overwrite")
     if not scenes:
         scenes = {name: EXAMPLES / f"{name}.toml" for name in ("prism", "icosahedron")}
     for name, text in (("tower", TOWER), ("net", write_net())):

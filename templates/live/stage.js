@@ -12,7 +12,8 @@ const STILL = 250; // ms without a change after which the picture is drawn with 
 const LEAST = 0.6; // pixels a pixel of the page
 
 export function buildStage(canvas, model) {
-  const renderer = new THREE.WebGLRenderer({ canvas, context: newContext(canvas, model) });
+  const isSoftware = hasNoCard();
+  const renderer = new THREE.WebGLRenderer({ canvas, context: newContext(canvas, model, isSoftware) });
   renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(FIELD, 1, model.size / 500, model.size * 500);
@@ -26,7 +27,7 @@ export function buildStage(canvas, model) {
 
   const stage = {
     renderer, scene, camera, controls, canvas, model, follow: false,
-    dirty: true, ratio: fullRatio(), isStill: true, gridStep: ground.step,
+    dirty: true, ratio: fullRatio(), restRatio: isSoftware ? 2 : fullRatio(), isStill: true, gridStep: ground.step,
     isSimple: false, canSimplify: false, lastChange: 0, lastTick: null,
     before: [], after: [], resized: [],
     times: [], work: [], recent: [],
@@ -51,9 +52,20 @@ export function buildStage(canvas, model) {
   return stage;
 }
 
-/** A context whose picture covers what is behind it: browsers need not blend it with the page. */
-function newContext(canvas, model) {
-  const context = canvas.getContext("webgl2", { alpha: false, antialias: model.memberCount < MANY, stencil: false });
+/** Whether pictures are drawn by the processor, without a graphics card. */
+function hasNoCard() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
+}
+
+/** A context whose picture covers what is behind it: browsers need not blend it with the page. Without a graphics card
+    smooth edges take longer than all else: there the picture has more pixels when it stands still. */
+function newContext(canvas, model, isSoftware) {
+  const antialias = model.memberCount < MANY && !isSoftware;
+  const context = canvas.getContext("webgl2", { alpha: false, antialias, stencil: false });
   if (!context) throw new Error("the browser has no WebGL 2, or it is switched off");
   return context;
 }
@@ -134,7 +146,7 @@ function resize(stage) {
   const { renderer, camera, canvas } = stage;
   const { clientWidth: width, clientHeight: height } = canvas.parentElement;
   if (!width || !height) return;
-  const ratio = stage.isStill ? fullRatio() : stage.ratio;
+  const ratio = stage.isStill ? stage.restRatio : stage.ratio;
   const isResized = stage.width !== width || stage.height !== height;
   Object.assign(stage, { width, height });
   renderer.setPixelRatio(ratio);
@@ -178,10 +190,14 @@ export function noteTick(stage, now, isMoving) {
     stage.lastChange = now;
   }
   stage.lastTick = isChanging ? now : null;
-  const isStill = now - stage.lastChange > STILL;
+  setStill(stage, now - stage.lastChange > STILL);
+}
+
+/** Draw a picture that stands still with all pixels and shapes, one that moves with those that the machine can do. */
+export function setStill(stage, isStill) {
   if (stage.isStill === isStill) return;
   stage.isStill = isStill;
-  if (stage.ratio < fullRatio()) resize(stage);
+  if (stage.ratio < stage.restRatio) resize(stage);
   else if (stage.isSimple) stage.dirty = true;
 }
 

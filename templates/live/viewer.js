@@ -9,7 +9,7 @@ import { buildModes } from "live/modes";
 import { newState } from "live/model";
 import { paletteOf } from "live/palette";
 import { buildPicker } from "live/picking";
-import { buildStage, drawFrame, noteTick } from "live/stage";
+import { buildStage, drawFrame, noteTick, setStill } from "live/stage";
 import { newTextures } from "live/textures";
 import { showScale } from "live/panel";
 
@@ -197,6 +197,7 @@ export function run(app, advance) {
 function measure(app, frames) {
   const gl = app.stage.renderer.getContext();
   const pixel = new Uint8Array(4);
+  setStill(app.stage, false);
   const found = { total: [], script: [], width: gl.drawingBufferWidth, height: gl.drawingBufferHeight };
   for (let k = 0; k < frames; k++) {
     const start = performance.now();
