@@ -54,6 +54,7 @@ def stability(
     with output.guard():
         from tensegrity_codegen.compare.stability.judge import RULES, VERDICTS
         from tensegrity_codegen.compare.stability.outcome import Limits
+        from tensegrity_codegen.compare.stability.page_tables import RULE_WORDS
         from tensegrity_codegen.compare.stability.report import write_stability
         from tensegrity_codegen.pipeline import load_nodes
 
@@ -79,7 +80,7 @@ def stability(
         said = "ours: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
         rules = {rule: made.count_rule(rule) for rule in RULES}
         said += "; certified " + ", ".join(
-            f"{count} by rule {rule!r}" for rule, count in rules.items() if count
+            f"{count} by {RULE_WORDS[rule]}" for rule, count in rules.items() if count
         )
         if made.cases_not_run:
             output.warn(
