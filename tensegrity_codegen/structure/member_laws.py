@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +23,9 @@ __all__ = ["SECTION_VALUES", "WithMemberLaws"]
 
 # What follows from the section of a member, by the names of the attributes.
 SECTION_VALUES = ("section_area", "gyration_square")
+
+WIDEST = 1e3  # rest length, over the length, up to which one is searched for
+BISECTIONS = 100
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -127,4 +131,29 @@ class WithMemberLaws:
             values = {name: values[mask] for name, values in self.member_values().items()}
             tension[mask] = self.mu[mask] * law.effective_elongation(extension[mask], values, np.where)
         result: FloatArray = np.where(self.tension_only & (extension <= 0), 0.0, tension)
+        return result
+
+    def find_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
+        """Return the rest lengths [m] at which members of these lengths have these tensions [N].
+
+        Not positive or not finite where there is none. Laws that are not linear are solved by bisection: the
+        tension of a member decreases with its rest length.
+        """
+        given = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
+        rest = LINEAR.find_rest_length(length, tension, given)
+        curved = ~self.is_linear
+        if curved.any():
+            rest = np.where(curved, self._bisect_rest_length(length, tension), rest)
+        return rest
+
+    def _bisect_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
+        low = np.where(tension > 0, 0.0, length)
+        high = np.where(tension > 0, length, WIDEST * length)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            is_tighter = replace(self, rest_length=middle).compute_static_tension(length) > tension  # type: ignore[type-var]
+            low, high = np.where(is_tighter, middle, low), np.where(is_tighter, high, middle)
+        reached = replace(self, rest_length=high).compute_static_tension(length)  # type: ignore[type-var]
+        scale = np.maximum(np.abs(tension), 1e-300)
+        result: FloatArray = np.where(np.abs(reached - tension) <= 1e-6 * scale, high, np.nan)
         return result

@@ -13,18 +13,29 @@ from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.prestress_options import PrestressOption, SceneOutOption, check_prestress
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.files import check_ending, check_output, replaced
 from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tensegrity_codegen.cli.prestressed_scene import Prestressed
+    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["VERB"]
 
 SETTLED = 1e-12  # tolerance of the equilibrium to analyse
+NO_PRESTRESS = "no prestress with every cable in tension was found without loads"
+TRY_SETTLING = (
+    "a shape that is rounded, as on a drawing, is only near one with prestress: give members an approximate "
+    "prestress, let `equilibrium SCENE --out SETTLED.toml` move the nodes into balance, and use that file"
+)
 NO_MASS = "natural frequencies are omitted: a free node has no mass"
 
 SettleOption = Annotated[
@@ -56,6 +67,8 @@ def analyse(
     n_modes: ModesOption = 10,
     out: OutOption = None,
     page: PageOption = None,
+    prestress: PrestressOption = None,
+    scene_out: SceneOutOption = None,
     overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
@@ -66,16 +79,29 @@ def analyse(
     cable and shorten at least one. Members are compared with the limits of the scene. Exit code 3 if there
     is no such prestress, or if the structure is not stable with it.
 
+    --prestress 100 --scene-out tense.toml writes the scene with the prestress found, 100 N in the cable with
+    most tension; of several self-stresses it is the one whose least cable tension is largest.
+
     Example: tensegrity-codegen analyse prism.toml --json
     """
     output = Output(json)
     passes = [*BUILD, *([SETTLE] if settle else []), Pass("analysing", 3.0), *([DRAWING] if page else [])]
     with output.guard(scene, passes):
-        _check_files(out, page, scene, overwrite)
-        subject, found = _analyse(
+        check_prestress(prestress, scene_out)
+        _check_files(out, page, scene_out, scene, overwrite)
+        subject, found, start, request = _analyse(
             output, scene, settle, input, compiler, rank_tolerance=rank_tolerance, n_modes=n_modes
         )
         _warn(output, found, settle)
+        tense = None
+        if prestress is not None and scene_out is not None:
+            from tensegrity_codegen.cli.prestressed_scene import write_prestressed
+
+            tense = write_prestressed(
+                subject, request, found, start, prestress, scene_out, overwrite=overwrite
+            )
+            if tense is None:
+                output.warn(f"{scene_out} is not written: {NO_PRESTRESS}")
         if out is not None:
             from tensegrity_codegen.report.analysis_data import write_analysis
 
@@ -83,14 +109,16 @@ def analyse(
         if page is not None:
             with output.progress(DRAWING.title):
                 _write_page(found, subject, page)
-        _report(output, subject, found, {"out": out, "page": page})
-        if not found.is_good:
+        _report(output, subject, found, {"out": out, "page": page}, scene_out, tense)
+        if not found.is_good or (scene_out is not None and tense is None):
             raise typer.Exit(3)
 
 
-def _check_files(out: Path | None, page: Path | None, scene: Path, overwrite: bool) -> None:
+def _check_files(
+    out: Path | None, page: Path | None, scene_out: Path | None, scene: Path, overwrite: bool
+) -> None:
     """Raise OutputError where a result has no place, MissingExtraError where pictures cannot be drawn."""
-    for path, ending in ((out, ".npz"), (page, ".html")):
+    for path, ending in ((out, ".npz"), (page, ".html"), (scene_out, ".toml")):
         if path is not None:
             check_ending(path, ending)
             check_output(path, inputs=[scene], overwrite=overwrite)
@@ -124,8 +152,8 @@ def _analyse(
     texts: list[str] | None,
     compiler: str | None,
     **options: Any,
-) -> tuple[Subject, Analysis]:
-    """Return the structure and its analysis, at the scene's positions or at the equilibrium."""
+) -> tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]:
+    """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
     from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -144,10 +172,17 @@ def _analyse(
         start = settled.coordinate
     with output.progress("analysing"):
         found = run(model, coordinate=start, arguments=arguments, **options)
-    return subject, replace(found, node_position=found.node_position + offset)
+    return subject, replace(found, node_position=found.node_position + offset), start, request
 
 
-def _report(output: Output, subject: Subject, found: Analysis, files: dict[str, Path | None]) -> None:
+def _report(
+    output: Output,
+    subject: Subject,
+    found: Analysis,
+    files: dict[str, Path | None],
+    scene_out: Path | None,
+    tense: Prestressed | None,
+) -> None:
     """Print the analysis: counts, members, proof, modes."""
     from tensegrity_codegen.report.analysis_data import describe_analysis
     from tensegrity_codegen.report.analysis_tables import (
@@ -160,12 +195,28 @@ def _report(output: Output, subject: Subject, found: Analysis, files: dict[str, 
     data = describe_analysis(found, subject.member_name, subject.node_name)
     data["modes_note"] = NO_MASS if found.modes is None else None
     data |= {key: None if path is None else str(path) for key, path in files.items()}
+    data["prestressed"] = None
     name = subject.name
     tables = [analysis_members_table(found, subject), certificate_table(found, subject)]
     tables += [modes_table(found, name)]
     shown = [table for table in tables if table is not None]
     notes = [NO_MASS] if found.modes is None else []
-    output.result(data, analysis_table(found, name), *shown, *notes, f"{found.status}: {found.message}")
+    if tense is not None:
+        data["prestressed"] = {
+            "scene": str(scene_out),
+            "member_tension": dict(zip(subject.member_name, tense.tension.tolist(), strict=True)),
+            "residual": tense.residual,
+            "note": tense.note,
+        }
+        least, most = tense.tension.min(), tense.tension.max()
+        notes.append(
+            f"wrote {scene_out}: member forces from {least:.6g} to {most:.6g} N, largest residual "
+            f"{tense.residual:.2g} N; {tense.note}"
+        )
+    data["hint"] = TRY_SETTLING if found.status == "infeasible" else None
+    hints = [f"try: {TRY_SETTLING}"] if found.status == "infeasible" else []
+    verdict = f"{found.status}: {found.message}"
+    output.result(data, analysis_table(found, name), *shown, *notes, verdict, *hints)
 
 
 VERB = Verb(analyse, order=55)

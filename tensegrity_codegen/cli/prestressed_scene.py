@@ -1,0 +1,238 @@
+"""`analyse --prestress`: the scene with the self-stress that was found, at the size that the user states."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.cli.prestress_options import OPTION
+from tensegrity_codegen.errors import (
+    ConvergenceError,
+    InvalidValueError,
+    NonFiniteError,
+    UnknownNameError,
+    suggest,
+)
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.analysis.analysis import Analysis
+    from tensegrity_codegen.scene.subject import Subject
+
+__all__ = ["Prestressed", "write_prestressed"]
+
+FloatArray = NDArray[np.float64]
+
+LEAST = "least"
+NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none
+BALANCED = 1e-6  # of the largest force: residual up to which the written scene is in balance
+
+
+@dataclass(frozen=True)
+class Prestressed:
+    """A scene with the prestress found, as it was read back: tensions [N] and what is left of balance [N]."""
+
+    tension: FloatArray
+    residual: float
+    note: str
+
+
+def write_prestressed(
+    subject: Subject,
+    request: ModelRequest,
+    found: Analysis,
+    coordinate: FloatArray | None,
+    text: str,
+    out: Path,
+    *,
+    overwrite: bool,
+) -> Prestressed | None:
+    """Write the scene whose member tensions are the self-stress found; None where there is none.
+
+    Parameters
+    ----------
+    coordinate : ndarray, shape (n_coordinates,), optional
+        The equilibrium that was analysed; by default the positions are those of the scene.
+    text : str
+        The value of --prestress.
+
+    Raises
+    ------
+    UnknownNameError, NonFiniteError, InvalidValueError
+        The text is no size of this prestress, or a member has no rest length for its tension.
+    ConvergenceError
+        The scene as read back is not in balance.
+    """
+    from tensegrity_codegen.pipeline import load_scene
+    from tensegrity_codegen.scene.write import write_scene
+
+    shape = found.prestress.tension
+    name, force = _read_size(text, subject)
+    if not found.prestress.is_found or not shape.any():
+        return None
+    tension = shape * _find_scale(subject, shape, name, force)
+    moved = _move(subject, found, coordinate)
+    length = _find_length(moved, found)
+    settled = moved.with_changes(rest_length=_find_rest_length(moved, length, tension))
+    document = _describe(settled, request)
+    again, _ = load_scene(document)
+    stored = np.where(_find_rigid(again), tension, again.compute_static_tension(_find_length(again, found)))
+    residual = _find_residual(found, stored)
+    largest = float(np.abs(stored).max())
+    if residual > BALANCED * largest:
+        raise ConvergenceError(
+            "rest lengths cannot hold this prestress in balance within rounding",
+            evidence={"residual": residual, "largest_force": largest},
+            where=OPTION,
+            hint="members may be very stiff for so little force: more prestress, or a smaller stiffness",
+        )
+    write_scene(document, out, overwrite=overwrite)
+    return Prestressed(stored, residual, _describe_choice(found, subject))
+
+
+def _read_size(text: str, subject: Subject) -> tuple[str, float]:
+    """Return what the force belongs to, "" for the cable with most tension, and the force [N]."""
+    name, _, number = text.rpartition("=")
+    if name and name != LEAST and name not in subject.member_name:
+        raise UnknownNameError(
+            "unknown member",
+            where=OPTION,
+            given=name,
+            allowed=f"a member, or {LEAST}",
+            hint=suggest(name, subject.member_name),
+        )
+    try:
+        force = float(number)
+    except ValueError:
+        raise InvalidValueError(
+            "not a force",
+            where=OPTION,
+            given=text,
+            allowed="FORCE, least=FORCE or MEMBER=FORCE, a force in N",
+            hint="--prestress 100",
+        ) from None
+    if not math.isfinite(force):
+        raise NonFiniteError("not a finite force", where=OPTION, given=text, allowed="a number in N")
+    is_member = name in subject.member_name
+    if force == 0 or (force < 0 and not is_member):
+        raise InvalidValueError(
+            "a prestress without tension",
+            where=OPTION,
+            given=text,
+            allowed="above 0 N" if not is_member else "a force that is not 0, negative for compression",
+            hint="the unit is N",
+        )
+    return name, force
+
+
+def _find_scale(subject: Subject, shape: FloatArray, name: str, force: float) -> float:
+    """Return the factor by which the self-stress has the force that was stated."""
+    if name in subject.member_name:
+        own = float(shape[subject.member_name.index(name)])
+        if abs(own) <= NO_FORCE * np.abs(shape).max():
+            raise InvalidValueError(
+                "the member has no force in the prestress found",
+                where=OPTION,
+                given=name,
+                allowed="a member with a force",
+                hint=f"state that of {subject.member_name[int(np.abs(shape).argmax())]}",
+            )
+        if own * force < 0 and subject.tension_only.any():
+            kind = "tension" if own > 0 else "compression"
+            raise InvalidValueError(
+                f"the member is in {kind} in the prestress found",
+                where=OPTION,
+                given=f"{name}={force:g}",
+                allowed="above 0" if own > 0 else "below 0",
+                hint=f"--prestress {name}={-force:g}",
+            )
+        return force / own
+    cables = shape[subject.tension_only]
+    if not len(cables):
+        size = float(np.abs(shape).min() if name == LEAST else np.abs(shape).max())
+    else:
+        size = float(cables.min() if name == LEAST else cables.max())
+    if size <= NO_FORCE * np.abs(shape).max():
+        raise InvalidValueError(
+            "a member has no force in the prestress found", where=OPTION, given=name, hint="--prestress 100"
+        )
+    return force / size
+
+
+def _move(subject: Subject, found: Analysis, coordinate: FloatArray | None) -> Subject:
+    """Return the structure in the configuration that was analysed."""
+    if coordinate is None:
+        return subject
+    if isinstance(subject, BodySystem):
+        return subject.with_changes(coordinate=coordinate, velocity=0 * subject.velocity)
+    return subject.with_changes(node_position=found.node_position, node_velocity=0 * subject.node_velocity)
+
+
+def _find_length(subject: Subject, found: Analysis) -> FloatArray:
+    """Return the member lengths [m]; those of nodes by the positions that are written."""
+    if isinstance(subject, Structure):
+        i, j = np.asarray(subject.connectivity).T
+        return np.asarray(np.linalg.norm(subject.node_position[i] - subject.node_position[j], axis=1))
+    return found.member_length
+
+
+def _find_rigid(subject: Subject) -> NDArray[np.bool_]:
+    """Return which members are rigid bars, whose force does not follow from their length."""
+    rigid: NDArray[np.bool_] = (subject.spring_constant == 0) & (subject.axial_stiffness == 0)
+    return rigid
+
+
+def _find_rest_length(subject: Subject, length: FloatArray, tension: FloatArray) -> FloatArray:
+    """Return the rest lengths [m] with these tensions; rigid bars keep theirs."""
+    rest = subject.find_rest_length(length, tension)
+    bad = ~(np.isfinite(rest) & (rest > 0)) & ~_find_rigid(subject)
+    if bad.any():
+        e = int(np.argmax(bad))
+        raise InvalidValueError(
+            "no rest length gives a member its tension",
+            where=f"members.{subject.member_name[e]}",
+            given=f"{tension[e]:g} N",
+            allowed="a tension that its law has at a positive rest length",
+            hint="a smaller --prestress, or a stiffer member",
+        )
+    return np.where(_find_rigid(subject), subject.rest_length, rest)
+
+
+def _find_residual(found: Analysis, tension: FloatArray) -> float:
+    """Return the largest component of A t [N], by the whole singular value decomposition of A."""
+    rank = found.rank
+    n = rank.largest_rank
+    left = np.hstack([rank.left, rank.free_motion])[:, :n]
+    right = np.vstack([rank.right, rank.selfstress])[:n]
+    return float(np.abs(left @ (rank.singular_value * (right @ tension))).max(initial=0.0))
+
+
+def _describe(subject: Subject, request: ModelRequest) -> dict[str, Any]:
+    from tensegrity_codegen.scene.describe import describe_structure
+    from tensegrity_codegen.scene.describe_bodies import describe_bodies
+
+    if isinstance(subject, BodySystem):
+        return describe_bodies(subject, request)
+    return describe_structure(subject, request)
+
+
+def _describe_choice(found: Analysis, subject: Subject) -> str:
+    """Return which of several self-stresses was written, and what loads do."""
+    count = len(found.rank.selfstress)
+    if count == 1:
+        text = "the only self-stress"
+    else:
+        text = (
+            f"of {count} self-stresses the combination whose least cable tension is largest (where that does "
+            "not stiffen all mechanisms: one that does)"
+        )
+    if found.is_loaded:
+        text += "; it does not balance the loads: `equilibrium` finds the shape under both"
+    return text
