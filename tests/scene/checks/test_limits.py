@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,20 +16,22 @@ from tensegrity_codegen.scene.read import parse_scene, read_scene
 
 
 @pytest.mark.parametrize(
-    "text",
+    "make",
     [
-        "loads = [" + "{}," * 1_000_000 + "]\n",
-        "loads = [" + '"",' * 1_500_000 + "]\n",
-        "[[loads]]\n" * 600_000,
-        "[nodes]\n" + "".join(f'"n{i}!" = {{}}\n' for i in range(600_000)),
-        "[nodes.a]\n" + "".join(f"k{i} = 1\n" for i in range(1_200_000)),
-        "[groups]\ng = [" + '"m",' * 1_200_000 + "]\n",
+        lambda: "loads = [" + "{}," * 1_000_000 + "]\n",
+        lambda: "loads = [" + '"",' * 1_500_000 + "]\n",
+        lambda: "[[loads]]\n" * 600_000,
+        lambda: "[nodes]\n" + "".join(f'"n{i}!" = {{}}\n' for i in range(600_000)),
+        lambda: "[nodes.a]\n" + "".join(f"k{i} = 1\n" for i in range(1_200_000)),
+        lambda: "[groups]\ng = [" + '"m",' * 1_200_000 + "]\n",
     ],
     ids=["tables", "texts", "headers", "names", "keys", "references"],
 )
-def test_millions_of_tiny_things_are_refused_before_they_are_built(tmp_path: Path, text: str) -> None:
+def test_millions_of_tiny_things_are_refused_before_they_are_built(
+    tmp_path: Path, make: Callable[[], str]
+) -> None:
     path = tmp_path / "s.toml"
-    path.write_text('name = "s"\n' + text, encoding="utf-8")
+    path.write_text('name = "s"\n' + make(), encoding="utf-8")
     tracemalloc.start()
     try:
         with pytest.raises(SceneError, match="too many"):
