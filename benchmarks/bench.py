@@ -1,9 +1,10 @@
 """The comparison: every emitter beside CasADi, NumPy, numba, JAX and MuJoCo, and the floor of this core.
 
-    python benchmarks/bench.py [--out FOLDER] [--quick | --full] [--scripts] [--document FILE]
+    python benchmarks/bench.py [--out FOLDER] [--quick | --full] [--scripts] [--document FILE] [--fresh]
 
 Compiled libraries stay in FOLDER/libraries, with the seconds and memory that they took to compile, so that a
-second run is quicker. --quick: small structures, few rounds; --full: more quantities at the largest size;
+second run is quicker. Finished comparisons are kept too: after an interruption the same command goes on from
+them. --quick: small structures, few rounds; --full: more quantities at the largest size;
 --scripts: the other scripts of this folder too, as tables of the same report.
 """
 
@@ -32,8 +33,13 @@ def main(arguments: list[str] | None = None) -> int:
     size.add_argument("--full", action="store_true", help="every quantity at the largest size too")
     parser.add_argument("--scripts", action="store_true", help="the other scripts of this folder too")
     parser.add_argument("--document", type=Path, help="write the page docs/benchmarks.md to this file")
+    parser.add_argument("--fresh", action="store_true", help="use nothing of an interrupted run")
     options = parser.parse_args(arguments)
-    report = run_all(Plan(options.out, options.quick, options.full, options.scripts, PINNED))
+    plan = Plan(options.out, options.quick, options.full, options.scripts, PINNED, options.fresh)
+    try:
+        report = run_all(plan)
+    except KeyboardInterrupt:
+        return 130
     if options.document:
         write_document(report, options.document)
     return 0

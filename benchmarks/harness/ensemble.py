@@ -16,13 +16,24 @@ from harness.candidate import Candidate, Unavailable, repeat_python
 from harness.compiled import CompileFailed
 from harness.ours import Build, Ours, list_emitters, make_request
 from harness.problem import Problem
+from harness.resume import Kept
 from harness.session import Session
 from harness.structures import make_problem
 from harness.tools import Tools, Way
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.pipeline import build_library
 
-__all__ = ["COUNT", "LOOP", "MANY", "PEERS", "QUANTITIES", "STRUCTURE", "list_ensemble_ways", "run_ensemble"]
+__all__ = [
+    "COUNT",
+    "LOOP",
+    "MANY",
+    "PEERS",
+    "QUANTITIES",
+    "STRUCTURE",
+    "list_ensemble_ways",
+    "list_ensembles",
+    "run_ensemble",
+]
 
 COUNT = 10_000
 MANY = " x "  # in the name of a structure of which many states are evaluated
@@ -35,12 +46,20 @@ PEERS = (LOOP, MAP_VM, MAP_C, NUMBA, JAX)  # compared by default
 FloatArray = NDArray[np.float64]
 
 
-def run_ensemble(session: Session, tools: Tools, ours: Ours, count: int = COUNT) -> None:
+def run_ensemble(session: Session, tools: Tools, ours: Ours, count: int, kept: Kept) -> None:
     """Time `count` states of the prism; rows are named "prism x <count>" and hold ns a state."""
     problem = make_problem(STRUCTURE)
-    for quantity in QUANTITIES:
+    for name, quantity in list_ensembles(count):
+        if kept.take(session, name, quantity):
+            continue
         ways = list_ensemble_ways(problem, quantity, tools, ours, count)
-        session.compare(f"{STRUCTURE}{MANY}{count}", problem.n_members, quantity, ways, (LOOP,))
+        session.compare(name, problem.n_members, quantity, ways, (LOOP,))
+        kept.keep(session, name, quantity)
+
+
+def list_ensembles(count: int) -> list[tuple[str, str]]:
+    """Return (name, quantity) of the comparisons of `count` states."""
+    return [(f"{STRUCTURE}{MANY}{count}", quantity) for quantity in QUANTITIES]
 
 
 def list_ensemble_ways(

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +16,23 @@ from rich.console import Console
 from rich.table import Table
 
 from harness.acceptance import Evidence, judge
-from harness.ensemble import run_ensemble
+from harness.ensemble import list_ensembles, run_ensemble
 from harness.floor import measure_floor
 from harness.machine import all_cores, describe_machine
 from harness.memory import run_watched
 from harness.ours import AUTO, Ours
 from harness.report import Report, write_report
+from harness.resume import Kept, name_comparison
 from harness.session import Session
-from harness.sizes import STRUCTURES, run_sizes
+from harness.sizes import STRUCTURES, list_comparisons, run_sizes
 from harness.tables import acceptance_cells
-from harness.tools import find_tools
+from harness.tools import Tools, find_tools
+from tensegrity_codegen.cli.progress_bar import ProgressBar
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
+from tensegrity_codegen.long_work.estimate import Pass, WorkEstimate
+from tensegrity_codegen.long_work.identity import hash_run
+from tensegrity_codegen.long_work.journal import Journal
+from tensegrity_codegen.long_work.resumption import Resumption
 
 __all__ = ["Plan", "run_all"]
 
@@ -31,6 +40,8 @@ SCRIPTS = Path(__file__).resolve().parent.parent
 STAGES = (56, 5556)  # of the shipped shape `tower`: 1,002 and 100,002 members
 LARGE_LIMIT = 240.0  # s
 QUICK = ("prism", "tower10", "tower100")
+TITLE = "comparing"
+FAILED = "failed:"  # begins the text of a script that did not end well
 
 
 @dataclass(frozen=True)
@@ -42,30 +53,97 @@ class Plan:
     full: bool = False
     scripts: bool = False
     pinned: str = ""
+    fresh: bool = False
+
+    @property
+    def structures(self) -> tuple[str, ...]:
+        """Names of the structures."""
+        return QUICK if self.quick else STRUCTURES
+
+    @property
+    def count(self) -> int:
+        """Number of states of one structure."""
+        return 1000 if self.quick else 10_000
+
+    @property
+    def parts(self) -> list[str]:
+        """Names of all parts that take long, in their order."""
+        compared = [*list_comparisons(self.structures, self.full), *list_ensembles(self.count)]
+        large = [] if self.quick else [_name_large(stages) for stages in STAGES]
+        return [
+            *(name_comparison(*item) for item in compared),
+            *large,
+            *(list_scripts() if self.scripts else []),
+        ]
 
 
 def run_all(plan: Plan, console: Console | None = None) -> Report:
-    """Run the plan, print the acceptance table, write the report and return it."""
+    """Run the plan, print the acceptance table, write the report and return it.
+
+    Finished parts are kept in FOLDER/journal; after an interruption the same plan goes on from there.
+    """
     console = console or Console()
-    with console.status("compilers") as status:
+    work = WorkEstimate([Pass(TITLE, 1.0)], title="compilers")
+    bar = ProgressBar(lambda: Console(stderr=True), work.look)
+    bar.start()
+    try:
         tools = find_tools(plan.out / "libraries", 180.0)
-        session = Session(say=lambda text: status.update(text), rounds=5 if plan.quick else 15)
-        if not console.is_terminal:
-            session.say = _say_plainly(console)
+        session = Session(rounds=5 if plan.quick else 15)
+        session.say = _say_plainly(console, work)
+        kept = Kept(_open_journal(plan, tools, console), work.begin(TITLE))
+        kept.announce(plan.parts)
         ours = Ours(tools.compilation, tools.runner)
         session.say("floor of this core")
         floor = measure_floor(tools)
-        run_sizes(session, tools, ours, QUICK if plan.quick else STRUCTURES, plan.full)
-        run_ensemble(session, tools, ours, 1000 if plan.quick else 10_000)
-        session.say("the largest scene, in a process of its own")
-        large = {} if plan.quick else {stages: measure_large(stages) for stages in STAGES}
-        session.say("the other scripts")
-        scripts = {name: _run_script(name) for name in list_scripts()} if plan.scripts else {}
+        run_sizes(session, tools, ours, plan.structures, plan.full, kept)
+        run_ensemble(session, tools, ours, plan.count, kept)
+        large, scripts = _run_others(plan, session, kept)
+    except KeyboardInterrupt:
+        bar.stop()
+        console.print(
+            f"{plan.out} keeps what is finished; the same command goes on from there", highlight=False
+        )
+        raise
+    finally:
+        bar.stop()
     lines = judge(Evidence(session, floor, large))
     machine = describe_machine(tools.compilers, plan.pinned)
     report = Report(machine, session.rows, lines, floor, large, scripts)
     _print(console, report, write_report(report, plan.out))
     return report
+
+
+def _open_journal(plan: Plan, tools: Tools, console: Console) -> Journal:
+    """Return where finished parts are kept: of the same code, benchmarks, machine and compilers."""
+    words = [str(plan.quick), *(f"{item.name} {item.version}" for item in tools.compilers)]
+    key = hash_run("bench", hash_package(SCRIPTS), *words)
+
+    def notice(taken: Resumption) -> None:
+        text = taken.describe(time.time()).replace("`fresh=True`", "--fresh")
+        console.print(text, highlight=False, markup=False)
+
+    return Journal(plan.out / "journal" / "bench.jsonl", key, fresh=plan.fresh, notice=notice)
+
+
+def _run_others(
+    plan: Plan, session: Session, kept: Kept
+) -> tuple[dict[int, Mapping[str, Any]], dict[str, str]]:
+    """Return what was measured of the largest scenes, and the texts of the other scripts."""
+    session.say("the largest scenes, in a process of their own")
+    large = {
+        stages: kept.find(_name_large(stages), partial(measure_large, stages), lambda row: "error" not in row)
+        for stages in (() if plan.quick else STAGES)
+    }
+    session.say("the other scripts")
+    scripts = {
+        name: kept.find(name, partial(_run_script, name), lambda text: not text.startswith(FAILED))
+        for name in (list_scripts() if plan.scripts else ())
+    }
+    return large, scripts
+
+
+def _name_large(stages: int) -> str:
+    return f"tower of {stages} stages"
 
 
 def measure_large(stages: int) -> Mapping[str, Any]:
@@ -91,14 +169,15 @@ def list_scripts() -> list[str]:
 
 def _run_script(name: str) -> str:
     done = subprocess.run([sys.executable, str(SCRIPTS / name)], capture_output=True, text=True, check=False)
-    return done.stdout if done.returncode == 0 else f"failed:\n{done.stderr}"
+    return done.stdout if done.returncode == 0 else f"{FAILED}\n{done.stderr}"
 
 
-def _say_plainly(console: Console) -> Any:
-    """Return what prints one line a comparison, for output that is no terminal."""
+def _say_plainly(console: Console, work: WorkEstimate) -> Any:
+    """Return what titles the bar, and prints one line a comparison where the output is no terminal."""
 
     def say(text: str) -> None:
-        if "making" not in text:
+        work.title = text
+        if "making" not in text and not console.is_terminal:
             console.print(text, highlight=False)
 
     return say

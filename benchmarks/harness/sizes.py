@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import groupby
 
 from peers import casadi_c, casadi_vm, jax_arrays, mujoco_tendons, numba_loops, numpy_arrays
 
 from harness.agreement import count_unequal, largest_disagreement
 from harness.ours import BATCH, Build, Ours, list_emitters
 from harness.problem import QUANTITIES, Problem
+from harness.resume import Kept
 from harness.session import Session
 from harness.structures import LEVELS, SHIPPED, make_problem
 from harness.tools import Tools, Way
 
-__all__ = ["BASELINES", "LARGEST", "PEERS", "STRUCTURES", "list_builds", "list_ways", "run_sizes"]
+__all__ = [
+    "BASELINES",
+    "LARGEST",
+    "PEERS",
+    "STRUCTURES",
+    "list_builds",
+    "list_comparisons",
+    "list_ways",
+    "run_sizes",
+]
 
 PEERS = (casadi_c, casadi_vm, numpy_arrays, numba_loops, jax_arrays, mujoco_tendons)
 STRUCTURES = (*SHIPPED, *(f"tower{levels}" for levels in LEVELS))
@@ -27,15 +38,30 @@ IN_REFERENCE = ("node_force", "tangent_stiffness")  # beyond small structures
 MOST_IN_VM = 1000  # members that the package's own expression is evaluated for
 
 
-def run_sizes(session: Session, tools: Tools, ours: Ours, structures: tuple[str, ...], full: bool) -> None:
-    """Time all candidates at these structures; full: every quantity at the largest size too."""
-    for name in structures:
+def list_comparisons(structures: tuple[str, ...], full: bool) -> list[tuple[str, str]]:
+    """Return (structure, quantity) of all comparisons; full: every quantity at the largest size too."""
+    return [
+        (name, quantity)
+        for name in structures
+        for quantity in (AT_LARGEST if name == LARGEST and not full else QUANTITIES)
+    ]
+
+
+def run_sizes(
+    session: Session, tools: Tools, ours: Ours, structures: tuple[str, ...], full: bool, kept: Kept
+) -> None:
+    """Time all candidates at these structures, see list_comparisons; those that are kept are taken."""
+    for name, comparisons in groupby(list_comparisons(structures, full), key=lambda item: item[0]):
+        open_ones = [quantity for _, quantity in comparisons if not kept.take(session, name, quantity)]
+        if not open_ones:
+            continue
         problem = make_problem(name)
-        for quantity in AT_LARGEST if name == LARGEST and not full else QUANTITIES:
+        for quantity in open_ones:
             ways = list_ways(problem, quantity, tools, ours)
             session.compare(name, problem.n_members, quantity, ways, BASELINES)
             session.chosen[name, quantity] = ours.chosen(problem, quantity)
             _compare_own(session, problem, quantity)
+            kept.keep(session, name, quantity)
             ours.forget()
 
 
