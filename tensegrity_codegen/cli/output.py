@@ -57,8 +57,13 @@ class Output:
         """Standard error."""
         return _open_console(stderr=True)
 
-    def result(self, data: Mapping[str, Any], *readable: RenderableType) -> None:
-        """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`."""
+    def result(
+        self, data: Mapping[str, Any], *readable: RenderableType | Callable[[], RenderableType]
+    ) -> None:
+        """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`.
+
+        What is readable may be a function that builds it, so that JSON does without the import of Rich.
+        """
         self._end_bar()
         seconds = time.monotonic() - self.started
         if self.as_json:
@@ -68,7 +73,7 @@ class Output:
             own = {"took_seconds": seconds} if "seconds" in data else {"seconds": seconds}
             print_json({**data, **warned, **own})
         else:
-            for item in map(name_options, readable):
+            for item in (name_options(item() if callable(item) else item) for item in readable):
                 self.human.print(item, soft_wrap=isinstance(item, str), markup=False, emoji=False)
             print_text("")
 

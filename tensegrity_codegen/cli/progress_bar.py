@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from tensegrity_codegen.cli.streams import print_aside
 from tensegrity_codegen.long_work.estimate import WorkState, name_duration
 
 if TYPE_CHECKING:
@@ -26,7 +29,7 @@ class ProgressBar:
     Parameters
     ----------
     console : callable
-        Returns the console to print on; called when it is needed.
+        Returns the console of stderr; called when a bar is drawn.
     look : callable
         Returns how far the work is.
     wake : callable, optional
@@ -64,15 +67,14 @@ class ProgressBar:
         if self._wait(waited):  # most commands end before Rich has to be imported
             return
         self._wake()
-        console = self._console()
-        if _is_terminal(console):
-            self._show_bar(console, self.DELAY - waited)
+        if can_draw():
+            self._show_bar(self._console(), self.DELAY - waited)
         else:
-            self._show_lines(console, self.INTERVAL - waited)
+            self._show_lines(self.INTERVAL - waited)
 
-    def _show_lines(self, console: Console, wait: float) -> None:
+    def _show_lines(self, wait: float) -> None:
         while not self._wait(wait):
-            console.print(describe_progress(self._look()), markup=False, soft_wrap=True)
+            print_aside(describe_progress(self._look()))
             wait = self.INTERVAL
 
     def _show_bar(self, console: Console, wait: float) -> None:
@@ -106,12 +108,13 @@ class ProgressBar:
                 )
 
 
-def _is_terminal(console: Console) -> bool:
-    """Return whether a bar can be drawn: not into a file or pipe, whatever FORCE_COLOR says of colours."""
+def can_draw() -> bool:
+    """Return whether stderr shows a bar: no file or pipe, whatever FORCE_COLOR says, nor a dumb terminal."""
     try:
-        return console.file.isatty() and not console.is_dumb_terminal
+        is_terminal = sys.stderr is not None and sys.stderr.isatty()
     except ValueError:  # the stream is closed
         return False
+    return is_terminal and os.environ.get("TERM", "").lower() not in ("dumb", "unknown")
 
 
 def describe_progress(state: WorkState) -> str:

@@ -15,12 +15,14 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from tensegrity_codegen.pipeline import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["build_for_batch", "check_no_other", "read_schedule", "simulate_starts"]
+__all__ = ["build_for_batch", "build_run_table", "check_no_other", "read_schedule", "simulate_starts"]
 
 
 def simulate_starts(
@@ -37,7 +39,6 @@ def simulate_starts(
     values: of inputs that all motions share, by name; asked: t_end, samples, threads and schedule of
     `simulate_batch`.
     """
-    from tensegrity_codegen.report.tables import run_table
     from tensegrity_codegen.runtime.simulate.read_starts import read_starts
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 
@@ -61,7 +62,7 @@ def simulate_starts(
         "library": str(built.path),
         "out": None if out is None else str(out),
     }
-    output.result(data, run_table(name_options(data)))
+    output.result(data, lambda: build_run_table(data))
     if not batch.is_ok.all():
         bad = int(batch.is_ok.argmin())
         count = len(batch) - data["n_ok"]
@@ -69,6 +70,13 @@ def simulate_starts(
             f"{count} of {len(batch)} motions; number {bad}: {batch.status[bad]}: {batch.message[bad]}"
         )
         raise typer.Exit(3)
+
+
+def build_run_table(data: Mapping[str, Any]) -> Table:
+    """Return what is said of one or many motions, as a table."""
+    from tensegrity_codegen.report.tables import run_table  # imports Rich
+
+    return run_table(name_options(data))
 
 
 def _check_twice(values: Mapping[str, float], arguments: Mapping[str, Any], starts: Path) -> None:

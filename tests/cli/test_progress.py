@@ -7,10 +7,10 @@ import json
 import re
 import sys
 import threading
+from contextlib import redirect_stderr
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from tensegrity_codegen.cli import durations
 from tensegrity_codegen.cli.output import Output
@@ -96,7 +96,7 @@ class FakeTime:
 
 def show_lines(seconds: float) -> list[str]:
     """Return the lines of work of so many seconds whose stderr is a file, and that advances evenly."""
-    time, shown = FakeTime(seconds), io.StringIO()
+    time = FakeTime(seconds)
     work = WorkEstimate([Pass("simulating", 1.0)], clock=lambda: time.now)
     move = work.begin("simulating")
     move(0.0)
@@ -105,9 +105,10 @@ def show_lines(seconds: float) -> list[str]:
         move(time.now / seconds)
         return work.look()
 
-    bar = ProgressBar(lambda: Console(file=shown, width=40), look)
+    bar = ProgressBar(lambda: pytest.fail("a console is not needed"), look)
     bar._wait = time.wait
-    bar.show()
+    with redirect_stderr(io.StringIO()) as shown:
+        bar.show()
     return shown.getvalue().splitlines()
 
 

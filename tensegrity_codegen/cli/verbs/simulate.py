@@ -10,7 +10,6 @@ import typer
 
 from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
-from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.options import (
     CompilerOption,
     FlagsOption,
@@ -38,6 +37,7 @@ from tensegrity_codegen.cli.run_options import (
 )
 from tensegrity_codegen.cli.simulate_batch import (
     build_for_batch,
+    build_run_table,
     check_no_other,
     read_schedule,
     simulate_starts,
@@ -160,7 +160,6 @@ class _Asked:
 
 def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, **given: Any) -> None:
     """Simulate the motion and say how it went; exit code 3 where it is not good."""
-    from tensegrity_codegen.report.tables import run_table
     from tensegrity_codegen.runtime.simulate.simulate import simulate as run
 
     model = built.load()
@@ -178,7 +177,7 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
         trajectory.write(out)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
     data["inputs"] = given["arguments"]
-    output.result(data, run_table(name_options(data)))
+    output.result(data, lambda: build_run_table(data))
     if trajectory.status != "ok":
         output.warn(f"{trajectory.status}: {trajectory.message}")
         raise typer.Exit(3)

@@ -24,8 +24,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from tensegrity_codegen.codegen.compilation.cache_entry import (
     CacheEntry,
     read_entry,
@@ -156,6 +154,8 @@ class Cache:
         with self._explain(path):
             make_private(path.parent, self.root)
             check_private(path, self.root)
+            from filelock import FileLock, Timeout  # libraries from the cache do without
+
             lock = FileLock(str(path), mode=0o600, is_singleton=True)
             try:
                 lock.acquire(timeout=timeout)

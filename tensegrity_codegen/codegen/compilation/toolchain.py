@@ -8,6 +8,7 @@ import os
 import shlex
 import shutil
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -194,12 +195,12 @@ def _ask_version(command: tuple[str, ...]) -> Compiler | None:
     zig = driver is not None
     question = (*driver, "version") if driver else (*command, "--version")
     asked = Compiler("zig" if zig else "", command, "")
-    with work_folder() as folder:
-        environment = compiler_environment(asked, folder)
-        try:
-            outcome = run_limited(question, folder=folder, environment=environment, timeout=VERSION_TIMEOUT)
-        except OSError:
-            return None
+    environment = compiler_environment(asked, Path(tempfile.gettempdir()))
+    root = Path(Path.cwd().anchor)  # a question writes nothing: it needs no folder of its own
+    try:
+        outcome = run_limited(question, folder=root, environment=environment, timeout=VERSION_TIMEOUT)
+    except OSError:
+        return None
     lines = outcome.log.strip().splitlines()
     if not outcome.ok or not lines:
         return None
