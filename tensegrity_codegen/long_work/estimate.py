@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 __all__ = ["Pass", "WorkEstimate", "WorkState", "name_duration"]
 
-LINEAR = 0.9  # part of a pass without reports that passes at constant speed; the rest approaches its end
+LINEAR = 0.9  # part of a pass of known time without reports that passes at constant speed
 EVIDENCE = 3.0  # s of reports before the time left is estimated from them
 WINDOW = 30.0  # s; the speed is that of the last WINDOW, or of the last half of the pass
 APART = 0.25  # s between two reports that are kept, or this part of the time since the first one:
@@ -191,6 +191,8 @@ def _fraction_of(running: _Running, now: float) -> float:
     if running.marks:
         return running.marks[-1][1]
     part = (now - running.began) / max(running.item.seconds, 1e-3)
+    if not running.item.is_known:  # it may take many times as long
+        return part / (1.0 + part)
     if part <= LINEAR:
         return part
     return 1.0 - (1.0 - LINEAR) / (1.0 + (part - LINEAR) / (1.0 - LINEAR))
