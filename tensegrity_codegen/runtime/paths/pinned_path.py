@@ -34,6 +34,7 @@ class PinnedPath:
 
     def __init__(self, path: ModelPath) -> None:
         self.path = path
+        self._last: tuple[FloatArray, FloatArray] | None = None  # coordinates, and the motions there
 
     def residual(self, coordinate: FloatArray, load_factor: float, /) -> FloatArray:
         """Return P g, (n,)."""
@@ -50,7 +51,12 @@ class PinnedPath:
     def motions(self, coordinate: FloatArray, stiffness: Any = None) -> FloatArray:
         """Return the pinned motions N, (n, k), whatever stiffness the loads give them."""
         del stiffness
-        return build_rigid_motions(self.path.model.manifest, place_nodes(self.path.model, coordinate))
+        if self._last is None or not np.array_equal(self._last[0], coordinate):
+            position = place_nodes(self.path.model, coordinate)
+            motions = build_rigid_motions(self.path.model.manifest, position)
+            motions.setflags(write=False)  # several calls at one place share them
+            self._last = np.array(coordinate), motions
+        return self._last[1]
 
     def _project(self, coordinate: FloatArray, force: FloatArray) -> FloatArray:
         motions = self.motions(coordinate)
