@@ -85,6 +85,10 @@ class Output:
         self.warned.append(text)
         self.aside.print(f"warning: {text}", style="yellow", markup=False, soft_wrap=True)
 
+    def note(self, text: str) -> None:
+        """Print a sentence on stderr that is neither a result nor a warning."""
+        self.aside.print(name_options(text), markup=False, soft_wrap=True)
+
     def load(self, scene: Path, *, settles: bool = False) -> tuple[Structure | BodySystem, ModelRequest]:
         """Read a scene and print what looks like a slip in it.
 

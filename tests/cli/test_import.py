@@ -278,3 +278,21 @@ def test_tables_and_rigid_rods_do_not_go_together(run: Run, folder: Path) -> Non
     ended = run("import", *write_tables(folder, NODES, MEMBERS), "-o", "tripod.toml", "--rigid", "--json")
     assert ended.code == 2
     assert ended.data["where"] == "--rigid"
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        (["-o", "tripod.toml"], "--name tripod gives it another name"),
+        (["-o", "my tripod.toml"], "--name NAME gives it another name"),
+        (["-o", "nodes.toml"], ""),
+        (["-o", "tripod.toml", "--name", "legs"], ""),
+    ],
+)
+def test_the_name_of_the_scene_is_stated(words: list[str], shown: str, run: Run, folder: Path) -> None:
+    ended = run("import", *write_tables(folder, NODES, MEMBERS), *words, "--json")
+    assert ended.code == 0
+    assert load_scene(folder / words[1])[0].name == (words[3] if "--name" in words else "nodes")
+    assert ('the scene is called "nodes"' in ended.err) == bool(shown)
+    assert shown in ended.err
+    assert not any("is called" in text for text in ended.data.get("warnings", ()))

@@ -93,11 +93,24 @@ def import_foreign(
         notes = (*imported.notes, *find_scene_warnings(structure))
         for note in notes:
             output.warn(note)
+        if name is None and structure.name != out.stem:
+            output.note(_describe_name(structure.name, out.stem))
         data = {"n_nodes": structure.n_nodes, "n_members": structure.n_members, "notes": notes}
         output.result(
             {"status": "ok", "out": str(out)} | data,
             f"wrote {out}: {structure.n_nodes} nodes, {structure.n_members} members",
         )
+
+
+def _describe_name(name: str, stem: str) -> str:
+    """Return what the scene is called, and how it gets the name of its file, `stem`, or another one."""
+    from tensegrity_codegen.scene.names import is_scene_name
+
+    other = stem if is_scene_name(stem) else "NAME"
+    return (
+        f'the scene is called "{name}", and so are its library and C functions; --name {other} gives it '
+        "another name"
+    )
 
 
 VERB = Verb(import_foreign, order=120, name="import", command=ImportCommand)
