@@ -224,7 +224,8 @@ def _describe_settled(
     if isinstance(structure, BodySystem):
         settled = structure.with_changes(coordinate=found.coordinate, velocity=0 * structure.velocity)
         return describe_bodies(settled, request)
-    return describe_structure(structure.with_changes(node_position=found.node_position), request)
+    at_rest = {"node_position": found.node_position, "node_velocity": 0 * structure.node_velocity}
+    return describe_structure(structure.with_changes(**at_rest), request)
 
 
 def equilibrium_data(model: CompiledModel, found: Equilibrium) -> dict[str, Any]:

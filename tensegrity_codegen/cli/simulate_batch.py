@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tensegrity_codegen.cli.inputs import read_inputs
+from tensegrity_codegen.cli.inputs import read_inputs, warn_of_profile
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
@@ -142,6 +142,7 @@ def build_for_batch(
     structure, request = output.load(scene)
     values = read_inputs(inputs, structure, output)
     schedule = read_schedule(profile, profile_kind, structure, t_end, values)
+    warn_of_profile(schedule, structure, output)
     needs = find_needs("simulate_batch", structure, request, method=options.method, rtol=options.rtol)
     wanted = needs.alone(request)
     wanted = replace(wanted, keep=(options.keep,)) if options.keep else wanted

@@ -165,3 +165,11 @@ def test_what_is_no_scene_file_is_refused(make: Callable[[Path], object], run: R
     make(path)
     for verb in (["check"], ["build"], ["equilibrium"], ["linearize"], ["show", "-o", "a.png"]):
         assert_refused(run(verb[0], path.name, *verb[1:], "--json"), path, "", ())
+
+
+def test_an_integrator_without_masses_names_the_node_first(run: Run, folder: Path) -> None:
+    text = GOOD.replace(", mass = 1.0", "") + '[model]\nintegrators = ["rk54"]\n'
+    ended = run("check", write(folder / "small.toml", text), "--json")
+    assert ended.code == 2
+    assert ended.data["where"].endswith("nodes.b.mass")
+    assert "no mass at b" in str(ended.data["given"])

@@ -93,3 +93,21 @@ def test_a_cable_at_its_rest_length_is_named(run: Run, folder: Path, shift: floa
     assert ended.data["one_sided_cables"] == ["s1"][:count]
     assert ("s1" in ended.err) is bool(count)
     assert ended.code == 0
+
+
+def test_a_state_that_moves_or_is_out_of_balance_is_a_warning(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING.replace("mass = 1.0", "mass = 1.0, velocity = [0, 0, 0.2]"))
+    warnings = run("linearize", path, "--json").data["warnings"]
+    assert any("largest velocity 0.2" in text for text in warnings)
+    # 1 kg on 100 N/m, stretched by 0.1 m only.
+    assert any("out of balance at x0 (largest acceleration 0.19)" in text for text in warnings)
+    settled = run("linearize", path, "--settle", "--json").data
+    assert not any("at x0" in text for text in settled.get("warnings", ()))
+
+
+def test_a_scene_that_equilibrium_writes_is_at_rest_and_in_balance(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING.replace("mass = 1.0", "mass = 1.0, velocity = [0, 0, 0.2]"))
+    assert run("equilibrium", path, "--out", "settled.toml").code == 0
+    structure, _ = load_scene(folder / "settled.toml")
+    assert not structure.node_velocity.any()
+    assert run("linearize", "settled.toml", "--json").data.get("warnings", []) == []

@@ -106,3 +106,39 @@ def test_until_sees_the_inputs_of_the_profile(run: Run, scene: Path, folder: Pat
     with np.load("a.npz") as file:
         assert file["member_tension"][-1, 0] == pytest.approx(14.0, abs=1e-5)
         assert file["member_tension"][-1, 0] > file["member_tension"][-2, 0]
+
+
+ACTUATOR = '\n[[actuators]]\nname = "motor"\nmembers = "s1"\nrange = [0.8, 1.0]\nrate = 0.3\n'
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("0,0\n1,-0.05\n", []),
+        ("0,0\n1,-0.2\n", ["rest length of s1 to 0.7 m", "0.8 to 1 m"]),
+        ("0,0\n0.1,-0.05\n1,-0.05\n", ["at 0.5 m/s", "its rate, 0.3 m/s"]),
+        ("0,0\n0.5,0\n0.5,0.05\n1,0.05\n", ["jumps"]),
+        ("0,0\n1,0.2\n", ["rest length of s1 to 1.1 m"]),
+    ],
+    ids=["within", "short", "fast", "jump", "long"],
+)
+def test_a_profile_beyond_an_actuator_is_a_warning(
+    table: str, words: list[str], run: Run, folder: Path
+) -> None:
+    path = write(folder / "small.toml", SCENE.split("\n[[inputs]]")[0] + ACTUATOR)
+    profile = write(folder / "pull.csv", "time,motor\n" + table)
+    ended = run("simulate", path, *WORDS, "--profile", profile, "--json")
+    assert ended.code == 0
+    found = [text for text in ended.data.get("warnings", ()) if "profile of motor" in text]
+    assert len(found) == bool(words)
+    assert all(word in found[0] for word in words)
+
+
+def test_a_cubic_profile_is_compared_between_its_knots(run: Run, folder: Path) -> None:
+    """The parabola through (0, 0), (0.5, 0.1), (1, 0.05) rises above its knots."""
+    path = write(folder / "small.toml", SCENE.split("\n[[inputs]]")[0] + ACTUATOR.replace("1.0]", "1.001]"))
+    profile = write(folder / "pull.csv", "time,motor\n0,0\n0.5,0.1\n1,0.05\n")
+    words = [*WORDS, "--profile", profile, "--json", "--profile-kind"]
+    linear, cubic = run("simulate", path, *words, "linear"), run("simulate", path, *words, "cubic")
+    assert not any("outside its range" in text for text in linear.data.get("warnings", ()))
+    assert any("outside its range" in text for text in cubic.data["warnings"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +28,7 @@ __all__ = ["VERB"]
 SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
 ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
 SETTLED_ROUNDING = 1e-11  # the same, of lengths that the equilibrium gives
+BALANCED = 1e-4  # acceleration, over extent and square of the lowest angular frequency, that counts as none
 SHOWN = 20  # modes in text
 
 
@@ -119,6 +121,8 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
     """Print what the linear model is, and where it was written."""
     from tensegrity_codegen.report.linear_model import modes_table, say_spectrum
 
+    for text in _find_motion(linear):
+        output.warn(text)
     data = {
         "status": "ok",
         "n_states": len(linear.state),
@@ -150,6 +154,31 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
     )
     if kinks:
         output.warn(_say_kinks(kinks))
+
+
+def _find_motion(linear: LinearModel) -> list[str]:
+    """Return warnings where the state is no equilibrium: eigenvalues then describe no vibration about it."""
+    import numpy as np
+
+    half = len(linear.state) // 2
+    speed = float(abs(linear.state[half:]).max(initial=0.0))
+    fall = float(abs(linear.residual_rate[half:]).max(initial=0.0))
+    found = []
+    if speed > 0:
+        found.append(
+            f"the structure moves at x0 (largest velocity {speed:.3g}): eigenvalues hold for this moment only"
+        )
+    position = linear.state[:half]
+    extent = float(np.ptp(position)) if half else 0.0
+    slowest = float(linear.natural_frequency.min(initial=math.inf))
+    square = (2 * math.pi * slowest) ** 2 if math.isfinite(slowest) else float(abs(linear.A).max())
+    if fall > BALANCED * square * (extent or 1.0):
+        found.append(
+            f"the structure is out of balance at x0 (largest acceleration {fall:.3g}): eigenvalues and "
+            "frequencies are not those of vibrations about an equilibrium, and rigid motions may appear as "
+            "vibrations; --settle linearizes about the equilibrium"
+        )
+    return found
 
 
 def _say_kinks(kinks: Mapping[str, bool]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
-from tensegrity_codegen.cli.inputs import InputOption, read_inputs
+from tensegrity_codegen.cli.inputs import InputOption, read_inputs, warn_of_profile
 from tensegrity_codegen.cli.options import (
     CompilerOption,
     FlagsOption,
@@ -194,6 +194,7 @@ def _build(
     given: dict[str, Any] = {"arguments": read_inputs(list(asked.inputs), structure, output)}
     schedule = read_schedule(asked.profile, asked.profile_kind, structure, t_end, given["arguments"])
     given["schedule"] = schedule
+    warn_of_profile(schedule, structure, output)
     at_start = {name: float(values[0]) for name, values in schedule.values.items()} if schedule else {}
     settled_with = given["arguments"] | at_start
     if asked.settle and isinstance(structure, Structure) and not has_statics(request):

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.batch_integrators import BatchMemory, plan_memory
 from tensegrity_codegen.codegen.integrators.energy_keeping import (
@@ -20,6 +22,8 @@ from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tableaus import EXPLICIT, TABLEAUS, Row, Tableau
 
 __all__ = [
@@ -66,6 +70,8 @@ def integrator_spec(
         return radau_spec(name, model.name, model.subject, model.frame, functions, watched, driven_size)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
     if acceleration is None:
+        if isinstance(model.subject, Structure):
+            refuse_bare(model.subject, np.flatnonzero(find_massless(model.subject)).tolist())
         raise FormulationError(
             "an integrator needs the acceleration",
             where="model.integrators",

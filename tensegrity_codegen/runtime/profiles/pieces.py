@@ -14,6 +14,8 @@ __all__ = ["Pieces", "build_cubic", "build_linear"]
 
 FloatArray = NDArray[np.float64]
 
+JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -40,6 +42,33 @@ class Pieces:
         for row in rows[-2::-1]:
             value = row + since * value
         return np.array(value)
+
+    def find_extremes(self, column: int) -> tuple[tuple[float, float], float]:
+        """Return the least and largest value of one of the values, and its largest rate, in either direction.
+
+        The rate is infinite where the value jumps.
+        """
+        values: list[float] = []
+        rates: list[float] = []
+        for piece, duration in enumerate(np.diff(self.time)):
+            powers = duration ** np.arange(self.coefficient.shape[1])  # of the time over the duration, 0 to 1
+            value = np.polynomial.Polynomial(self.coefficient[piece, :, column] * powers)
+            values += _find_turns(value)
+            rates += [rate / float(duration) for rate in _find_turns(value.deriv())]
+        size = max(map(abs, values))
+        ends = [self.polynomial(k, float(t))[column] for k, t in enumerate(np.diff(self.time))]
+        steps = np.abs(np.array(ends[:-1]) - self.coefficient[1:, 0, column])
+        jumps = bool((steps > JUMP * size).any())
+        return (min(values), max(values)), np.inf if jumps else max(map(abs, rates))
+
+
+def _find_turns(curve: np.polynomial.Polynomial) -> list[float]:
+    """Return the values of a polynomial at 0, at 1 and where its slope is zero in between."""
+    slope = curve.deriv().coef
+    slope = np.polynomial.polynomial.polytrim(slope, tol=1e-12 * float(np.abs(slope).max()))
+    roots = np.polynomial.polynomial.polyroots(slope) if len(slope) > 1 else np.zeros(0)
+    real = roots.real[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
+    return [float(curve(t)) for t in (0.0, 1.0, *real[(real > 0) & (real < 1)])]
 
 
 def build_linear(time: FloatArray, value: FloatArray) -> Pieces:
