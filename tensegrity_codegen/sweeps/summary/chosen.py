@@ -17,7 +17,22 @@ __all__ = ["REDUCTIONS", "ChosenResult", "choose_results"]
 
 FloatArray = NDArray[np.float64]
 
-REDUCTIONS: dict[str, Callable[..., FloatArray]] = {"max": np.max, "min": np.min, "mean": np.mean}
+
+def _compute_mean(values: FloatArray, axis: int) -> FloatArray:
+    """Return the mean along an axis of what is there; NaN where nothing is."""
+    known = ~np.isnan(values)
+    count = known.sum(axis=axis)
+    total = np.where(known, values, 0.0).sum(axis=axis)
+    mean: FloatArray = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return mean
+
+
+# Over the entries that are there: rows of natural frequencies, for example, are filled up with NaN.
+REDUCTIONS: dict[str, Callable[..., FloatArray]] = {
+    "max": np.fmax.reduce,
+    "min": np.fmin.reduce,
+    "mean": _compute_mean,
+}
 DEFAULT_COUNT = 4
 # What states how a result was computed; described by default where nothing else was kept.
 DIAGNOSTICS = (

@@ -29,9 +29,10 @@ def describe_finding(summary: SweepSummary) -> str:
     if words:
         shown = ", ".join(word.replace("_", " ") for word in words[:MOST_STATUSES])
         text += f" ({shown}{', ...' if len(words) > MOST_STATUSES else ''})"
-    if not summary.chosen or not summary.chosen[0].distribution.count:
+    found = [item for item in summary.chosen if item.distribution.count]
+    if not found:
         return text
-    item = summary.chosen[0]
+    item = found[0]
     return f"{text}; {describe_range(item.result, item.distribution)}"
 
 

@@ -95,3 +95,12 @@ def test_what_the_user_kept_comes_first_in_this_order() -> None:
     kept = [keep(name, values) for name in ("a", "member_tension", "z")]
     sweep = make_sweep(values[:, None], ["k"], kept, kept_names=["z = max(b)", "a"])
     assert [item.name for item in choose_results(sweep)] == ["z", "a", "member_tension"]
+
+
+def test_entries_that_are_filled_up_are_not_counted() -> None:
+    table = np.array([[1.0, 3.0, np.nan], [np.nan, np.nan, np.nan]])
+    kept = [keep("natural_frequency", table, "Hz", ["mode"], [("1", "2", "3")])]
+    sweep = make_sweep(np.arange(2.0)[:, None], ["k"], kept)
+    names = [f"natural_frequency[{word}]" for word in ("max", "min", "mean")]
+    values = [item.values.tolist() for item in choose_results(sweep, names)]
+    np.testing.assert_array_equal(values, [[3.0, np.nan], [1.0, np.nan], [2.0, np.nan]])
