@@ -7,9 +7,26 @@ from typing import Any
 
 from tensegrity_codegen.errors import MissingExtraError
 
-__all__ = ["CLUSTER", "CONTROL", "SWEEP", "TABLES", "import_extra", "name_install", "require_plot"]
+__all__ = [
+    "CLUSTER",
+    "CONTROL",
+    "PACKAGES",
+    "SWEEP",
+    "TABLES",
+    "import_extra",
+    "name_install",
+    "require_plot",
+]
 
 PLOT, CONTROL, TABLES, SWEEP, CLUSTER = "plot", "control", "tables", "sweep", "cluster"
+PACKAGES = {  # the packages of each extra, as in pyproject.toml
+    PLOT: ("matplotlib", "pillow"),
+    "cc": ("ziglang",),
+    CONTROL: ("control", "daqp"),
+    TABLES: ("pandas", "pyarrow", "xarray"),
+    SWEEP: ("SALib", "xarray", "zarr"),
+    CLUSTER: ("dask", "distributed"),
+}
 WORK = {
     PLOT: "pictures need",
     CONTROL: "plans and feedback need",
@@ -20,8 +37,12 @@ WORK = {
 
 
 def name_install(extra: str) -> str:
-    """Return the command that installs an extra of this package; no index has the package yet."""
-    return f"pip install '.[{extra}]' in a checkout of tensegrity_codegen"
+    """Return the command that installs an extra of this package; no index has the package yet.
+
+    Elsewhere than in a checkout, where a wheel was installed: the packages of the extra by their names.
+    """
+    command = f"pip install '.[{extra}]' in a checkout of tensegrity_codegen"
+    return f"{command}; elsewhere: pip install {' '.join(PACKAGES[extra])}"
 
 
 def import_extra(name: str, extra: str = PLOT) -> Any:

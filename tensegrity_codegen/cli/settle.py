@@ -94,11 +94,14 @@ def _report(
 
     unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
     drawn = outline_tendons(structure)
-    output.result(
-        data,
+    tables = [
         nodes_table(drawn, found.node_position),
         members_table(drawn, found.member_length, found.member_tension),
-        f"{found.status}: {found.message}",
+    ]
+    output.result(
+        data,
+        *(tables if found.is_found else []),  # else those of no equilibrium would hide the reason
+        f"{found.status}: {found.message}" if found.message else found.status,
         f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
         f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}",
         *_describe_motion(found),

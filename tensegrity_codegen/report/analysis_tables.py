@@ -54,7 +54,7 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
         ("all cables in tension", _describe_prestress(found)),
         ("stiffness of mechanisms by tensions", _describe_stability(found)),
         ("smallest eigenvalue of the stiffness", stiffness),
-        ("largest residual at present", f"{found.residual:.3g} N of {found.largest_force:.6g} N"),
+        ("largest residual at present", f"{found.residual:.3g} N; largest force {found.largest_force:.6g} N"),
     )
 
 

@@ -38,6 +38,7 @@ RUN_ROWS = {
     "n_samples": ("samples", ""),
     "n_steps": ("steps", ""),
     "n_evaluations": ("force evaluations", ""),
+    "n_events": ("events", ""),
     "step": ("step", "s"),
     "error_estimate": ("estimated error / tolerance", ""),
     "total_energy_start": ("total energy at the start", "J"),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -278,3 +279,12 @@ def test_verbs_that_settle_first_warn_of_a_far_equilibrium(
     assert "of the structure's size" in ended.err
     calm = write(folder / "light.toml", TRUSS.format(gravity=-1))
     assert "of the structure's size" not in run(words[0], calm, *words[1:]).err
+
+
+def test_without_an_equilibrium_the_reason_is_the_text(run: Run, folder: Path) -> None:
+    path = write(folder / "small.toml", HANGING.replace(", anchored = true", ", mass = 1"))
+    ended = run("equilibrium", path)
+    assert ended.code == 3
+    assert ended.out.lstrip().startswith("no_equilibrium: nothing is anchored along z")
+    found = run("equilibrium", write(folder / "held.toml", HANGING.replace('"small"', '"held"')))
+    assert "converged\n" in found.out or re.search(r"converged: \S", found.out)

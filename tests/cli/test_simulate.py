@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -194,3 +195,11 @@ def test_a_node_without_mass_cannot_move_and_is_named(run: Run, folder: Path) ->
     assert ended.code == 2
     assert ended.data["error"] == "FormulationError"
     assert ended.data["where"] == f"{path}: nodes.b.mass"
+
+
+def test_the_first_events_are_listed_with_their_members(run: Run, folder: Path) -> None:
+    """A mass that is thrown up on a string: the string goes slack."""
+    text = HANGING.replace("mass = 1.0", "mass = 1.0, velocity = [0, 0, 3]")
+    ended = run("simulate", write(folder / "small.toml", text), "--t-end", 0.3, "--method", "rk54")
+    assert ended.code == 0
+    assert re.search(r"^events: 0\.0\d+ s s1 slack", ended.out, re.MULTILINE)

@@ -50,6 +50,7 @@ from tensegrity_codegen.long_work.estimate import Pass
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
     from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.runtime.integrate.event_log import EventLog
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.scene.subject import Subject
 
@@ -58,6 +59,8 @@ __all__ = ["VERB"]
 OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="Result file (.npz, .csv, .parquet or .mat).")
 ]
+
+MOST_EVENTS = 10  # in the text
 
 
 def simulate(
@@ -177,10 +180,21 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
         trajectory.write(out)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
     data["inputs"] = given["arguments"]
-    output.result(data, lambda: build_run_table(data))
+    output.result(data, lambda: build_run_table(data), *_list_events(trajectory.log))
     if trajectory.status != "ok":
         output.warn(f"{trajectory.status}: {trajectory.message}")
         raise typer.Exit(3)
+
+
+def _list_events(log: EventLog) -> list[str]:
+    """Return the first events of a motion as a line: time, what, and which way."""
+    words = {("cable", 1): "taut", ("cable", -1): "slack"}
+    shown = [
+        f"{time:.6g} s {name} {words.get((kind, sign), kind)}"
+        for time, kind, name, sign in zip(log.time, log.kind, log.name, log.direction.tolist(), strict=True)
+    ][:MOST_EVENTS]
+    more = f", and {log.count - len(shown)} more (log_time, log_name of the result file)"
+    return [f"events: {', '.join(shown)}{more if log.count > len(shown) else ''}"] if shown else []
 
 
 def _build(

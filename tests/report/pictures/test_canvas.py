@@ -1,9 +1,10 @@
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, OutputError
-from tensegrity_codegen.extras import import_extra
+from tensegrity_codegen.extras import PACKAGES, import_extra
 from tensegrity_codegen.report.pictures.canvas import check_suffix, new_figure, save_figure
 from tests.report.samples import png_size
 
@@ -24,8 +25,16 @@ def test_other_suffix_lists_the_allowed_ones(name):
 def test_missing_package_names_the_extra():
     with pytest.raises(MissingExtraError) as caught:
         import_extra("package_that_nobody_has")
-    assert caught.value.hint == "pip install '.[plot]' in a checkout of tensegrity_codegen"
+    assert caught.value.hint.startswith("pip install '.[plot]' in a checkout of tensegrity_codegen")
+    assert caught.value.hint.endswith("elsewhere: pip install matplotlib pillow")
     assert "package_that_nobody_has" in caught.value.problem
+
+
+def test_the_packages_of_extras_are_those_of_the_project():
+    text = (Path(__file__).resolve().parents[3] / "pyproject.toml").read_text(encoding="utf-8")
+    stated = tomllib.loads(text)["project"]["optional-dependencies"]
+    for extra, packages in PACKAGES.items():
+        assert list(packages) == [line.partition(">")[0] for line in stated[extra]]
 
 
 def test_figure_is_saved_at_its_own_size_as_each_kind(tmp_path):
