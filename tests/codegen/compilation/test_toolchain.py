@@ -25,6 +25,7 @@ def no_compiler(monkeypatch, tmp_path):
     return programs
 
 
+@pytest.mark.optimised  # the C library that zig builds for other tests serves this one
 @pytest.mark.parametrize("family", FAMILIES)
 def test_each_real_compiler_works(family):
     compiler = require_compiler(family)
