@@ -20,7 +20,8 @@ from tensegrity_codegen.version import VERSION  # noqa: E402
 project = "tensegrity_codegen"
 release = version = VERSION
 language = "en"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "site_pages.mathml"]
+html_math_renderer = "mathml"
 exclude_patterns = ["site_pages", "notebooks", "pictures", "**/README.txt"]
 source_suffix = {".md": "markdown"}
 root_doc = "index"
@@ -28,7 +29,8 @@ default_role = "literal"
 smartquotes = False  # options of commands begin with two hyphens
 nitpicky = False  # types of parameters are sentences here, not references
 
-myst_enable_extensions = ["deflist"]
+myst_enable_extensions = ["deflist", "dollarmath"]
+myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
 

@@ -18,13 +18,9 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "control_tutorial.md"
 
 
 def read_commands(text: str) -> list[str]:
-    """Return the indented lines of the page that are commands, in order."""
-    lines = (
-        line[4:]
-        for line in re.sub(r"```.*?```", "", text, flags=re.DOTALL).splitlines()
-        if line[:4] == "    "
-    )
-    return [line for line in lines if re.match(r"tensegrity-codegen |make |cc |\S*/", line)]
+    """Return the lines of the page's blocks of commands, in order."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    return [line for block in blocks for line in block.splitlines()]
 
 
 @pytest.mark.timeout(1800)  # 12 commands one after the other

@@ -32,7 +32,7 @@ def read_block(language: str) -> str:
 def compile_robot(folder: Path) -> Path:
     """Compile the program of the tutorial by its command, in the folder that has `ctl`."""
     (folder / "robot.c").write_text(read_block("c"), encoding="utf-8")
-    (command,) = re.findall(r"^    cc (.*)$", read_section(), re.MULTILINE)
+    (command,) = re.findall(r"^cc (.*)$", read_section(), re.MULTILINE)
     run([*require_compiler("gcc").command, *STRICT, *command.split()], folder)
     return folder / "robot"
 

@@ -227,9 +227,10 @@ class EventTracker:
             state = step.at(length)
             return np.inf if state is None else side * float(self.watched(state.z, state.solver)[index])
 
-        found = optimize.minimize_scalar(
-            value, bounds=(0.0, step.length), method="bounded", options={"xatol": 1e-4 * step.length}
-        )
+        with np.errstate(invalid="ignore"):  # differences of infinite values, where no point is found
+            found = optimize.minimize_scalar(
+                value, bounds=(0.0, step.length), method="bounded", options={"xatol": 1e-4 * step.length}
+            )
         return float(found.x) if found.fun < 0 else None
 
 

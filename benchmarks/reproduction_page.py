@@ -1,0 +1,59 @@
+"""Write the table of docs/reproduction.md from the result of `reproduce`.
+
+tensegrity-codegen reproduce all --out output/reproduction --json > output/reproduction.json
+python benchmarks/reproduction_page.py output/reproduction.json
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENT = ROOT / "docs" / "reproduction.md"
+BEGIN, END = "<!-- figures: benchmarks/reproduction_page.py -->", "<!-- end of figures -->"
+PAPERS = {
+    "sk": "Savin and Khusainov (S&K)",
+    "lin": "Lin, Li, Ji and Che (LIN)",
+    "scs": "Sultan, Corless and Skelton (SCS)",
+}
+WORDS = {
+    "agrees": "agrees",
+    "differs": "differs",
+    "unstated": "no numbers printed",
+    "new": "not in the paper",
+}
+HEAD = "| in the paper | what | finding | in numbers |\n|---|---|---|---|"
+
+
+def write_tables(papers: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
+    """Return Markdown: the counts in a sentence, then a table for each paper."""
+    counts = Counter(row["verdict"] for rows in papers.values() for row in rows)
+    total = counts.total()
+    parts = [
+        f"Of {total} results {counts['agrees']} agree with the printed ones and {counts['differs']} differ; "
+        f"for {counts['unstated']} the paper prints no numbers, and {counts['new']} are not in the papers."
+    ]
+    for name, rows in papers.items():
+        lines = [f"## {PAPERS[name]}", "", HEAD]
+        for row in rows:
+            cells = (row["source"], row["title"], WORDS[row["verdict"]], row["result"])
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Replace what stands between the two marks of the page."""
+    found: dict[str, Any] = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))
+    text = DOCUMENT.read_text(encoding="utf-8")
+    before, after = text.partition(BEGIN)[0], text.partition(END)[2]
+    DOCUMENT.write_text(f"{before}{BEGIN}\n{write_tables(found['papers'])}\n{END}{after}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

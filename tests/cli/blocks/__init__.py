@@ -1,0 +1,1 @@
+"""Code blocks of the documentation: found, completed by what a page presupposes, run."""

@@ -1,0 +1,120 @@
+"""What pages presuppose: files, names of Python, declarations of C; and the few blocks that are not run."""
+
+from __future__ import annotations
+
+import json
+
+from tests.scene.formats.test_import_ansys import TEXT as ANSYS
+from tests.scene.formats.test_import_compas import EDGES, NODES
+from tests.scene.formats.test_import_mjcf import TEXT as MJCF
+from tests.scene.formats.test_import_ntrt import PAIR, STICK
+from tests.scene.formats.test_import_tdf import TEXT as TDF
+
+# Pages whose blocks another test runs, and that test.
+ELSEWHERE = {
+    "docs/languages/": "tests/examples",
+    "docs/control_tutorial.md": "tests/cli/test_control_tutorial.py",
+    "docs/scene.md": "tests/test_house.py",
+}
+
+SCENE_JSON = json.dumps(
+    {
+        "format": "tensegrity_codegen scene 1",
+        "name": "cord",
+        "nodes": {"a": {"position": [0, 0, 0], "anchored": True}, "b": {"position": [1, 0, 0], "mass": 1}},
+        "members": {"m": {"kind": "cable", "nodes": ["a", "b"], "axial_stiffness": 10.0}},
+    }
+)
+
+STEPPING = '#include <stdio.h>\n#include <string.h>\n#include "prism12.h"'
+
+# Blocks that no test runs: page, beginning, reason.
+EXCLUDED = (
+    ("README.md", "make demo", "verbs of this repository's Makefile; they run these tests"),
+    ("README.md", "pip install", "installs packages, from a network"),
+    ("CONTRIBUTING.md", "make setup", "verbs of this repository's Makefile; they run these tests"),
+    ("examples/README.md", "make examples", "tests/examples run the programs"),
+    ("docs/start.md", "python -m venv", "installs packages, from a network"),
+    ("docs/sweep.md", "pip install", "installs packages, from a network"),
+    ("docs/sweep.md", "dask scheduler", "needs several machines; tests/sweeps runs a cluster of processes"),
+    ("docs/sweep.md", "from dask_jobqueue", "needs a cluster with SLURM"),
+    ("docs/embedding.md", "integrators = ", "one line; tests/codegen/test_profiles_in_c.py has it"),
+    ("docs/embedding.md", STEPPING, "tests/codegen/test_profiles_in_c.py runs the program"),
+    ("docs/embedding.md", "cc -std=c99 -O2 -o stepping", "tests/codegen/test_profiles_in_c.py runs it"),
+    ("docs/machines.md", "arm-none-eabi-gcc", "needs that compiler; tests/codegen compile for it by zig"),
+    ("docs/machines.md", "import { readFileSync }", "tests/codegen/test_other_machines.py runs it in node"),
+    ("docs/fmu.md", "cc -std=c99", "in the sources of an FMU; tests/export compile them"),
+    ("docs/guides/method.md", "tensegrity-codegen report", "takes minutes; tests/compare run smaller ones"),
+    ("docs/guides/trust.md", "tensegrity-codegen stability", "takes minutes; tests/compare run smaller ones"),
+    ("docs/reproduction.md", "tensegrity-codegen reproduce", "takes minutes; tests/papers run its parts"),
+    ("docs/gallery/ntrt_prism.md", "tensegrity-codegen import", "needs a file of the toolkit"),
+    ("docs/gallery/superball.md", "tensegrity-codegen import", "needs a file of the toolkit"),
+    ("docs/gallery/spine.md", "tensegrity-codegen import", "needs a file of the toolkit"),
+)
+
+# Commands that end with another code than 0, as their page says.
+EXITS = {"tensegrity-codegen plan prism12.toml --to twist=165 --actuate v1 --actuate v2 --actuate v3": 3}
+
+# Example scenes that a page presupposes in the folder; pages of the gallery presuppose their own.
+SCENES = {
+    "README.md": ("prism", "prism12"),
+    "docs/control.md": ("prism12", "pinned_prism"),
+    "docs/embedding.md": ("prism", "prism12"),
+    "docs/export.md": ("prism",),
+    "docs/fmu.md": ("prism",),
+    "docs/live.md": ("prism",),
+    "docs/machines.md": ("prism",),
+    "docs/sweep.md": ("prism",),
+}
+
+# Other files that a page presupposes.
+FILES = {
+    "docs/import.md": {
+        "nodes.csv": "node,x,y,z,mass,anchored\na,0,0,0,,yes\nb,1,0,0,1,no\n",
+        "members.csv": "member,kind,node_i,node_j,axial_stiffness\nm,cable,a,b,1e4\n",
+        "structure.yaml": PAIR,
+        "stick.yaml": STICK,
+        "scene.json": SCENE_JSON,
+        "network.json": json.dumps({"node": NODES, "edge": EDGES}),
+        "structure_ansys.txt": ANSYS,
+        "structure.tdf.xml": TDF,
+        "model.xml": MJCF,
+    },
+}
+
+# Python before a block, which names what the page takes as known: page, beginning of the block, code.
+BEFORE = (
+    (
+        "docs/control.md",
+        "from tensegrity_codegen import Gust",
+        "import shutil\nimport numpy as np\n"
+        "from tensegrity_codegen import choose_weights, design_distribution, design_kalman\n"
+        'shutil.copy("pinned_prism.toml", "pinned.toml")\n'
+        'model = compile_scene("pinned.toml", for_=("plan", "time_motion", "control"))\n'
+        'motion = time_motion(model, plan(model, \'twist("bar*_B", "base_*")=165\'), duration=1.0)\n'
+        "weights = choose_weights(model, motion, sample=0.005)\nQ, R = weights.Q, weights.R\n"
+        "estimator = design_kalman(model, motion, sample=0.005)\n"
+        "errors, stiffness = np.zeros((2, 6)), model.nominal('axial_stiffness')\n",
+    ),
+    (
+        "docs/embedding.md",
+        "coordinate = model.nominal",
+        "import casadi as ca\nimport numpy as np\nfrom dataclasses import replace\n"
+        "from tensegrity_codegen import build_library, compile_scene, load_scene, simulate_batch\n"
+        'rng = np.random.default_rng(0)\nmodel = compile_scene("prism.toml", for_=("simulate_batch",))\n',
+    ),
+    (
+        "docs/embedding.md",
+        "structure, request",
+        'text = open("prism.toml").read().replace(\'anchor_bottom = "z"\', "anchor_bottom = true")\n'
+        'open("held.toml", "w").write(text)\n',
+    ),
+)
+
+COORDINATE = "double coordinate[PRISM_N_COORDINATES] = {0};"
+# What stands before the pieces of C of a page, in the function in which they are compiled and run.
+C_BEFORE = {
+    "README.md": COORDINATE,
+    "docs/embedding.md": f"{COORDINATE} double displacement[PRISM_N_COORDINATES] = {{0}};",
+}
+C_HEAD = "#include <stdio.h>\n#include <string.h>\n"
