@@ -13,7 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.blocks.find_blocks import ROOT, Block, classify, find_blocks, list_pages
+from tests.cli.blocks.find_blocks import (
+    ROOT,
+    Block,
+    classify,
+    find_blocks,
+    is_code_without_language,
+    list_pages,
+)
 from tests.cli.blocks.run_blocks import PageRun
 from tests.cli.blocks.surroundings import ELSEWHERE, EXCLUDED
 from tests.cli.conftest import Run
@@ -42,6 +49,12 @@ def test_every_block_that_is_run_has_a_language_that_can_be_run() -> None:
     assert counts.total() > 100
     assert len(list_kind("run")) > 5 * len(list_kind("excluded"))
     print("blocks:", *(f"{kind} {len(list_kind(kind))}," for kind in ("run", "elsewhere", "excluded")))
+
+
+def test_commands_and_programs_have_a_language() -> None:
+    """Commands stand between ```sh and ```, Python between ```python and ```: then they are run."""
+    blocks = [block for found in BLOCKS.values() for block in found]
+    assert [f"{block.page}:{block.line}" for block in blocks if is_code_without_language(block)] == []
 
 
 def test_exclusions_have_reasons_and_are_used() -> None:

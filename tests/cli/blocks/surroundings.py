@@ -64,6 +64,7 @@ SCENES = {
     "docs/fmu.md": ("prism",),
     "docs/live.md": ("prism",),
     "docs/machines.md": ("prism",),
+    "docs/pictures.md": ("prism",),
     "docs/sweep.md": ("prism",),
 }
 
