@@ -107,8 +107,9 @@ BEFORE = (
     (
         "docs/embedding.md",
         "structure, request",
-        'text = open("prism.toml").read().replace(\'anchor_bottom = "z"\', "anchor_bottom = true")\n'
-        'open("held.toml", "w").write(text)\n',
+        "from pathlib import Path\n"
+        'text = Path("prism.toml").read_text().replace(\'anchor_bottom = "z"\', "anchor_bottom = true")\n'
+        'Path("held.toml").write_text(text)\n',
     ),
 )
 
