@@ -4,12 +4,14 @@ import { buildDiagrams } from "live/diagrams";
 import { exposeHook } from "live/hook";
 import { listenToKeys } from "live/keyboard";
 import { buildModel, readState } from "live/model";
+import { short } from "live/numbers";
 import { pace } from "live/pace";
 import { buildPanel, showClock } from "live/panel";
 import { buildPlayer } from "live/player";
 import { listenToPointer, showChosen } from "live/pointer";
 import { buildViewer, run, update } from "live/viewer";
 
+const FAR = 4; // sizes of the structure above which a motion is too large for one view of it
 const READABLE = 120; // ms between changes of numbers while the motion plays
 
 export async function start(scene, buffers) {
@@ -34,6 +36,7 @@ export async function start(scene, buffers) {
   const first = scene.start ?? {};
   if (first.labels && first.labels !== "none") app.labelBy(first.labels);
   if (first.follow) app.followBy(true);
+  else if (model.reach > FAR * model.size) followFar(app);
   const write = pace(() => {
     diagrams?.writeValues();
     showChosen(app);
@@ -55,6 +58,14 @@ export async function start(scene, buffers) {
   });
   listenToKeys(app);
   exposeHook(app);
+}
+
+/** Let the camera follow a motion that is far larger than the structure, and say so. */
+function followFar(app) {
+  app.followBy(true);
+  const note = document.getElementById("follow-note");
+  note.textContent = `The motion is ${short(app.model.reach / app.model.size, 2)} times as large as the structure: the camera follows it.`;
+  note.hidden = false;
 }
 
 /** Decimals of the clock that tell samples apart. */

@@ -2,6 +2,8 @@
 
 import { readChannels } from "live/channels";
 
+const MOST_POINTS = 100_000; // of a motion into whose view the camera is put
+
 /** Everything of the scene that does not move. */
 export function buildModel(scene, buffers) {
   const channels = readChannels(scene, buffers);
@@ -55,6 +57,20 @@ function boxOf(model) {
   }
   const diagonal = (box) => Math.hypot(...box.high.map((value, k) => value - box.low[k])) || 1;
   return { low, high, size: diagonal(start), start, reach: diagonal({ low, high }) };
+}
+
+/** Positions of all nodes in the whole motion, or in samples spread over a long one. */
+export function motionPoints(model) {
+  const row = new Float64Array(3 * model.nodeCount);
+  const step = Math.max(1, Math.ceil((model.frameCount * model.nodeCount) / MOST_POINTS));
+  const points = [];
+  const add = (k) => {
+    model.position.read(k, row);
+    for (const value of row) points.push(value);
+  };
+  for (let k = 0; k < model.frameCount; k += step) add(k);
+  if ((model.frameCount - 1) % step) add(model.frameCount - 1);
+  return points;
 }
 
 /** A state to be filled for a moment. */

@@ -4,9 +4,10 @@ import { THREE } from "three";
 import { buildArrows } from "live/arrows";
 import { buildColorings, paintMembers } from "live/coloring";
 import { buildLabels } from "live/labels";
+import { watchView } from "live/leaving";
 import { buildMeshes } from "live/meshes";
 import { buildModes } from "live/modes";
-import { newState } from "live/model";
+import { motionPoints, newState } from "live/model";
 import { paletteOf } from "live/palette";
 import { buildPicker } from "live/picking";
 import { buildStage, drawFrame, noteTick, setStill } from "live/stage";
@@ -43,6 +44,7 @@ export function buildViewer(model, read) {
   stage.after.push(() => app.labels.draw(state.nodes));
   addLooks(app);
   addCamera(app);
+  watchView(app);
   setTheme(app, document.documentElement.dataset.theme ?? (darkness.matches ? "dark" : "light"));
   darkness.addEventListener("change", () => {
     if (!document.documentElement.dataset.theme) setTheme(app, darkness.matches ? "dark" : "light");
@@ -114,20 +116,22 @@ function addLooks(app) {
 /** The camera: fit, reset, follow, orbit. */
 function addCamera(app) {
   const { stage, state } = app;
-  const points = () => {
+  const points = (whole) => {
     app.refresh();
-    return [...state.nodes, ...(app.arrows?.mesh.visible ? app.arrows.points() : [])];
+    const arrows = app.arrows?.mesh.visible ? app.arrows.points() : [];
+    return [whole ? motionPoints(app.model) : Array.from(state.nodes), Array.from(arrows)].flat();
   };
-  const aim = (place) => {
-    place(points());
+  const aim = (place, whole) => {
+    place(points(whole));
     stage.followTo(state.nodes); // a camera that follows does so from here on
+    stage.refit = () => aim(stage.fit, whole); // a window of another size, a phone that is turned
   };
-  app.fit = () => aim(stage.fit);
-  app.reset = () => aim(stage.reset);
-  stage.refit = app.fit; // a window of another size, a phone that is turned
+  app.fit = () => aim(stage.fit, false);
+  app.reset = () => aim(stage.reset, !stage.follow);
   app.followBy = (isOn) => {
     stage.follow = isOn;
     byId("follow").checked = isOn;
+    byId("follow-note").hidden = true;
     if (isOn) app.fit();
     app.changed();
   };

@@ -60,7 +60,7 @@ def show_live(
     choices = options.choices
     start = LiveStart(choices.view, choices.labels, choices.follow)
     shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **known)
-    text = render_live(shown, module, licence)
+    text = render_live(replace(shown, warnings=tuple(output.warned)), module, licence)
     with replaced(out) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     size = len(text.encode("utf-8"))
@@ -98,7 +98,7 @@ def play_live(
     built = build_library(subject, wanted, target="wasm32")
     shown = build_live_scene(subject)
     running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
-    text = render_live(running, module, licence)
+    text = render_live(replace(running, warnings=tuple(output.warned)), module, licence)
     with replaced(out) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     size = len(text.encode("utf-8"))

@@ -69,6 +69,8 @@ class LiveScene:
         Names, axes and other short things in JSON's types.
     channels : mapping of str to Channel
         Arrays by name.
+    warnings : tuple of str
+        What looks like a slip in the scene.
     """
 
     title: str
@@ -76,6 +78,7 @@ class LiveScene:
     facts: tuple[str, ...]
     data: Mapping[str, Any]
     channels: Mapping[str, Channel] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 AS_USUAL = LiveStart()

@@ -50,6 +50,7 @@ def render_live(scene: LiveScene, three: str, licence: str) -> str:
         title=scene.title,
         headline=scene.headline,
         facts=scene.facts,
+        warnings=scene.warnings,
         style=_raw((folder / "style.css").read_text(encoding="utf-8")),
         scene=_raw(_as_json(data)),
         channels=channels,

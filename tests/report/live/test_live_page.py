@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.live.live_scene import build_live_scene
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
 from tests.report.live.pages import load, sway, write_page
@@ -89,6 +90,46 @@ def test_the_mouse_turns_and_zooms_the_picture(tab: Tab) -> None:
     tab.frame()
     assert tab.ask("tensegrity.camera")["position"] == pytest.approx(before["position"], rel=1e-6, abs=1e-9)
     assert 0.005 < tab.ask("tensegrity.coverage()") < 0.5
+
+
+def drift(sizes: float) -> Trajectory:
+    """Return a motion of the prism that moves it upwards by a multiple of its size."""
+    size = float(np.linalg.norm(np.ptp(PRISM.node_position, axis=0)))
+    rise = np.linspace(0.0, sizes * size, len(MOTION.time))[:, None, None] * [0.0, 0.0, 1.0]
+    return replace(MOTION, node_position=PRISM.node_position + rise)
+
+
+INSIDE = """[...tensegrity.names.nodes.keys()].every(k => {
+  const [x, y] = tensegrity.place(k), {width, height} = tensegrity.app.stage;
+  return x > 0 && x < width && y > 0 && y < height; })"""
+LOST = "!document.getElementById('left').hidden"
+
+
+def test_a_page_starts_with_the_whole_motion_in_view_or_says_how_to_find_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    opened = Tab(browser, 1000, 700, "light")
+    scene = replace(build_live_scene(PRISM, drift(2.0)), warnings=("the first falls", "<second>"))
+    opened.open(write_page(scene, tmp_path / "near.html"))
+    assert opened.ask("document.getElementById('warnings').innerText.split('\\n').at(-1)") == "<second>"
+    for frame in (0, len(MOTION.time) - 1):
+        opened.ask(f"tensegrity.seekFrame({frame})")
+        opened.frame()
+        assert opened.ask(f"{INSIDE} && !({LOST}) && !tensegrity.app.stage.follow"), frame
+    opened.ask("tensegrity.app.orbit(0, 0, 0.1)")
+    opened.wait(LOST)
+    opened.ask("document.getElementById('left-fit').click()")
+    opened.wait(f"{INSIDE} && !({LOST})")
+    opened.open(write_page(build_live_scene(PRISM, drift(30.0)), tmp_path / "far.html"))
+    assert "30 times" in opened.ask("document.getElementById('follow-note').innerText")
+    opened.ask(f"tensegrity.seekFrame({len(MOTION.time) - 1})")
+    opened.wait(f"{INSIDE} && !({LOST})")
+    opened.ask("tensegrity.app.followBy(false); tensegrity.app.fit(); tensegrity.seekFrame(0)")
+    opened.wait(f"{LOST} && document.getElementById('follow-note').hidden")
+    opened.press("o")
+    opened.wait(f"{INSIDE} && !({LOST})")
+    assert opened.complaints() == []
+    opened.send("Page.close")
 
 
 def distance_of(view: dict[str, list[float]]) -> float:
