@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["ThreeOption", "play_live", "show_live"]
 
 MOST_OFFERED = 2000  # members up to which pages offer radau unasked: for 9,384 its C took 45 s to write
+USUAL_MODES = 6
 METHODS = ("auto", "rk54", "radau")
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")
 
@@ -34,8 +35,6 @@ def show_live(
     scene: Path,
     out: Path,
     trajectory: Path | None,
-    modes: int,
-    three: Path | None,
     options: ShowOptions,
 ) -> tuple[dict[str, Any], str]:
     """Write a live page of a scene; return the result of the verb as data and as text."""
@@ -51,12 +50,14 @@ def show_live(
 
     subject, request = output.load(scene, settles=options.settle)
     motion = None if trajectory is None else read_trajectory(trajectory, outline_tendons(subject))
-    module, licence = find_three(three)
+    module, licence = find_three(options.three)
     known: dict[str, Any] = {"rigid": find_rigid(subject, request)}
     if options.settle:
         subject, found = find_settled(subject, request, warn=output.warn)
         known = {"tension": found.member_tension}
-    analysis, note = find_modes(subject, request, modes, output.warn)
+    analysis, note = find_modes(
+        subject, request, USUAL_MODES if options.modes is None else options.modes, output.warn
+    )
     choices = options.choices
     start = LiveStart(choices.view, choices.labels, choices.follow)
     shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **known)

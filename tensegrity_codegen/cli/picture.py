@@ -28,14 +28,18 @@ class ShowOptions:
 
     choices: PictureChoices
     fps: float | None = None
-    slow_down: float = 1.0
+    slow_down: float | None = None
     settle: bool = False
     is_color_given: bool = False
+    modes: int | None = None
+    three: Path | None = None
 
 
 def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None:
-    """Raise InvalidValueError for options that a file of this kind cannot have."""
-    suffix = out.suffix.lower()
+    """Raise InvalidValueError for a kind of file that there is not, and options that it cannot have."""
+    from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix
+
+    suffix = check_suffix(out, (*PICTURE_SUFFIXES, *ANIMATED, PAGE), where="--out")
     if suffix in ANIMATED and trajectory is None:
         raise InvalidValueError(
             "a film needs a motion",
@@ -44,8 +48,12 @@ def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None
             allowed="an .npz file of the verb simulate",
             hint="tensegrity-codegen simulate SCENE --t-end 1 --out FILE.npz first",
         )
-    if options.fps is not None and suffix not in ANIMATED:
-        _refuse("--fps", options.fps, "only films have frames a second", "with .gif and .mp4", out)
+    if suffix not in ANIMATED:
+        films = {"--fps": options.fps, "--slow-down": options.slow_down}
+        _refuse_given(films, "only films have frames and a speed", "with .gif and .mp4", out)
+    if suffix != PAGE:
+        pages = {"--modes": options.modes, "--three": options.three}
+        _refuse_given(pages, "only live pages have modes and three.js", "with .html", out)
     if options.settle and trajectory is not None:
         _refuse("--settle", True, "a motion has positions of its own", "without --trajectory", out)
     if options.choices.follow and trajectory is None:
@@ -57,6 +65,12 @@ def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None
     if suffix == PAGE and (options.is_color_given or not options.choices.forces):
         where = "--color" if options.is_color_given else "--no-forces"
         _refuse(where, None, "a live page has controls for this", "with pictures and films", out)
+
+
+def _refuse_given(given: dict[str, Any], problem: str, allowed: str, out: Path) -> None:
+    for where, value in given.items():
+        if value is not None:
+            _refuse(where, value, problem, allowed, out)
 
 
 def _refuse(where: str, given: Any, problem: str, allowed: str, out: Path) -> None:
@@ -114,7 +128,8 @@ def _write_motion(
     with output.progress("drawing") as progress:
         write_animation(
             structure, motion, out, fps=USUAL_FPS if options.fps is None else options.fps,
-            slow_down=options.slow_down, progress=progress, choices=options.choices, subject=subject,
+            slow_down=1.0 if options.slow_down is None else options.slow_down,
+            progress=progress, choices=options.choices, subject=subject,
         )  # fmt: skip
     return motion
 

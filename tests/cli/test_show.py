@@ -77,6 +77,10 @@ def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Pat
     ("options", "where"),
     [
         (("--fps", 10, "--out", "a.png"), "--fps"),
+        (("--slow-down", 1, "--out", "a.html"), "--slow-down"),
+        (("--slow-down", 3, "--trajectory", "motion.npz", "--out", "a.png"), "--slow-down"),
+        (("--modes", 6, "--out", "a.svg"), "--modes"),
+        (("--three", "missing.whl", "--trajectory", "motion.npz", "--out", "a.gif"), "--three"),
         (("--follow", "--out", "a.pdf"), "--follow"),
         (("--follow", "--out", "a.html"), "--follow"),
         (("--size", "400x300", "--out", "a.html"), "--size"),
@@ -152,6 +156,9 @@ def test_a_picture_without_format_or_place_is_refused(
     assert ended.code == 2
     assert out in str(ended.data["where"]) + str(ended.data["given"])
     assert ended.data["allowed"]
+    if "/" not in out:
+        assert ended.data["where"] == "--out"
+        assert all(kind in ended.data["allowed"] for kind in (*SIGNATURES, ".mp4", ".html"))
     assert list(folder.iterdir()) == [two_nodes]
 
 

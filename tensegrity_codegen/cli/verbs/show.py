@@ -71,11 +71,12 @@ def show(
     ] = False,
     fps: Annotated[float | None, typer.Option("--fps", help="Frames a second of a film; 25.")] = None,
     slow_down: Annotated[
-        float, typer.Option("--slow-down", help="Seconds of film per simulated second.")
-    ] = 1.0,
+        float | None, typer.Option("--slow-down", help="Seconds of film per simulated second; 1.")
+    ] = None,
     modes: Annotated[
-        int, typer.Option("--modes", min=0, help="Natural modes of a live page; 0 without an analysis.")
-    ] = 6,
+        int | None,
+        typer.Option("--modes", min=0, help="Natural modes of a live page; 6; 0 without an analysis."),
+    ] = None,
     three: ThreeOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -101,12 +102,12 @@ def show(
             view=read_view(view), size=read_size(size), labels=read_labels(labels),
             color=USUAL_COLOR if color is None else color, follow=follow, forces=forces,
         )  # fmt: skip
-        options = ShowOptions(choices, fps, slow_down, settle, is_color_given=color is not None)
+        options = ShowOptions(choices, fps, slow_down, settle, color is not None, modes, three)
         inputs = [scene] if trajectory is None else [scene, trajectory]
         check_output(out, inputs=inputs, overwrite=overwrite)
         check_kind(out, trajectory, options)
         if out.suffix.lower() == PAGE:
-            output.result(*show_live(output, scene, out, trajectory, modes, three, options))
+            output.result(*show_live(output, scene, out, trajectory, options))
             return
         output.result(*show_picture(output, scene, out, trajectory, options))
 

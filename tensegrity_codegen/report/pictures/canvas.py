@@ -26,14 +26,17 @@ PICTURE_DPI = 150
 SCREEN_DPI = 100  # of pictures in notebooks
 
 
-def check_suffix(path: Path, allowed: Iterable[str]) -> str:
-    """Return the suffix of `path` in lower case, dot included; raises InvalidValueError if not allowed."""
+def check_suffix(path: Path, allowed: Iterable[str], where: str = "") -> str:
+    """Return the suffix of `path` in lower case, dot included; raises InvalidValueError if not allowed.
+
+    where: the option that the path is of.
+    """
     suffix, known = path.suffix.lower(), tuple(allowed)
     if suffix not in known:
         raise InvalidValueError(
             f"unknown kind of file {suffix!r}" if suffix else "the file name has no suffix",
-            where=str(path),
-            given=path.name,
+            where=where or str(path),
+            given=str(path) if where else path.name,
             allowed="a name that ends in " + ", ".join(known),
             hint=f"{path.stem}{known[0]}" if path.stem else "",
         )
