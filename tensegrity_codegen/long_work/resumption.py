@@ -48,7 +48,7 @@ class Resumption:
         }
 
     def describe(self, now: float) -> str:
-        """Return one sentence: "prism: 12 of 40 cases taken from the interrupted run of 19:40".
+        """Return one sentence: "prism: 12 of 40 cases taken from the unfinished run of 19:40".
 
         now: as time.time() has it [s]; a run of another day has its date too.
         """
@@ -57,7 +57,7 @@ class Resumption:
                 f"{self.subject}: results of the run{self._name_time(now)} are not used: "
                 "scene, options, code, packages or machine differ"
             )
-        run = "interrupted run" if self.taken < self.total else "run"
+        run = "unfinished run" if self.taken < self.total else "run"
         count = f"{self.taken} of {self.total}" if self.taken < self.total else f"all {self.total}"
         text = f"{self.subject}: {count} {self.what} taken from the {run}{self._name_time(now)}"
         return text if self.taken < self.total else f"{text}; `fresh=True` computes them again"

@@ -119,7 +119,7 @@ def test_an_interrupted_verb_says_how_to_go_on_and_goes_on(run: Run, monkeypatch
     ended = run(*words, "--json")
     (resumed,) = ended.data["resumed"]
     assert (resumed["taken"], resumed["total"], resumed["what"]) == (2, 6, "sections")
-    assert "S&K: 2 of 6 sections taken from the interrupted run of" in ended.err
+    assert "S&K: 2 of 6 sections taken from the unfinished run of" in ended.err
     assert built == list(SECTIONS[2:])
     ended = run(*words)
     assert "all 6 sections taken from the run of" in ended.err
@@ -147,7 +147,7 @@ def test_after_ctrl_c_the_same_command_goes_on(hears: str, folder: Path) -> None
     data, err = finish(REPRODUCE, *words)
     (resumed,) = data["resumed"]
     assert (resumed["taken"], resumed["total"], resumed["what"]) == (2, 6, "sections")
-    assert "2 of 6 sections taken from the interrupted run of" in err
+    assert "2 of 6 sections taken from the unfinished run of" in err
 
 
 @pytest.mark.thorough
@@ -169,7 +169,7 @@ def test_killed_processes_leave_whole_results_and_no_process(folder: Path, two_n
     data, err = finish(STABILITY, *words)
     (resumed,) = data["resumed"]
     assert (resumed["taken"], resumed["total"], resumed["what"]) == (1, 3, "cases")
-    assert "two_nodes: 1 of 3 cases taken from the interrupted run of" in err
+    assert "two_nodes: 1 of 3 cases taken from the unfinished run of" in err
     assert data["not_run"] == []
 
 

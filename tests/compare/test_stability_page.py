@@ -89,6 +89,15 @@ def test_wrong_results_of_other_programs_are_not_counted_as_ours() -> None:
     assert describe_finding({"prism": spoil(rows, *peers)}).startswith("0 of ")
 
 
+def test_the_heading_counts_runs_that_were_not_made() -> None:
+    own = [row for row in make_outcomes(12) if row.is_own]
+    rows = [*own, *(Outcome.not_run("g", f"late {k}", "auto", True, "the time budget") for k in range(7))]
+    checked = count(rows, "survived", "wrong")
+    assert describe_finding({"prism": rows}) == (
+        f"0 of {checked} checked results wrong; 7 of {len(rows)} runs not made"
+    )
+
+
 def test_nothing_checked_is_the_finding_too() -> None:
     rows = tuple(Outcome.not_run("g", f"case {k}", "auto", True, "the time budget") for k in range(7))
     page = build({"prism": rows})

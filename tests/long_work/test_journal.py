@@ -152,8 +152,8 @@ NOON = time.mktime((2026, 7, 1, 12, 0, 0, 0, 0, -1))
 @pytest.mark.parametrize(
     ("taken", "hours", "is_stale", "text"),
     [
-        (12, 1, False, "prism: 12 of 40 cases taken from the interrupted run of 12:00"),
-        (12, 24, False, "prism: 12 of 40 cases taken from the interrupted run of 2026-07-01 12:00"),
+        (12, 1, False, "prism: 12 of 40 cases taken from the unfinished run of 12:00"),
+        (12, 24, False, "prism: 12 of 40 cases taken from the unfinished run of 2026-07-01 12:00"),
         (40, 1, False, "prism: all 40 cases taken from the run of 12:00; `fresh=True` computes them again"),
         (
             0,
@@ -170,7 +170,7 @@ def test_what_is_taken_is_described_in_a_sentence(taken: int, hours: int, is_sta
 
 def test_a_run_of_unknown_time() -> None:
     taken = Resumption("prism", "cases", 3, 40, None)
-    assert taken.describe(NOON) == "prism: 3 of 40 cases taken from the interrupted run before"
+    assert taken.describe(NOON) == "prism: 3 of 40 cases taken from the unfinished run before"
     assert taken.as_dict()["written"] is None
     written = Resumption("prism", "cases", 3, 40, NOON).as_dict()["written"]
     assert datetime.strptime(written, "%Y-%m-%dT%H:%M:%S%z").timestamp() == NOON

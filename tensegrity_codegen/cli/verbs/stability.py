@@ -53,7 +53,7 @@ def stability(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.compare.stability.judge import RULES, VERDICTS
-        from tensegrity_codegen.compare.stability.outcome import Limits
+        from tensegrity_codegen.compare.stability.outcome import NOT_RUN, Limits
         from tensegrity_codegen.compare.stability.page_tables import RULE_WORDS
         from tensegrity_codegen.compare.stability.report import write_stability
         from tensegrity_codegen.pipeline import load_nodes
@@ -77,15 +77,15 @@ def stability(
             )
         counts = {word: made.count(word, own=True) for word in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
-        said = "ours: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        said = "our runs: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
         rules = {rule: made.count_rule(rule) for rule in RULES}
         said += "; certified " + ", ".join(
             f"{count} by {RULE_WORDS[rule]}" for rule, count in rules.items() if count
         )
         if made.cases_not_run:
             output.warn(
-                f"{len(made.cases_not_run)} cases were not run (see the page); the same command runs them "
-                "(finished cases are kept)"
+                f"{len(made.cases_not_run)} cases ({counts[NOT_RUN]} of our runs) were not run in time "
+                "(see the page); the same command runs them (finished cases are kept)"
             )
         files = {"html": str(made.html), "data": str(made.data)}
         output.result(

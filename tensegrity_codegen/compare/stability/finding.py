@@ -25,7 +25,7 @@ CHECKED = ("survived", "wrong")
 
 
 def describe_finding(outcomes: Outcomes) -> str:
-    """Return how many checked results of our methods are wrong, and of which methods."""
+    """Return how many checked results of our methods are wrong, of which methods, and what was not run."""
     own = [row for rows in outcomes.values() for row in rows if row.is_own]
     checked = sum(row.verdict in CHECKED for row in own)
     wrong = Counter(row.contender for row in own if row.verdict == "wrong")
@@ -34,7 +34,8 @@ def describe_finding(outcomes: Outcomes) -> str:
     text = f"{wrong.total():,} of {checked:,} checked results wrong"
     if wrong:
         text += ": " + ", ".join(f"{name} {count:,}" for name, count in wrong.most_common())
-    return text
+    missing = sum(row.verdict == NOT_RUN for row in own)
+    return f"{text}; {missing:,} of {len(own):,} runs not made" if missing else text
 
 
 def describe_counts(outcomes: Outcomes) -> str:
