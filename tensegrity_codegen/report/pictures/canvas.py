@@ -85,5 +85,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         "pdf": {"Creator": MARK, "CreationDate": None},
     }
     metadata = known.get(kind, {})
-    with replaced(path) as temporary:
+    from matplotlib import rc_context
+
+    with replaced(path) as temporary, rc_context({"svg.hashsalt": MARK}):  # else names in it are random
         figure.savefig(temporary, format=kind, dpi=figure.dpi, facecolor=PAPER, metadata=metadata)

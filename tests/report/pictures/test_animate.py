@@ -9,6 +9,7 @@ from PIL import Image
 
 from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tensegrity_codegen.report.pictures.animate import MOST_FRAMES, find_frames, write_animation
+from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tests.report.samples import frame, make_trajectory, prism
 
 needs_ffmpeg = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
@@ -100,6 +101,16 @@ def test_mp4_has_its_frames_and_an_even_size(tmp_path):
     codec, width, height, rate, count = subprocess.check_output(command, text=True).strip().split(",")
     assert (codec, rate, count) == ("h264", "20/1", "21")
     assert int(width) % 2 == int(height) % 2 == 0
+
+
+@pytest.mark.parametrize("size", [(301, 200), (300, 201)])
+def test_an_odd_size_of_mp4_is_refused(size, tmp_path):
+    with pytest.raises(InvalidValueError, match="even") as caught:
+        write_animation(
+            prism(), make_trajectory(prism()), tmp_path / "a.mp4", choices=PictureChoices(size=size)
+        )
+    assert caught.value.where == "size"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_missing_ffmpeg_is_named_and_a_gif_proposed(tmp_path, monkeypatch):

@@ -47,6 +47,17 @@ def test_figure_is_saved_at_its_own_size_as_each_kind(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pdf", "a.png", "a.svg"]
 
 
+def test_the_same_picture_has_the_same_bytes(tmp_path):
+    pictures = []
+    for name in ("a.svg", "b.svg"):
+        figure = new_figure(3.0, 2.0)
+        figure.add_subplot().plot([0.0, 1.0], label="line")
+        save_figure(figure, tmp_path / name)
+        pictures.append((tmp_path / name).read_bytes())
+    assert pictures[0] == pictures[1]
+    assert b"clip-path" in pictures[0]  # whose name matplotlib draws at random without a salt
+
+
 def test_failing_to_save_keeps_what_was_there(tmp_path):
     (tmp_path / "folder.png").mkdir()
     with pytest.raises(OutputError):
