@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from tensegrity_codegen.errors import InvalidValueError
 
-__all__ = ["check_positive", "check_whole", "is_number", "is_whole"]
+__all__ = ["check_positive", "check_switch", "check_whole", "is_number", "is_whole"]
 
 
 def is_whole(value: Any) -> TypeGuard[int]:
@@ -31,6 +31,13 @@ def check_whole(
     raise InvalidValueError(
         problem, where=where, given=value, allowed=f"a whole number from {least} {upper}", hint=hint
     )
+
+
+def check_switch(value: Any, where: str) -> bool:
+    """Return True or False; raises InvalidValueError for anything else, such as "no"."""
+    if value is True or value is False:
+        return value
+    raise InvalidValueError("not a switch", where=where, given=value, allowed="True or False")
 
 
 def check_positive(value: Any, where: str, unit: str = "") -> float:

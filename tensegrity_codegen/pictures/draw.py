@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.pictures.settled import settle_drawable
+from tensegrity_codegen.checks import check_switch
+from tensegrity_codegen.pictures.settled import check_follow, settle_drawable
 from tensegrity_codegen.report.pictures.choices import (
     Labels,
     PictureChoices,
@@ -33,7 +34,7 @@ def draw(
     color: str = "tension",
     forces: bool = True,
     settle: bool = False,
-    follow: bool = True,
+    follow: bool | None = None,
 ) -> Figure:
     """Draw a structure as a figure of matplotlib, its members coloured by their tensions.
 
@@ -63,8 +64,8 @@ def draw(
         Whether loads and reactions are drawn, as arrows of one scale.
     settle : bool
         Whether a scene, structure or model is drawn at its equilibrium instead of its stated positions.
-    follow : bool
-        Of a motion or plan: whether the axes fit this sample, instead of the whole motion.
+    follow : bool, optional
+        Of a motion or plan: whether the axes fit this sample, as by default, instead of the whole motion.
 
     Returns
     -------
@@ -77,7 +78,9 @@ def draw(
         matplotlib is not installed.
     InvalidValueError
         A sample that does not exist, a time with something else than a motion, a result without structure,
-        or a choice that does not exist.
+        `follow` of what does not move, or a choice that does not exist.
+    NonFiniteError
+        A sample with positions or tensions of cables that are not finite.
     ConvergenceError
         With settle: no stable equilibrium was found.
     SceneError
@@ -89,11 +92,12 @@ def draw(
     >>> figure = draw("prism.toml", labels=True)
     >>> figure.savefig("prism.png")
     """
+    check_follow(follow is not None and check_switch(follow, "follow"), subject)
     choices = PictureChoices(
-        view=read_view(view), size=read_size(size), labels=read_labels(labels), color=color, forces=forces,
-        follow=follow,
+        view=read_view(view), size=read_size(size), labels=read_labels(labels), color=color,
+        forces=check_switch(forces, "forces"), follow=follow is not False,
     )  # fmt: skip
-    if not settle:
+    if not check_switch(settle, "settle"):
         return draw_shot(find_shot(subject, time, sample), choices, title)[0]
     settled, found = settle_drawable(subject)
     shot: Shot = find_shot(found, time, sample)

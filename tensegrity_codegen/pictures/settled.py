@@ -9,7 +9,9 @@ from typing import Any
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
@@ -17,7 +19,16 @@ from tensegrity_codegen.settle import find_settled
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["find_request", "settle_drawable"]
+__all__ = ["check_follow", "find_request", "settle_drawable"]
+
+
+def check_follow(follow: bool, subject: Any) -> None:
+    """Raise InvalidValueError where something that does not move is to be followed."""
+    if follow and not isinstance(subject, Trajectory | PlanResult):
+        raise InvalidValueError(
+            "nothing moves that could be followed", where="follow", given=True,
+            allowed="a Trajectory or a PlanResult as the subject",
+        )  # fmt: skip
 
 
 def settle_drawable(subject: Any) -> tuple[Subject, Equilibrium]:

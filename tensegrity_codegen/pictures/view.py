@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.checks import check_switch
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.pictures.modes import find_modes
-from tensegrity_codegen.pictures.settled import find_request
+from tensegrity_codegen.pictures.settled import check_follow, find_request
 from tensegrity_codegen.report.live.live_scene import LiveStart, build_live_scene
 from tensegrity_codegen.report.live.render_live import render_live
 from tensegrity_codegen.report.live.three_module import find_three
@@ -118,7 +119,9 @@ def view(
     MissingSourceError
         three.js is neither in the cache nor can it be downloaded.
     InvalidValueError
-        Something that cannot be shown, or a choice that does not exist.
+        Something that cannot be shown, `follow` of what does not move, or a choice that does not exist.
+    NonFiniteError
+        A motion with a sample that is not finite.
     ConvergenceError
         With settle: no stable equilibrium was found.
     SceneError
@@ -133,9 +136,11 @@ def view(
     if isinstance(height, bool) or not isinstance(height, int) or not HEIGHTS[0] <= height <= HEIGHTS[1]:
         allowed = f"a whole number of pixels from {HEIGHTS[0]} to {HEIGHTS[1]}"
         raise InvalidValueError("the height is out of range", where="height", given=height, allowed=allowed)
-    start = LiveStart(read_view(view), read_labels(labels), follow)
+    start = LiveStart(read_view(view), read_labels(labels), check_switch(follow, "follow"))
+    is_settled = check_switch(settle, "settle")
+    check_follow(follow, subject)
     module, licence = find_three(three)
-    shown, motion, more = _find_shown(subject, settle)
+    shown, motion, more = _find_shown(subject, is_settled)
     analysis, note = None, ""
     if modes:
         _, request = find_request(shown)

@@ -55,6 +55,11 @@ def count_names(names: Sequence[str]) -> str:
     return f"{len(names)} ({', '.join(names[:MOST_NAMES])}{more})"
 
 
+def describe_count(count: int, word: str, plural: str = "") -> str:
+    """Return a number of things in words: "1 bar", "3 bars"; plural: where it is not the word and an s."""
+    return f"{count} {word if count == 1 else plural or word + 's'}"
+
+
 def describe_number(value: float | None, unit: str = "") -> str:
     """Return a number with its unit, "-" for None."""
     return "-" if value is None else f"{value:.6g} {unit}".rstrip()

@@ -23,6 +23,10 @@ def test_a_planar_scene_has_its_axes(run: Run, folder: Path) -> None:
     assert len(data["axes"]) == 2
 
 
+def test_one_thing_is_in_the_singular(run: Run, two_nodes: Path) -> None:
+    assert run("check", two_nodes).out.startswith("two_nodes: 2 nodes, 0 bars, 1 cable, 3 free coordinates\n")
+
+
 def test_nothing_is_written(run: Run, folder: Path, prism: Path) -> None:
     ended = run("check", prism)
     assert ended.out.startswith("prism: 6 nodes, 3 bars, 9 cables, 15 free coordinates\n")

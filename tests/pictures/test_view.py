@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import LivePage, view
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.report.live.channels import Channel
 from tensegrity_codegen.report.live.live_scene import LiveStart, build_live_scene
 from tensegrity_codegen.report.pictures.choices import read_view
@@ -63,6 +63,9 @@ def test_a_page_shows_itself_in_a_frame_and_is_written(tmp_path: Path) -> None:
         ({"height": True}, "height"),
         ({"view": "under"}, "view"),
         ({"labels": "cables"}, "labels"),
+        ({"settle": "no"}, "settle"),
+        ({"follow": 1}, "follow"),
+        ({"follow": True}, "follow"),
     ],
 )
 def test_choices_that_do_not_exist_are_refused(options: dict[str, Any], where: str) -> None:
@@ -70,6 +73,13 @@ def test_choices_that_do_not_exist_are_refused(options: dict[str, Any], where: s
         view(PRISM, **options)
     assert caught.value.where == where
     assert caught.value.allowed
+
+
+def test_a_motion_with_a_sample_that_is_not_finite_has_no_page() -> None:
+    position = MOTION.node_position.copy()
+    position[3, 0, 1] = math.nan
+    with pytest.raises(NonFiniteError, match="node_position is not finite in sample 3"):
+        build_live_scene(PRISM, replace(MOTION, node_position=position))
 
 
 def test_only_what_stands_still_can_be_settled() -> None:

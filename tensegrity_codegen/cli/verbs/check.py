@@ -26,6 +26,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.pipeline import check_buildable, load_scene
+        from tensegrity_codegen.results.summaries import describe_count
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 
         structure, request = load_scene(scene)
@@ -54,10 +55,11 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             **_describe_control(structure),
             "warnings": warnings,
         }
+        counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
+        counts |= {"free coordinate": structure.n_coordinates}
         output.result(
             data,
-            f"{structure.name}: {structure.n_nodes} nodes, {n_bars} bars, {n_cables} cables, "
-            f"{data['n_coordinates']} free coordinates",
+            f"{structure.name}: {', '.join(describe_count(count, word) for word, count in counts.items())}",
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
         )

@@ -13,10 +13,12 @@ from tensegrity_codegen.report.live.channels import Channel, pack, pack_rounded
 from tensegrity_codegen.report.live.uses import compute_uses
 from tensegrity_codegen.report.live.views import choose_view
 from tensegrity_codegen.report.loads import compute_loads
+from tensegrity_codegen.report.pictures.checks import check_trajectory
 from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
 from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
 from tensegrity_codegen.report.reactions import compute_reactions
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -128,6 +130,7 @@ def build_live_scene(
         tension = known[None]
     else:
         moved = outline_motion(motion, structure)
+        check_trajectory(structure, moved)
         time, position, tension = moved.time, moved.node_position, moved.member_tension
     low, high = position.min(axis=(0, 1)), position.max(axis=(0, 1))
     origin = np.round((low + high) / 2, 6)
@@ -223,9 +226,11 @@ def _describe_modes(analysis: Analysis | None) -> str:
 
 def _headline(structure: Structure, motion: Trajectory | None) -> str:
     bars = int(structure.is_bar.sum())
-    parts = [f"{structure.n_nodes} nodes", f"{bars} bars", f"{structure.n_members - bars} cables"]
+    counts = {"node": structure.n_nodes, "bar": bars, "cable": structure.n_members - bars}
+    parts = [describe_count(count, word) for word, count in counts.items()]
     if motion is not None:
-        parts.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {len(motion.time)} samples")
+        samples = describe_count(len(motion.time), "sample")
+        parts.append(f"{motion.time[-1] - motion.time[0]:.6g} s in {samples}")
         if motion.status != "ok":
             parts.append(f"status {motion.status}")
     return ", ".join(parts)

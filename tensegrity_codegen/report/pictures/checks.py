@@ -25,14 +25,23 @@ def check_array(name: str, value: ArrayLike, shape: tuple[int, ...], over: str) 
             f"{name} has the wrong shape", where=name, given=array.shape, allowed=f"{shape}: {over}"
         )
     if not np.all(np.isfinite(array)):
+        wrong = np.argwhere(~np.isfinite(array))[0]
+        inside = f" in sample {wrong[0]}" if over.startswith("samples") else ""
         raise NonFiniteError(
-            f"{name} is not finite", where=name, allowed="finite numbers", hint="see where it was computed"
+            f"{name} is not finite{inside}",
+            where=name,
+            allowed="finite numbers",
+            hint="see where it was computed",
         )
     return array
 
 
 def check_tension(
-    value: ArrayLike, shape: tuple[int, ...], structure: Structure, over: str
+    value: ArrayLike,
+    shape: tuple[int, ...],
+    structure: Structure,
+    over: str,
+    name: str = "member_tension",
 ) -> NDArray[np.float64]:
     """Return member tensions [N] of `shape`, members last; NaN, unknown, in bars and rigid members alone.
 
@@ -45,7 +54,7 @@ def check_tension(
         else np.zeros(1, dtype=bool)
     )
     known = np.where(unknown, 0.0, array) if unknown.any() else array
-    check_array("member_tension", known, shape, over)
+    check_array(name, known, shape, over)
     return array
 
 

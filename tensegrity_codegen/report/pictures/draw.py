@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
+from tensegrity_codegen.report.pictures.checks import check_array, check_tension
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.drawing import BodyParts
 from tensegrity_codegen.report.pictures.legend import describe_size
@@ -103,6 +104,8 @@ def show_whole(
     structure: Structure, whole: Trajectory | PlanResult, subject: Structure | BodySystem
 ) -> Shown:
     """Return what pictures of all samples show."""
+    for number in range(len(whole.node_position)):
+        check_sample(structure, whole, number)
     if isinstance(whole, Trajectory):
         return show_motion(structure, outline_motion(whole, structure), subject)
     load = np.broadcast_to(subject.node_load, whole.node_position.shape)
@@ -200,13 +203,22 @@ def _find_sample(subject: Trajectory | PlanResult, time: float | None, sample: i
             given=number,
             allowed=f"{-count} to {count - 1}" if count else "",
         )
-    note = f"point {number % count} of {count}" if times is None else f"t = {times[number]:.6g} s"
     found = _require(subject)
+    check_sample(outline_bodies(found), subject, number % count)
+    note = f"point {number % count} of {count}" if times is None else f"t = {times[number]:.6g} s"
     load = compute_loads(found, subject)[number] if isinstance(subject, Trajectory) else None
     return Shot(
         found, subject.node_position[number], subject.member_tension[number], load, note=note,
         whole=(subject, number % count),
     )  # fmt: skip
+
+
+def check_sample(structure: Structure, whole: Trajectory | PlanResult, number: int) -> None:
+    """Raise NonFiniteError for a sample with positions, or tensions of cables, that are not finite."""
+    position, tension = whole.node_position[number], pad_tension(whole.member_tension[number], structure)
+    check_array(f"node_position of sample {number}", position, (structure.n_nodes, 3), "nodes, axes")
+    name = f"member_tension of sample {number}"
+    check_tension(tension, (structure.n_members,), structure, "members", name)
 
 
 def check_time(time: float, first: float, last: float) -> None:

@@ -22,6 +22,7 @@ from tensegrity_codegen.report.pictures.palette import (
 )
 from tensegrity_codegen.report.pictures.panel import Setting
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ def describe_size(structure: Structure, parts: BodyParts | None = None) -> str:
     cables = int((~structure.is_bar).sum())
     words = {"node": structure.n_nodes, "rigid body": parts.count, "bar": bars, "cable": cables}
     plural = {"rigid body": "rigid bodies"}
-    counts = [(count, word if count == 1 else plural.get(word, f"{word}s")) for word, count in words.items()]
-    return ", ".join(f"{count} {word}" for count, word in counts if count)
+    counts = {word: count for word, count in words.items() if count}
+    return ", ".join(describe_count(count, word, plural.get(word, "")) for word, count in counts.items())
 
 
 def add_key(figure: Figure | SubFigure, setting: Setting, *, slack: bool) -> None:

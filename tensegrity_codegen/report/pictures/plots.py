@@ -20,6 +20,7 @@ from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
 from tensegrity_codegen.report.pictures.panel import Panel, Setting, fit_size, set_up
 from tensegrity_codegen.report.pictures.panels import draw_drift, draw_energies, draw_tensions
 from tensegrity_codegen.report.pictures.shown import Shown, show_motion, show_structure
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
@@ -147,7 +148,8 @@ def plot_trajectory(
     draw_energies(panels[0], trajectory)
     draw_tensions(panels[1], structure, trajectory)
     draw_drift(panels[2], structure, trajectory)
-    note = f"{describe_size(structure, shown.parts)}; {trajectory.method}, {len(trajectory.time)} samples"
+    samples = describe_count(len(trajectory.time), "sample")
+    note = f"{describe_size(structure, shown.parts)}; {trajectory.method}, {samples}"
     if trajectory.status != "ok":
         note = f"{trajectory.status}: {trajectory.message}; {note}"
     add_heading(figure, structure.name, note)

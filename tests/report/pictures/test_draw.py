@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,10 @@ pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, simulate
 from tensegrity_codegen.cli.scene_files import read_example
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tests.cases import thorough
+from tests.report.live.pages import load, sway
 
 
 @pytest.fixture(scope="module", params=["planar", "lin_prism", *thorough("svd_tower")])
@@ -105,6 +108,32 @@ def test_axes_of_a_sample_fit_it_or_the_whole_motion(model: CompiledModel) -> No
     run = simulate(model, t_end=0.2, samples=3)
     for follow in (True, False):
         assert "t = 0 s" in texts(draw(run, sample=0, follow=follow, color="force_density"))
+
+
+@pytest.mark.parametrize("name", ["forces", "settle", "follow"])
+def test_switches_are_true_or_false(name: str) -> None:
+    for subject in (load("prism"), sway(load("prism"), 3)):
+        with pytest.raises(InvalidValueError, match="True or False") as caught:
+            draw(subject, **{name: "no"})
+        assert caught.value.where == name
+
+
+def test_what_does_not_move_is_not_followed() -> None:
+    with pytest.raises(InvalidValueError, match="nothing moves"):
+        draw(load("prism"), follow=True)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_samples_that_are_not_finite_are_named(wrong: float) -> None:
+    motion = sway(load("prism"), 7)
+    for name in ("node_position", "member_tension"):
+        values = getattr(motion, name).copy()
+        values[5, -1] = wrong
+        spoilt = replace(motion, **{name: values})
+        for more in ({"sample": 5}, {"sample": 2, "follow": False}):
+            with pytest.raises(NonFiniteError, match=f"{name} of sample 5 is not finite"):
+                draw(spoilt, **more)
+        draw(spoilt, sample=2)
 
 
 def test_rigid_bodies_have_faces_and_bars_of_bodies_unknown_tensions() -> None:
