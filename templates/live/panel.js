@@ -80,12 +80,14 @@ export function showScale(app) {
   if (app.hasUnknown && coloring.scale) notes.push(["unknown", coloring.unit ? "not known" : "no limit, or not known"]);
   if (app.coloringName === "use") notes.push(["over", "above its limit"]);
   if (app.arrows?.hasLoads) notes.push(["load", "load"]);
-  if (app.arrows?.hasReactions) notes.push(["reaction", "reaction"]);
+  const { largest_reaction: largest, unknown_reactions: lacking } = app.model.scene;
+  if (app.arrows?.hasReactions && largest > 0) notes.push(["reaction", lacking ? `reaction, ${lacking} unknown` : "reaction"]);
+  else if (app.arrows?.hasReactions && lacking) notes.push(["none", `reactions unknown (${lacking})`]);
   byId("keys").replaceChildren(...notes.map(([color, text, dashed]) => {
     const row = document.createElement("li");
     const stroke = document.createElement("i");
     stroke.style[dashed ? "borderTop" : "background"] = dashed ? `3px dashed ${palette.css[color]}` : palette.css[color];
-    row.append(stroke, text);
+    row.append(...(palette.css[color] ? [stroke] : []), text);
     return row;
   }));
   byId("kind-bar").style.background = palette.css.bar;

@@ -173,6 +173,7 @@ def build_live_scene(
         "rounding": rounding,
         "largest_load": float(np.linalg.norm(loads, axis=-1).max(initial=0.0)),
         "largest_reaction": float(np.nanmax(size, initial=0.0)),
+        "unknown_reactions": int(np.isnan(size).any(axis=0).sum()),
     }
     facts = _list_facts(structure, motion, rounding)
     return LiveScene(structure.name, _headline(structure, motion), facts, data, channels)

@@ -307,6 +307,9 @@ def test_other_structures_stand_still(browser: Browser, tmp_path: Path, name: st
     assert opened.ask("tensegrity.coverage()") > 0.0005
     unknown = opened.ask("tensegrity.state.tensions.filter(value => Number.isNaN(value)).length")
     assert unknown == (9 if name == "svd_tower" else 0)
+    keys = opened.ask("document.getElementById('keys').innerText.split('\\n')")
+    assert ("reactions unknown (3)" in keys) == (name == "svd_tower")
+    assert name != "svd_tower" or "reaction" not in keys
     assert opened.complaints() == []
     opened.send("Page.close")
 

@@ -74,6 +74,7 @@ def test_uses_are_those_of_the_analysis() -> None:
 
 def test_bars_of_bodies_have_unknown_tensions_and_not_zero() -> None:
     scene = build_live_scene(load("svd_tower"))
+    assert (scene.data["largest_reaction"], scene.data["unknown_reactions"]) == (0.0, 3)
     tension = unpack(scene.channels["member_tension"])[0]
     is_bar = unpack(scene.channels["is_bar"]).astype(bool)
     assert np.isnan(tension[is_bar]).all()
