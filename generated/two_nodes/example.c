@@ -36,7 +36,7 @@ static int print_motion(void)
   const long long fewest = 128;  /* steps of the first attempt */
   const long long most = 65536;  /* steps of the last attempt */
   double state[TWO_NODES_N_STATES]; /* coordinates, then velocities; advanced by each call */
-  double previous[TWO_NODES_N_COORDINATES]; /* coordinates at the end of the attempt before */
+  double previous[TWO_NODES_N_COORDINATES] = {0}; /* coordinates at the end of the attempt before */
   double sample[11][TWO_NODES_N_STATES]; /* states at the times that are printed */
   double work[TWO_NODES_RK4_WORK]; /* memory of the integrator, which allocates none */
   double time[11], change = 0.0;

@@ -125,7 +125,8 @@ def test_progress_grows_to_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     seen: list[float] = []
     made = module.reproduce(["sk"], tmp_path / "new", progress=seen.append)
     assert seen == sorted(seen)
-    assert len(seen) == len(names)
+    assert seen[0] == 0.0
+    assert len(seen) == 1 + len(names)
     assert seen[-1] == pytest.approx(1.0)
     assert made.html.exists()
     assert json.loads(made.data.read_text("utf-8"))["papers"][0]["name"] == "S&K"
