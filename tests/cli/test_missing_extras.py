@@ -32,7 +32,7 @@ def run_without(package: str, *words: str) -> subprocess.CompletedProcess[str]:
         ("matplotlib", ("reproduce", "all", "--out", "made")),
         ("matplotlib", ("report", "two_nodes.toml", "--t-end", "1000", "--out", "made")),
         ("matplotlib", ("show", "two_nodes.toml", "--out", "made.png")),
-        ("PIL", ("show", "two_nodes.toml", "--out", "made.gif")),
+        ("PIL", ("show", "two_nodes.toml", "--trajectory", "motion.npz", "--out", "made.gif")),
     ],
 )
 def test_a_missing_package_is_named_before_the_work(
