@@ -14,6 +14,7 @@ import pytest
 
 from tensegrity_codegen.cli import main
 from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.manifest import STATUS
 from tensegrity_codegen.pipeline import build_library, load_scene
 from tensegrity_codegen.report.live.engine import add_engine
 from tensegrity_codegen.report.live.live_scene import build_live_scene
@@ -191,7 +192,8 @@ def test_a_motion_that_leaves_all_bounds_stops_with_its_status(tab: Tab, method:
     tab.wait("!tensegrity.run.running && tensegrity.run.status !== 0")
     tab.wait("document.getElementById('run-facts').innerText.startsWith('stopped at')")
     text = tab.ask("document.getElementById('run-facts').innerText")
-    assert any(name in text for name in ("unstable", "step_too_small", "non_finite_result"))
+    # Which limit a blow-up meets first depends on how the worker divides the time between pictures.
+    assert any(name in text for name in (*STATUS[1:], "unstable")), text
     time_then = tab.ask("tensegrity.run.time")
     tab.ask("tensegrity.play()")
     tab.frame()
