@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,6 +14,7 @@ from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_
 
 __all__ = ["connect", "count_threads"]
 
+PORT = "8786"  # of a Dask scheduler, where an address has none
 LOOK = 0.2  # [s] between two looks for workers
 LEAST_WAIT = 1.0  # [s] for an answer of the scheduler
 
@@ -61,16 +63,37 @@ def count_threads(client: Any) -> int:
 
 
 def _open(distributed: Any, address: str, wait: float) -> Any:
+    within = max(wait, LEAST_WAIT)
     try:
-        return distributed.Client(address, timeout=max(wait, LEAST_WAIT), set_as_default=False)
+        _knock(address, within)
+        return distributed.Client(address, timeout=within, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         raise ClusterError(
-            f"no scheduler answered within {max(wait, LEAST_WAIT):g} s",
+            f"no scheduler answered within {within:g} s",
             where="scheduler",
             given=address,
             allowed="the address of a Dask scheduler, such as tcp://10.0.0.1:8786",
             hint="start one with `dask scheduler`, and workers with `dask worker ADDRESS`",
         ) from error
+
+
+def _knock(address: str, within: float) -> None:
+    """Raise OSError or ValueError where nothing listens; clients of distributed may hang after that."""
+    scheme, _, place = address.rpartition("://")
+    if scheme not in ("", "tcp", "tls"):
+        return
+    host, _, port = place.rpartition(":") if ":" in place else (place, "", PORT)
+    if not host:
+        raise ValueError(address)
+    deadline = time.monotonic() + within
+    while True:
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), timeout=within).close()
+            return
+        except OSError:
+            if time.monotonic() >= deadline:
+                raise
+        time.sleep(LOOK)
 
 
 def _wait_for_workers(client: Any, address: str, wait: float, deadline: float) -> None:

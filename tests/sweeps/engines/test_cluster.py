@@ -1,7 +1,4 @@
-"""Schedulers that are not there, or have no workers; before any cluster runs in this process.
-
-After a LocalCluster whose workers were killed, new clients of distributed 2026.8 did not always start.
-"""
+"""Schedulers that are not there, or have no workers."""
 
 import socket
 
