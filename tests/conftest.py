@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Generator
+import warnings
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,44 @@ def find_folder(config: pytest.Config) -> str:
 def pytest_unconfigure(config: pytest.Config) -> None:
     if FOLDER in config.stash:
         shutil.rmtree(config.stash[FOLDER], ignore_errors=True)
+
+
+def pytest_collection_finish() -> None:
+    # Modules and tests stay to the end: the collection after each module need not look at them.
+    gc.collect()
+    gc.freeze()
+
+
+def count_open_files() -> int:
+    """Return how many descriptors this process has open; 0 where the system does not list them."""
+    try:
+        return len(os.listdir("/proc/self/fd"))
+    except OSError:
+        return 0
+
+
+@pytest.fixture(autouse=True)
+def opened(request: pytest.FixtureRequest, left_open: list[str]) -> Iterator[None]:
+    """Note a test after which more files are open than before."""
+    before = count_open_files()
+    yield
+    if count_open_files() > before:
+        left_open.append(request.node.name)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def left_open(request: pytest.FixtureRequest) -> Iterator[list[str]]:
+    """Fail a module whose tests leave files open, with the names of these tests.
+
+    Otherwise the warning would fail whichever test runs when Python next collects garbage.
+    """
+    suspects: list[str] = []
+    yield suspects
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ResourceWarning)
+        gc.collect()
+    found = [str(item.message) for item in caught if issubclass(item.category, ResourceWarning)]
+    assert not found, f"{request.node.name}: {'; '.join(found)}; left open by: {', '.join(suspects)}"
 
 
 @pytest.hookimpl(wrapper=True)
