@@ -5,6 +5,7 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
+BASE := $(VENV)/.base
 STAMP := $(VENV)/.ready
 OUTPUT := output
 PEERS := $(VENV)/.peers
@@ -14,6 +15,7 @@ DOCS_PACKAGES := sphinx myst-parser numpydoc furo
 # program:Debian package; tests of films, of other processors, of memory, of pages
 TOOLS := ffprobe:ffmpeg qemu-x86_64:qemu-user valgrind:valgrind chromium:chromium
 WORKERS ?= 2
+COMMA := ,
 PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 SCENE := tensegrity_codegen/scene/examples/prism.toml
@@ -27,14 +29,15 @@ PYTHON ?= $(shell for python in $(CANDIDATES); do \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint types contracts test-all bench examples docs wheel golden format clean
+.PHONY: help setup demo test check lint types contracts test-all bench examples docs wheel golden format clean
 
 help: ## list these verbs
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
 setup: $(STAMP) ## make .venv with the package and its tools; again only when pyproject.toml changes
 
-$(STAMP): pyproject.toml
+# What the demo needs: the package, pictures, and a C compiler where there is none.
+$(BASE): pyproject.toml
 	@python='$(PYTHON)'; \
 	if [ -z "$$python" ]; then \
 	  echo "Python 3.11 or newer is needed, and none of these is: $(CANDIDATES)."; \
@@ -44,10 +47,15 @@ $(STAMP): pyproject.toml
 	elif ! "$$python" -m venv $(VENV); then \
 	  echo "$$python cannot make a virtual environment; on Debian and Ubuntu install python3-venv."; exit 1; \
 	fi
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable \
+	  '.[plot$(if $(shell command -v cc gcc clang),,$(COMMA)cc)]'
+	@touch $@
+
+$(STAMP): $(BASE)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[plot,cc,sweep,dev]'
 	@touch $@
 
-demo: $(STAMP) ## simulate the prism in C made for it; writes a picture, a film and the library to output/
+demo: $(BASE) ## simulate the prism in C made for it; writes a picture, a film and the library to output/
 	@mkdir -p $(OUTPUT)
 	$(TENSEGRITY) build $(SCENE) --out $(OUTPUT)/prism --overwrite
 	$(TENSEGRITY) simulate $(SCENE) --t-end 2 --samples 201 --out $(OUTPUT)/prism.npz --overwrite
@@ -59,8 +67,11 @@ demo: $(STAMP) ## simulate the prism in C made for it; writes a picture, a film 
 	@echo "motion   $(CURDIR)/$(OUTPUT)/prism.npz"
 	@echo "library  $(CURDIR)/$(OUTPUT)/prism (C source, header, manifest, example and shared library)"
 
-test: lint types contracts ## lint, types, import contracts, then the tests, in less than five minutes
+test: $(STAMP) ## the tests, in about five minutes of two idle cores
+	@echo "lint, types and import contracts are apart: make check"
 	$(PYTEST) -m "not thorough and not peers"
+
+check: lint types contracts ## lint, types and import contracts
 
 test-all: test $(PEERS) $(DOCS) ## the same, then the thorough tests, with the packages and tools that they need
 	@for tool in $(TOOLS); do command -v $${tool%:*} >/dev/null \
@@ -88,17 +99,18 @@ examples: $(STAMP) ## build and run examples/ in each language whose tools are h
 # installed, its tests are skipped and its rows in tables say so.
 $(PEERS): $(STAMP)
 	@$(BIN)/python -m pip freeze --exclude-editable > $@.installed
-	@for package in $(PEER_PACKAGES); do \
+	@for package in $(PEER_PACKAGES); do echo "installing $$package into $(VENV)"; \
 	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed "$$package" \
 	    || echo "$$package cannot be installed here: what needs it says so"; done
 	@touch $@
 
-docs: $(DOCS) ## build the documentation site into output/site
+docs: $(DOCS) ## write the documentation site (Sphinx, then live pages) to output/site
 	$(BIN)/python docs/build_site.py --out $(OUTPUT)/site
 
 $(DOCS): $(STAMP)
+	@echo "installing $(DOCS_PACKAGES) into $(VENV)"
 	@$(BIN)/python -m pip freeze --exclude-editable > $@.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed $(DOCS_PACKAGES)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint $@.installed $(DOCS_PACKAGES)
 	@touch $@
 
 wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/; both contain three.js of a pinned hash

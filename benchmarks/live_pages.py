@@ -186,7 +186,7 @@ def find_graphics(browser: int) -> int:
         try:
             number = int(folder.name)
             parents[number] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            if "--type=gpu-process" in (folder / "cmdline").read_text():
+            if b"--type=gpu-process" in (folder / "cmdline").read_bytes():
                 graphics.append(number)
         except OSError:
             continue  # a process that has ended

@@ -46,7 +46,7 @@ def list_subjects(folder: Path) -> list[tuple[str, Subject, ModelRequest]]:
 def measure(target: str, subject: Subject, request: ModelRequest, folder: Path) -> tuple[float, int, int]:
     """Return the largest relative difference, how many results have equal bits, and how many there are."""
     built = build_library(subject, request, target=target)
-    made = built.export(folder / target)
+    made = built.export(folder / target, overwrite=True)
     there, here = RUNS[target](made, built.manifest), in_c(made, built.manifest)
     errors = compare(here, there)
     equal = sum(np.array_equal(here[name], there[name]) for name in errors)

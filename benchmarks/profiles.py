@@ -125,7 +125,7 @@ def make_run(
     model: CompiledModel, method: str, tolerance: float, schedule: Any, start: dict[str, FloatArray]
 ) -> Callable[[], Any]:
     """Return a call of `simulate`; the tolerance is that of the steps."""
-    control = "steps" if method in IN_C else None
+    control = None if method == "auto" else "steps"
     given = {"rtol": tolerance, "atol": 0.1 * tolerance, "schedule": schedule, "control": control, **start}
     return lambda: simulate(model, END, samples=SAMPLES, method=method, **given)
 

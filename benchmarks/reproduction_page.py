@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.report.pages.page import CAUSES
+
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "docs" / "reproduction.md"
 BEGIN, END = "<!-- figures: benchmarks/reproduction_page.py -->", "<!-- end of figures -->"
@@ -30,18 +32,18 @@ WORDS = {
 HEAD = "| in the paper | what | finding | in numbers |\n|---|---|---|---|"
 
 
-def write_tables(papers: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
-    """Return Markdown: the counts in a sentence, then a table for each paper."""
+def write_tables(finding: str, papers: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
+    """Return Markdown: the finding and counts, then a table for each paper."""
     counts = Counter(row["verdict"] for rows in papers.values() for row in rows)
-    total = counts.total()
     parts = [
-        f"Of {total} results {counts['agrees']} agree with the printed ones and {counts['differs']} differ; "
-        f"for {counts['unstated']} the paper prints no numbers, and {counts['new']} are not in the papers."
+        f"**{finding}.** For {counts['unstated']} results the paper prints no numbers, and {counts['new']} "
+        "are not in the papers."
     ]
     for name, rows in papers.items():
         lines = [f"## {PAPERS[name]}", "", HEAD]
         for row in rows:
-            cells = (row["source"], row["title"], WORDS[row["verdict"]], row["result"])
+            finding = ": ".join(filter(None, (WORDS[row["verdict"]], CAUSES.get(row["cause"]))))
+            cells = (row["source"], row["title"], finding, row["result"])
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
         parts.append("\n".join(lines))
     return "\n\n".join(parts)
@@ -52,7 +54,9 @@ def main(arguments: Sequence[str]) -> None:
     found: dict[str, Any] = json.loads(Path(arguments[0]).read_text(encoding="utf-8"))
     text = DOCUMENT.read_text(encoding="utf-8")
     before, after = text.partition(BEGIN)[0], text.partition(END)[2]
-    DOCUMENT.write_text(f"{before}{BEGIN}\n{write_tables(found['papers'])}\n{END}{after}", encoding="utf-8")
+    DOCUMENT.write_text(
+        f"{before}{BEGIN}\n{write_tables(found['finding'], found['papers'])}\n{END}{after}", encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from tensegrity_codegen.compare.stability.finding import WORDS  # noqa: E402
 from tensegrity_codegen.compare.stability.judge import VERDICTS  # noqa: E402
 from tensegrity_codegen.long_work.processor import name_processor  # noqa: E402
 from tests.common_prism import BARS, PLACES, STRINGS, span  # noqa: E402
@@ -85,7 +86,9 @@ def import_file(folder: Path, name: str, *sources: Path) -> Path:
 def run_scene(scene: Path, words: argparse.Namespace) -> dict[str, Any]:
     """Return what the verb stability says about a scene, with its own name first."""
     options = ("--t-end", str(words.t_end), "--limit", str(words.limit), "--budget", str(words.budget))
-    data = run("stability", str(scene), *options, "--out", str(words.out / scene.stem), "--json")
+    data = run(
+        "stability", str(scene), *options, "--out", str(words.out / scene.stem), "--overwrite", "--json"
+    )
     (rows,) = data["scenes"].values()
     result: dict[str, Any] = {**data, "rows": rows}
     return result
@@ -105,32 +108,50 @@ def write_figures(found: dict[str, dict[str, Any]]) -> str:
     """Return the figures in Markdown."""
     first = next(iter(found.values()))
     limits = first["limits"]
+    own = {name: [row for row in data["rows"] if row["is_own"]] for name, data in found.items()}
+    given = {row["verdict"] for rows in own.values() for row in rows}
+    used = [verdict for verdict in VERDICTS if verdict in given or verdict in ("survived", "wrong")]
+    shown = ", ".join(WORDS[verdict] for verdict in used)
     lines = [
+        describe_own([row for rows in own.values() for row in rows]),
+        "",
+        f"<!-- site: bars scene: {shown} -->",
+        "",
         f"Each motion lasts {first['t_end']:g} s. A run may take {limits['run']:g} s of CPU time, one for a "
         f"reference {limits['reference']:g} s, a scene {limits['total']:g} s by the clock, with "
         f"{name_processor()}.",
         "",
-        'Our methods. "Stated bound" and "positions" say how many of the survivors had velocities judged '
+        'Our methods. "Stated bound" and "positions" say of how many right results velocities are judged '
         "by the bound that the run states, or not at all.",
         "",
     ]
-    own = {name: [row for row in data["rows"] if row["is_own"]] for name, data in found.items()}
-    given = {row["verdict"] for rows in own.values() for row in rows}
-    used = [verdict for verdict in VERDICTS if verdict in given or verdict in ("survived", "wrong")]
-    lines += head(("scene", *used, "stated bound", "positions"))
+    lines += head(("scene", *(WORDS[verdict] for verdict in used), "stated bound", "positions"))
     for name, rows in own.items():
         counts, rules = Counter(r["verdict"] for r in rows), Counter(r["rule"] for r in rows)
         lines.append(row_of(name, *(counts[v] for v in used), rules["told"], rules["positions"]))
-    lines += ["", "Peers, all scenes together; an error up to a hundredth of the mean length passes.", ""]
+    lines += ["", "Other programs, all scenes together.", ""]
     lines += peer_lines([row for data in found.values() for row in data["rows"] if not row["is_own"]])
     lines += ["", *wrong_lines(found)]
     return "\n".join(lines).rstrip() + "\n"
 
 
+def describe_own(rows: Sequence[dict[str, Any]]) -> str:
+    """Return how many results of our methods are wrong, and what became of their other runs."""
+    counts = Counter(row["verdict"] for row in rows)
+    checked = counts["survived"] + counts["wrong"]
+    others = [
+        f"{WORDS[verdict]} {counts[verdict]:,}"
+        for verdict in VERDICTS
+        if counts[verdict] and verdict not in ("survived", "wrong")
+    ]
+    rest = f" Of {len(rows):,} runs the others are: {', '.join(others)}." if others else ""
+    return f"**{counts['wrong']:,} of {checked:,} checked results of our methods are wrong.**{rest}"
+
+
 def peer_lines(rows: list[dict[str, Any]]) -> list[str]:
     """Return the table of verdicts by peer."""
     used = [verdict for verdict in VERDICTS if any(row["verdict"] == verdict for row in rows)]
-    lines = head(("peer", *used))
+    lines = head(("program", *(WORDS[verdict] for verdict in used)))
     for name in dict.fromkeys(row["contender"] for row in rows):
         counts = Counter(row["verdict"] for row in rows if row["contender"] == name)
         lines.append(row_of(name, *(counts[verdict] for verdict in used)))
@@ -146,7 +167,7 @@ def wrong_lines(found: dict[str, dict[str, Any]]) -> list[str]:
         if row["is_own"] and row["verdict"] == "wrong"
     ]
     if not wrong:
-        return ["No result that one of our methods calls good is wrong."]
+        return []
     lines = ["Results that our methods call good and that are wrong (error over tolerance, ten allowed):", ""]
     lines += head(("scene", "case", "method", "error"))
     for name, row in wrong[:MOST_WRONG]:

@@ -33,6 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from sphinx.cmd.build import build_main
 
     began = time.monotonic()
+    print("Sphinx writes the pages; without a cache that takes minutes (--verbose names them)", flush=True)
     quiet = [] if chosen.verbose else ["-q"]
     cache = chosen.out.parent / f".{chosen.out.name}-cache"
     jobs = ["-j", str(min(os.cpu_count() or 1, 4))]

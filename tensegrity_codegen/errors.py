@@ -230,7 +230,7 @@ class InfeasibleError(ConvergenceError):
 def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> None:
     """Raise UnknownNameError for a word that is not one of those known; `what`: "method", for the message."""
     known = list(known)
-    if given not in known:
+    if not isinstance(given, str) or given not in known:
         raise UnknownNameError(
             f"unknown {what}",
             where=where,
@@ -240,10 +240,28 @@ def check_choice(given: Any, known: Iterable[str], what: str, where: str) -> Non
         )
 
 
+# Words of other programs for keys of a scene, which are not spelled alike.
+SYNONYMS = {
+    "stiffness": ("spring_constant", "axial_stiffness"),
+    "k": ("spring_constant",),
+    "EA": ("axial_stiffness",),
+    "length": ("rest_length",),
+    "l0": ("rest_length",),
+    "tension": ("prestress",),
+    "pretension": ("prestress",),
+    "fixed": ("anchored",),
+    "type": ("kind",),
+    "diameter": ("radius",),
+    "weight": ("mass",),
+    "xyz": ("position",),
+}
+
+
 def suggest(given: Any, known: Iterable[str], *, most: int = 12) -> str:
     """Return a hint for an unknown word: the closest known ones, else the list, the nearest names first."""
     given, names = str(given)[:80], sorted(known)
-    close = difflib.get_close_matches(given, names, n=3, cutoff=0.6)
+    close = [name for name in SYNONYMS.get(given, ()) if name in names]
+    close = close or difflib.get_close_matches(given, names, n=3, cutoff=0.6)
     if close:
         return "did you mean " + " or ".join(repr(name) for name in close) + "?"
     if len(names) > most:

@@ -24,7 +24,7 @@ PACKAGES = {  # the packages of each extra, as in pyproject.toml
     "cc": ("ziglang",),
     CONTROL: ("control", "daqp"),
     TABLES: ("pandas", "pyarrow", "xarray"),
-    SWEEP: ("SALib", "xarray", "zarr"),
+    SWEEP: ("SALib", "google-crc32c", "xarray", "zarr"),
     CLUSTER: ("dask", "distributed"),
 }
 WORK = {

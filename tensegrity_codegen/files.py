@@ -1,4 +1,4 @@
-"""Writing files whole or not at all, and nothing of the user's without a word."""
+"""Writing files whole or not at all, and replacing files only where that is asked for."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from tensegrity_codegen.checks import check_path
 from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.leftovers import announce, withdraw
-from tensegrity_codegen.marks import has_mark
 
 __all__ = [
     "check_ending",
     "check_not_input",
     "check_output",
-    "check_target",
     "explain_unwritable",
     "find_kind",
     "replaced",
@@ -57,12 +56,24 @@ def find_kind(path: str | Path) -> str:
     return "" if stat.S_ISREG(mode) else kinds.get(stat.S_IFMT(mode), "a device")
 
 
-def check_target(path: str | Path, *, overwrite: bool = True, inputs: Iterable[Path] = ()) -> Path:
-    """Return the file that `path` leads to, links followed; raises OutputError if it cannot be written.
+def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bool = False) -> Path:
+    """Return the file that `path` leads to, links followed.
 
     For long work: that its result has a place is known before it starts. Folders, devices and pipes are
-    refused, the files of `inputs`, and a file that exists (without `overwrite`).
+    refused.
+
+    Parameters
+    ----------
+    path : file to write a result to.
+    inputs : files that are read; none of them is ever replaced.
+    overwrite : whether a file that exists may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written, or exists and may not be replaced.
     """
+    check_path(path, "path")
     target = Path(os.path.realpath(path))
     try:
         if target.is_dir():
@@ -77,34 +88,12 @@ def check_target(path: str | Path, *, overwrite: bool = True, inputs: Iterable[P
     check_not_input(path, inputs)
     if exists and not overwrite:
         raise OutputError(
-            "the file exists already", where=str(path), hint="choose another name, or pass `overwrite=True`"
-        )
-    if not os.access(target.parent, os.W_OK):
-        raise explain_unwritable(path, f"the folder {target.parent} may not be written to")
-    return target
-
-
-def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bool = False) -> Path:
-    """Return the file that `path` leads to, as check_target; a result may replace an older result only.
-
-    Parameters
-    ----------
-    path : file to write a result to.
-    inputs : files that are read; none of them is ever replaced.
-    overwrite : whether a file may be replaced that this package did not write.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written or may not be replaced.
-    """
-    target = check_target(path, inputs=inputs)
-    if target.exists() and not overwrite and not has_mark(target):
-        raise OutputError(
-            "the file exists already, and was not written by tensegrity_codegen",
+            "the file exists already",
             where=str(path),
             hint="choose another name, or pass `overwrite=True` to replace it",
         )
+    if not os.access(target.parent, os.W_OK):
+        raise explain_unwritable(path, f"the folder {target.parent} may not be written to")
     return target
 
 
@@ -123,13 +112,13 @@ def check_not_input(path: str | Path, inputs: Iterable[Path]) -> None:
 
 
 @contextmanager
-def replaced(path: str | Path, *, overwrite: bool = True) -> Iterator[Path]:
+def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it takes the place of `path` when the block ends well.
 
     Nothing is left behind when the block raises; what a killed process left goes with the next call. Raises
     OutputError where the file exists (without `overwrite`) or cannot be written.
     """
-    target = check_target(path, overwrite=overwrite)
+    target = check_output(path, overwrite=overwrite)
     _sweep(target)
     # The suffix stays last, since writers choose their format by it.
     temporary = target.with_name(f".{_place()}-{os.getpid()}-{secrets.token_hex(3)}.{_tail(target)}")

@@ -138,7 +138,7 @@ class IntegratorSpec:
     tensions it hands out beside the states; unwatched: how many members can go slack or switch without an
     event, which steps with error control pass over;
     batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
-    none; keeps: what it can keep constant from step to step, "energy".
+    none; keeps: what it can keep constant from step to step, "energy"; damped: cables in the matrix of radau.
     """
 
     name: str
@@ -151,6 +151,7 @@ class IntegratorSpec:
     unwatched: int = 0
     batch_work_size: int = 0
     keeps: tuple[str, ...] = ()
+    damped: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""Writing folders of files: all of them or none, and nothing of the user's without a word."""
+"""Writing folders of files: all of them or none, and replacing files only where that is asked for.
+
+A folder of a library or controller has a list of its files, SHA256SUMS: those that are as the list says are
+replaced without being asked for.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,11 @@ from pathlib import Path
 
 from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.files import check_not_input, explain_unwritable
-from tensegrity_codegen.marks import LIST_FILE, format_list, is_own, read_list
 from tensegrity_codegen.work_folder import work_folder
 
-__all__ = ["check_folder", "write_folder"]
+__all__ = ["LIST_FILE", "check_folder", "write_folder"]
 
+LIST_FILE = "SHA256SUMS"
 NEW, OLD = "new", "old"
 MOST_NAMED = 5
 
@@ -26,6 +30,7 @@ def check_folder(
     *,
     inputs: Iterable[Path] = (),
     overwrite: bool = False,
+    listed: bool = False,
 ) -> Path:
     """Return the folder, which need not exist, if files of these names may be written into it.
 
@@ -34,7 +39,8 @@ def check_folder(
     folder : where the files are to be written.
     names : their names.
     inputs : files that are read; none of them is ever replaced.
-    overwrite : whether files may be replaced that this package did not write, or that were changed since.
+    overwrite : whether files that exist may be replaced.
+    listed : whether files may be replaced without `overwrite` that are as the list in the folder says.
 
     Raises
     ------
@@ -49,7 +55,7 @@ def check_folder(
         raise explain_unwritable(folder, f"{place} is not a folder", "folder")
     if not os.access(place, os.W_OK | os.X_OK):
         raise explain_unwritable(folder, f"the folder {place} may not be written to", "folder")
-    known, foreign = read_list(target), []
+    known, existing = (_read_list(target) if listed else {}), []
     for name in sorted(names):
         path = target / name
         if not os.path.lexists(path):
@@ -57,15 +63,16 @@ def check_folder(
         check_not_input(path, inputs)
         if path.is_dir():
             raise explain_unwritable(path, "this is a folder, not a file")
-        if not overwrite and not is_own(path, known):
-            foreign.append(name)
-    if foreign:
-        more = f" and {len(foreign) - MOST_NAMED} more" if len(foreign) > MOST_NAMED else ""
+        if not overwrite and not _is_listed(path, known):
+            existing.append(name)
+    if existing:
+        more = f" and {len(existing) - MOST_NAMED} more" if len(existing) > MOST_NAMED else ""
+        unchanged = f", or with these as {LIST_FILE} lists them" if listed else ""
         raise OutputError(
-            "the folder holds files that were not written by tensegrity_codegen, or were changed since",
+            "the folder holds files of these names already",
             where=str(folder),
-            given=", ".join(foreign[:MOST_NAMED]) + more,
-            allowed="a folder without files of these names, or with these as tensegrity_codegen wrote them",
+            given=", ".join(existing[:MOST_NAMED]) + more,
+            allowed=f"a folder without files of these names{unchanged}",
             hint="choose another folder, or pass `overwrite=True` to replace these files",
         )
     return target
@@ -76,7 +83,7 @@ def write_folder(
     files: Mapping[str, bytes],
     *,
     inputs: Iterable[Path] = (),
-    overwrite: bool = True,
+    overwrite: bool = False,
     listed: bool = False,
 ) -> Path:
     """Write files (name -> content) into a folder, made if need be: all of them, or none.
@@ -87,7 +94,8 @@ def write_folder(
     Parameters
     ----------
     folder, inputs, overwrite : as for check_folder.
-    listed : whether to write a list of the files and their sha256 too, by which they are known later.
+    listed : whether to write a list of the files and their sha256 too, by which they are known later. Other
+        files keep their places in it.
 
     Raises
     ------
@@ -95,9 +103,10 @@ def write_folder(
         As check_folder, and if the disk is full.
     """
     names = [*files, LIST_FILE] if listed else list(files)
-    target = check_folder(folder, names, inputs=inputs, overwrite=overwrite)
+    target = check_folder(folder, names, inputs=inputs, overwrite=overwrite, listed=listed)
     hashes = {name: {hashlib.sha256(content).hexdigest()} for name, content in files.items()}
-    contents = dict(files) | ({LIST_FILE: format_list(hashes)} if listed else {})
+    hashes = {name: known for name, known in _read_list(target).items() if (target / name).exists()} | hashes
+    contents = dict(files) | ({LIST_FILE: _format_list(hashes)} if listed else {})
     try:
         if target.is_dir():
             _exchange(target, contents, hashes if listed else {})
@@ -124,10 +133,10 @@ def _exchange(target: Path, contents: Mapping[str, bytes], hashes: Mapping[str, 
     with work_folder(target, sweep=True) as work:
         _write_all(work / NEW, contents)
         if hashes:
-            known = read_list(target)
+            known = _read_list(target)
             both = {name: hashes[name] | known.get(name, set()) for name in hashes}
             (work / NEW / LIST_FILE).rename(work / LIST_FILE)
-            (work / NEW / LIST_FILE).write_bytes(format_list(both))
+            (work / NEW / LIST_FILE).write_bytes(_format_list(both))
         _keep(work / OLD, target, contents)
         moved: list[str] = []
         try:
@@ -182,3 +191,36 @@ def _parents(target: Path) -> Iterator[None]:
             with suppress(OSError):
                 folder.rmdir()
         raise
+
+
+def _is_listed(path: Path, known: Mapping[str, set[str]]) -> bool:
+    """Return whether a file is as the list of its folder says; the list itself, where all of it is one."""
+    if path.is_symlink() or not path.is_file():
+        return False
+    if path.name == LIST_FILE:
+        return bool(known)
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() in known.get(path.name, ())
+    except OSError:
+        return False
+
+
+def _read_list(folder: Path) -> dict[str, set[str]]:
+    """Return file name -> sha256 values that the list in a folder gives; empty if there is none."""
+    try:
+        lines = (folder / LIST_FILE).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return {}
+    known: dict[str, set[str]] = {}
+    for line in lines:
+        digest, _, name = line.partition("  ")
+        if not name or len(digest) != 64:  # a list of another kind
+            return {}
+        known.setdefault(name, set()).add(digest)
+    return known
+
+
+def _format_list(known: Mapping[str, set[str]]) -> bytes:
+    """Return the text of a list, in the form of `sha256sum`."""
+    lines = [f"{digest}  {name}\n" for name in sorted(known) for digest in sorted(known[name])]
+    return "".join(lines).encode("utf-8")

@@ -11,13 +11,23 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
 
-__all__ = ["COMPILING", "GENERATING", "SETTLING", "PassWatcher", "watched_passes", "work_pass"]
+__all__ = [
+    "COMPILING",
+    "GENERATING",
+    "SETTLING",
+    "PassWatcher",
+    "describe_pass",
+    "watched_passes",
+    "work_pass",
+]
 
 GENERATING, COMPILING, SETTLING = "generating C", "compiling", "finding the equilibrium"
 
 
 class PassWatcher(Protocol):
-    """What is called as passes begin and end; passes may be nested."""
+    """What is called as passes begin and end; passes may be nested. title: of what runs, as it is shown."""
+
+    title: str
 
     def begin(self, title: str) -> Callable[[float], None]:
         """Note that a pass begins; return what is called with the fraction of it that is done, 0 to 1."""
@@ -27,6 +37,7 @@ class PassWatcher(Protocol):
 
 
 _watcher: ContextVar[PassWatcher | None] = ContextVar("pass watcher", default=None)
+_depth: ContextVar[int] = ContextVar("passes within passes", default=0)
 
 
 @contextmanager
@@ -39,6 +50,13 @@ def watched_passes(watcher: PassWatcher) -> Iterator[None]:
         _watcher.reset(token)
 
 
+def describe_pass(text: str) -> None:
+    """Report what is being done, with its count, in work of which no part is known to be done."""
+    watcher = _watcher.get()
+    if watcher is not None:
+        watcher.title = text
+
+
 @contextmanager
 def work_pass(title: str) -> Iterator[Callable[[float], None]]:
     """Report that a pass runs within the block; yield what is called with the fraction of it that is done."""
@@ -46,8 +64,13 @@ def work_pass(title: str) -> Iterator[Callable[[float], None]]:
     if watcher is None:
         yield lambda fraction: None
         return
+    before, depth = watcher.title, _depth.get()
+    token = _depth.set(depth + 1)
     move = watcher.begin(title)
     try:
         yield move
     finally:
         watcher.end()
+        _depth.reset(token)
+        if depth:  # what a pass within another says is over with it
+            watcher.title = before

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.analyses import equilibrium_quantities, find_needs, want_analyses
+from tensegrity_codegen.checks import check_instance, check_names, check_positive, check_whole
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.libraries import BuiltLibrary, build_library, check_buildable
 from tensegrity_codegen.request import ModelRequest
@@ -180,17 +181,23 @@ def compile_scene(
     >>> model.compute("member_tension", coordinate=[0.0, 0.0, -1.5])
     array([40.])
     """
+    check_instance(method, str, "method", "a text")
+    check_positive(rtol, "rtol")
+    check_instance(parameters, (Mapping, type(None)), "parameters", "a dictionary: name -> indices, or None")
+    for name, places in (parameters or {}).items():
+        check_instance(places, (tuple, list), f"parameters.{name}", "indices of nodes or members")
+        for place in places:
+            check_whole(place, f"parameters.{name}", 0)
     structure, request = load_scene(path)
-    if isinstance(for_, str):
-        for_ = (for_,)
-    if actuate:
-        structure, _ = actuate_members(structure, (actuate,) if isinstance(actuate, str) else actuate)
-    request = want_analyses(structure, request, for_, method=method, rtol=rtol)
+    chosen = check_names(actuate, "actuate")
+    if chosen:
+        structure, _ = actuate_members(structure, chosen)
+    request = want_analyses(structure, request, check_names(for_, "for_"), method=method, rtol=rtol)
     wider = request.wanting(
         *request.quantities,
-        *quantities,
-        integrators=tuple(dict.fromkeys((*request.integrators, *integrators))),
-        solvers=tuple(dict.fromkeys((*request.solvers, *solvers))),
+        *check_names(quantities, "quantities"),
+        integrators=tuple(dict.fromkeys((*request.integrators, *check_names(integrators, "integrators")))),
+        solvers=tuple(dict.fromkeys((*request.solvers, *check_names(solvers, "solvers")))),
         parameters=parameters,
     )
     return build_library(structure, wider).load()

@@ -126,6 +126,9 @@ class ModelRequest:
     interfaces : tuple of str
         Interfaces besides the C functions: ``"casadi"``, with first derivatives, or ``"casadi_hessian"``,
         with second derivatives too; ``"acados"``, for acados.
+    driven : tuple of str
+        What profiles can change without inputs, too: ``"pull"``, a spring and a damper between one node and
+        a point.
 
     Raises
     ------
@@ -152,6 +155,7 @@ class ModelRequest:
     batch_width: int = 0
     keep: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
+    driven: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_batch_width(self.batch_width)

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.files import check_output, check_target, replaced
-from tensegrity_codegen.marks import MARK
+from tensegrity_codegen.files import check_output, replaced
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX files")
 
@@ -21,7 +20,7 @@ def write(path: Path, text: str, **options: bool) -> None:
 
 def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
-    with replaced(path) as temporary:
+    with replaced(path, overwrite=True) as temporary:
         temporary.write_text("half", encoding="utf-8")
         assert temporary.parent == tmp_path
         assert temporary.suffix == ".txt"
@@ -36,7 +35,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(error: type[BaseException
     path.write_text("old", encoding="utf-8")
 
     def stop() -> None:
-        with replaced(path) as temporary:
+        with replaced(path, overwrite=True) as temporary:
             temporary.write_text("new", encoding="utf-8")
             raise error("stop")
 
@@ -48,7 +47,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(error: type[BaseException
 
 def test_a_system_error_names_the_file_and_the_reason(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
-    with pytest.raises(OutputError, match="No space left") as caught, replaced(path):
+    with pytest.raises(OutputError, match="No space left") as caught, replaced(path, overwrite=True):
         raise OSError(28, "No space left on device")
     assert caught.value.where == str(path)
     assert caught.value.allowed
@@ -67,7 +66,7 @@ def test_a_file_is_kept_without_overwrite(tmp_path: Path) -> None:
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
     real, link = tmp_path / "real.txt", tmp_path / "link.txt"
     link.symlink_to("real.txt")
-    write(link, "new")
+    write(link, "new", overwrite=False)
     assert link.is_symlink()
     assert real.read_text(encoding="utf-8") == "new"
 
@@ -78,7 +77,7 @@ def test_devices_and_pipes_are_never_replaced(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     for path in (pipe, Path(os.devnull)):
         with pytest.raises(OutputError, match="device or a pipe"):
-            check_target(path)
+            check_output(path)
     assert pipe.is_fifo()
 
 
@@ -95,7 +94,7 @@ def test_a_place_that_is_none_is_refused_before_anything_is_written(
     before = sorted(tmp_path.rglob("*"))
     for overwrite in (True, False):
         with pytest.raises(OutputError) as caught:
-            check_target(path, overwrite=overwrite)
+            check_output(path, overwrite=overwrite)
         assert caught.value.where == path
         with pytest.raises(OutputError):
             write(Path(path), "new", overwrite=overwrite)
@@ -106,22 +105,21 @@ def test_a_place_that_is_none_is_refused_before_anything_is_written(
 def test_a_folder_without_permission_is_refused(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="may not be written to"):
-        check_target(tmp_path / "a.txt")
+        check_output(tmp_path / "a.txt")
     tmp_path.chmod(0o700)
 
 
 def test_a_free_place_is_good(tmp_path: Path) -> None:
-    assert check_target(tmp_path / "a.txt") == Path(os.path.realpath(tmp_path)) / "a.txt"
+    assert check_output(tmp_path / "a.txt") == Path(os.path.realpath(tmp_path)) / "a.txt"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_result_replaces_an_older_result_only(tmp_path: Path) -> None:
-    path = tmp_path / "a.txt"
+@pytest.mark.parametrize("text", ["precious", "", "written by tensegrity_codegen", "case,status,x\n0,ok,1\n"])
+def test_no_file_that_exists_is_replaced_unless_that_is_asked_for(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
     assert check_output(path) == path
-    path.write_text(MARK, encoding="utf-8")
-    check_output(path)
-    path.write_text("precious", encoding="utf-8")
-    with pytest.raises(OutputError, match="not written by") as caught:
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(OutputError, match="exists already") as caught:
         check_output(path)
     assert "overwrite=True" in caught.value.hint
     check_output(path, overwrite=True)
@@ -131,20 +129,19 @@ def test_a_result_replaces_an_older_result_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a.toml", "folder/../a.toml", "link", "hard"])
 def test_an_input_is_never_an_output_under_any_name(name: str, tmp_path: Path) -> None:
     source = tmp_path / "a.toml"
-    source.write_text(MARK, encoding="utf-8")
+    source.write_text("name", encoding="utf-8")
     (tmp_path / "folder").mkdir()
     (tmp_path / "link").symlink_to("a.toml")
     (tmp_path / "hard").hardlink_to(source)
-    for check in (check_target, check_output):
-        with pytest.raises(OutputError, match="would replace an input"):
-            check(tmp_path / name, inputs=[source], overwrite=True)
+    with pytest.raises(OutputError, match="would replace an input"):
+        check_output(tmp_path / name, inputs=[source], overwrite=True)
     check_output(tmp_path / "other", inputs=[source, tmp_path / "missing"])
 
 
 KILLED = """
 import os, signal, sys
 from tensegrity_codegen.files import replaced
-with replaced(sys.argv[1]) as temporary:
+with replaced(sys.argv[1], overwrite=True) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -156,7 +153,10 @@ def test_what_a_killed_process_left_goes_with_the_next_writing(tmp_path: Path) -
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     subprocess.run([sys.executable, "-c", KILLED, str(path)], env=environment, timeout=60)
     assert len(list(tmp_path.iterdir())) == 1
-    with replaced(path) as first, replaced(path) as second:  # those in use stay
+    with (
+        replaced(path, overwrite=True) as first,
+        replaced(path, overwrite=True) as second,
+    ):  # those in use stay
         first.write_text("old", encoding="utf-8")
         second.write_text("new", encoding="utf-8")
     assert list(tmp_path.iterdir()) == [path]

@@ -75,7 +75,7 @@ def check_refusal(error: TensegrityError, place: str, name: str) -> None:
     json.dumps(error.as_dict(), allow_nan=False)
 
 
-def check_texts(files: dict[str, str]) -> None:
+def check_names(files: dict[str, str]) -> None:
     """Generated text is plain ASCII without trigraphs; comments end where they are meant to."""
     for name, text in files.items():
         assert re.fullmatch(r"[A-Za-z0-9_.]+", name), name
@@ -136,7 +136,7 @@ def try_name(place: str, name: str) -> None:
         source = emit(*load_scene(path))
         manifest = check_manifest(source.files["manifest.json"], place, name)
         bundle = emit_bundle(manifest, [f"{manifest.name}.c"], f"lib{manifest.name}.so")
-        check_texts(dict(source.files) | bundle)
+        check_names(dict(source.files) | bundle)
         check_wheel_text(manifest, Path(folder))
 
 

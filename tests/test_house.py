@@ -27,7 +27,20 @@ from tests.cli.test_startup import HEAVY, find_loaded
 
 ROOT = Path(__file__).resolve().parent.parent
 VERBS = [
-    *("bench", "clean", "contracts", "demo", "docs", "examples", "format", "golden", "help", "lint", "setup"),
+    *(
+        "bench",
+        "check",
+        "clean",
+        "contracts",
+        "demo",
+        "docs",
+        "examples",
+        "format",
+        "golden",
+        "help",
+        "lint",
+        "setup",
+    ),
     *("test", "test-all", "types", "wheel"),
 ]
 in_checkout = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs the git checkout")
@@ -62,12 +75,13 @@ def test_every_verb_can_be_planned(verb: str) -> None:
 
 
 @with_make
-def test_make_test_runs_lint_types_contracts_and_then_the_tests() -> None:
+def test_make_test_runs_the_tests_and_names_the_checks() -> None:
     plan = run("make", "-n", "test").stdout
-    tools = ("ruff check", "ruff format --check", "/mypy", "lint-imports", "pytest -n")
-    order = [plan.find(tool) for tool in tools]
-    assert -1 not in order
-    assert order == sorted(order)
+    assert "make check" in plan
+    assert "pytest -n" in plan
+    assert "ruff" not in plan
+    checks = run("make", "-n", "check").stdout
+    assert all(tool in checks for tool in ("ruff check", "ruff format --check", "/mypy", "lint-imports"))
 
 
 @with_make
@@ -75,7 +89,15 @@ def test_make_test_all_runs_the_tests_that_make_test_leaves_out() -> None:
     plan = run("make", "-n", "test-all").stdout
     selected = re.findall(r'pytest (?:.* )?-m "?(.+?)"?$', plan, re.MULTILINE)
     assert selected == ["not thorough and not peers", "peers", "thorough and not peers"]
+    assert "make --no-print-directory check\n" in document(".ci/run")
     assert "make --no-print-directory test-all" in document(".ci/run")
+
+
+@with_make
+def test_the_demo_installs_no_tools_of_tests(tmp_path: Path) -> None:
+    plan = run("make", "-n", "demo", f"VENV={tmp_path / 'environment'}").stdout
+    assert "'.[plot" in plan
+    assert "dev" not in plan
 
 
 @with_make

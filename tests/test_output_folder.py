@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import subprocess
 import sys
@@ -10,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.marks import LIST_FILE, MARK
-from tensegrity_codegen.output_folder import check_folder, write_folder
+from tensegrity_codegen.output_folder import LIST_FILE, check_folder, write_folder
 from tests.codegen.compilers import POSIX
 
 OLD = {"a.c": b"old a", "b.h": b"old b"}
@@ -25,7 +25,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_a_folder_is_made_with_its_parents(tmp_path: Path) -> None:
     target = write_folder(tmp_path / "a" / "b", {"one.txt": b"1", "two.bin": b"\0"})
     assert contents(target) == {"one.txt": b"1", "two.bin": b"\0"}
-    write_folder(target, {"one.txt": b"new"})
+    write_folder(target, {"one.txt": b"new"}, overwrite=True)
     assert contents(target) == {"one.txt": b"new", "two.bin": b"\0"}
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]
 
@@ -57,7 +57,7 @@ def test_the_list_is_one_that_sha256sum_reads(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["b.h", LIST_FILE])
 def test_a_file_of_somebody_else_is_refused_before_anything_is_written(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("precious", encoding="utf-8")
-    with pytest.raises(OutputError, match="not written by") as caught:
+    with pytest.raises(OutputError, match="of these names already") as caught:
         write_folder(tmp_path, NEW, listed=True, overwrite=False)
     assert caught.value.given == name
     assert "overwrite=True" in caught.value.hint
@@ -70,14 +70,26 @@ def test_a_file_that_was_changed_since_is_the_users(tmp_path: Path) -> None:
     write_folder(tmp_path, OLD, listed=True)
     (tmp_path / "a.c").write_text("edited", encoding="utf-8")
     with pytest.raises(OutputError) as caught:
-        check_folder(tmp_path, NEW)
+        check_folder(tmp_path, NEW, listed=True)
     assert caught.value.given == "a.c"
-    assert check_folder(tmp_path, ["b.h", "c.so"]) == tmp_path
+    assert check_folder(tmp_path, ["b.h", "c.so"], listed=True) == tmp_path
 
 
-def test_a_marked_file_needs_no_list(tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text(f"<meta content='{MARK}'>", encoding="utf-8")
-    check_folder(tmp_path, ["page.html"])
+def test_only_folders_of_builds_replace_what_a_list_names(tmp_path: Path) -> None:
+    write_folder(tmp_path, OLD, listed=True)
+    with pytest.raises(OutputError, match="already") as caught:
+        write_folder(tmp_path, OLD)
+    assert caught.value.given == "a.c, b.h"
+
+
+def test_a_list_of_the_users_keeps_its_entries(tmp_path: Path) -> None:
+    (tmp_path / "data.bin").write_bytes(b"mine")
+    line = f"{hashlib.sha256(b'mine').hexdigest()}  data.bin"
+    (tmp_path / LIST_FILE).write_text(f"{line}\n{'0' * 64}  gone.bin\n", encoding="utf-8")
+    write_folder(tmp_path, OLD, listed=True)
+    lines = (tmp_path / LIST_FILE).read_text(encoding="utf-8").splitlines()
+    assert line in lines
+    assert [item.split("  ")[1] for item in lines] == ["a.c", "b.h", "data.bin"]
 
 
 @POSIX
@@ -87,7 +99,7 @@ def test_inputs_and_links_are_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="would replace an input"):
         write_folder(tmp_path, NEW, inputs=[scene], overwrite=True)
     (tmp_path / "b.h").symlink_to("a.c")
-    with pytest.raises(OutputError, match="not written by"):
+    with pytest.raises(OutputError, match="of these names already"):
         check_folder(tmp_path, ["b.h"])
 
 

@@ -15,7 +15,7 @@ from tensegrity_codegen import find_equilibrium, linearize
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache, CacheEntry
 from tensegrity_codegen.errors import CompileError, LibraryError, OutputError, UnknownNameError
-from tensegrity_codegen.marks import LIST_FILE
+from tensegrity_codegen.output_folder import LIST_FILE
 from tensegrity_codegen.pipeline import BuiltLibrary, build_library, compile_scene, load_scene
 from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.simulate.simulate import simulate

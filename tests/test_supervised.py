@@ -52,7 +52,7 @@ LEAVING = """
 from pathlib import Path
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.work_folder import work_folder
-with work_folder(Path(sys.argv[2])) as folder, replaced(Path(sys.argv[2]) / "a.txt") as path:
+with work_folder(Path(sys.argv[2])) as folder, replaced(Path(sys.argv[2]) / "a.txt", overwrite=False) as path:
     path.touch()
     (folder / "file").touch()
     print("written", flush=True)

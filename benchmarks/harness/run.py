@@ -29,7 +29,6 @@ from harness.tables import acceptance_cells
 from harness.tools import Tools, find_tools
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
-from tensegrity_codegen.long_work.estimate import Pass, WorkEstimate
 from tensegrity_codegen.long_work.identity import hash_run
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.resumption import Resumption
@@ -83,14 +82,14 @@ def run_all(plan: Plan, console: Console | None = None) -> Report:
     Finished parts are kept in FOLDER/journal; after an interruption the same plan goes on from there.
     """
     console = console or Console()
-    work = WorkEstimate([Pass(TITLE, 1.0)], title="compilers")
-    bar = ProgressBar(lambda: Console(stderr=True), work.look)
+    bar = ProgressBar(lambda: Console(stderr=True))
+    bar.title = "compilers"
     bar.start()
     try:
         tools = find_tools(plan.out / "libraries", 180.0)
         session = Session(rounds=5 if plan.quick else 15)
-        session.say = _say_plainly(console, work)
-        kept = Kept(_open_journal(plan, tools, console), work.begin(TITLE))
+        session.say = _say_plainly(console, bar)
+        kept = Kept(_open_journal(plan, tools, console), bar.begin(TITLE))
         kept.announce(plan.parts)
         ours = Ours(tools.compilation, tools.runner)
         session.say("floor of this core")
@@ -172,11 +171,11 @@ def _run_script(name: str) -> str:
     return done.stdout if done.returncode == 0 else f"{FAILED}\n{done.stderr}"
 
 
-def _say_plainly(console: Console, work: WorkEstimate) -> Any:
+def _say_plainly(console: Console, bar: ProgressBar) -> Any:
     """Return what titles the bar, and prints one line a comparison where the output is no terminal."""
 
     def say(text: str) -> None:
-        work.title = text
+        bar.title = text
         if "making" not in text and not console.is_terminal:
             console.print(text, highlight=False)
 

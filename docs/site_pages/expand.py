@@ -8,6 +8,7 @@
     <!-- site: scene NAME -->                      the text of a scene's file, folded
     <!-- site: keys of scenes -->                  every table and key of scene files
     <!-- site: file docs/derivations/bodies.py --> a program, as code
+    <!-- site: bars NAME, NAME: PART, PART -->     the next table as bars: columns of names, of parts
     <!-- site: pages 0* -->                        navigation: pages of this folder, by name or pattern
     <!-- site: python NAME NAME ... -->            public names with their docstrings
 
@@ -19,6 +20,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+from site_pages.bars import write_bars
 from site_pages.command_line import write_command_line
 from site_pages.gallery import write_cards, write_live_frame, write_scene_file
 from site_pages.links import ROOT, point_links
@@ -34,7 +36,9 @@ def expand_page(text: str, page: str) -> str:
     """Return the Markdown of a page, a path from the root, with its marks replaced and its links pointed."""
     parts = MARK.split(point_links(text, page, page))
     for place in range(1, len(parts), 2):
-        parts[place] = _replace(parts[place], page)
+        mark, following = parts[place : place + 2]
+        is_bars = mark.startswith("bars ")
+        parts[place] = write_bars(mark[5:], following, page) if is_bars else _replace(mark, page)
     return "".join(parts)
 
 
@@ -61,7 +65,7 @@ def _replace(mark: str, page: str) -> str:
     if word == "pages":
         names = "\n".join(rest.split())
         return f"```{{toctree}}\n:hidden:\n:glob:\n\n{names}\n```"
-    allowed = ", ".join([*makers, "cards", "file", "include", "live", "pages", "python", "scene"])
+    allowed = ", ".join([*makers, "bars", "cards", "file", "include", "live", "pages", "python", "scene"])
     raise ValueError(f"{page}: no mark of the site is called {mark!r}; allowed: {allowed}")
 
 

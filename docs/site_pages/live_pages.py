@@ -35,6 +35,7 @@ def write_live_pages(site: Path, cache: Path) -> list[str]:
     scenes = find_scenes()
     wanted = {name: compute_fingerprint(path, code_mark, _list_words(name)) for name, path in scenes.items()}
     due = [name for name in scenes if wanted[name] != known.get(name) or not _page(site, name).exists()]
+    print(f"live pages: {len(due)} of {len(scenes)} have to be written", file=sys.stderr)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         codes = list(pool.map(lambda name: _write_page(scenes[name], _page(site, name)), due))
     for path in scenes.values():

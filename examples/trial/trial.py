@@ -76,7 +76,7 @@ class Libraries:
         return build_library(structure, request, target=bundle.target)
 
     def _export(self, name: str) -> Path:
-        return self._build(name).export(self.out / name)
+        return self._build(name).export(self.out / name, overwrite=True)
 
     def _expect(self, name: str) -> tuple[Row, ...]:
         if name == "tower":

@@ -552,11 +552,19 @@ static double event_on_path(
   return event_in_part(path, 0.5, m->middle, m->turn, 1.0, m->last, m->slope, with, run, m);
 }
 
+static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, a glide costs accuracy */
+
+/* Time in which margin k passes its noise, at most LONGEST_PASSING. */
+static double event_passing(double pace, const event_memory *m, int k)
+{
+  const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
+  return passing < LONGEST_PASSING * pace ? passing : LONGEST_PASSING * pace;
+}
+
 /* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
 static double event_near(double base, double pace, const event_memory *m)
 {
-  const double passing = 8.0 * m->noise[m->which] / fabs(m->rise[m->which]);
-  return base + (passing < 1e-8 * pace ? passing : 1e-8 * pace);
+  return base + event_passing(pace, m, m->which);
 }
 
 /* Note an event of margin k. */
@@ -591,10 +599,12 @@ static int event_turn(double time, event_memory *m, const double *margin, two_no
   return count;
 }
 
-/* Whether all margins that have left their sides have done so by little more than their noise. */
-static int event_lands(const event_memory *m)
+/* Whether all margins that have left their sides have done so by little more than their noise. Where forces jump this
+ * is left to glides, which know them on both sides, but for the condition and margins too slow for that. */
+static int event_lands(double pace, const event_memory *m)
 {
   int k, count = 0;
+  (void)pace;
   for (k = 0; k < N_MARGINS; ++k) {
     const double left = event_left(m, m->last, k);
     if (left < -4.0 * m->noise[k]) {
@@ -711,6 +721,7 @@ static void event_follows(double time, double step, two_nodes_run *run)
   run->leash = run->crowd > 5 ? 2.0 * gap + 4e-16 * fabs(time) : 0.0;
   run->last_event = time;
 }
+
 
 /* Margins and their slopes a second at the start of a path; non-zero if they are finite. */
 static int event_stand(
@@ -1080,7 +1091,7 @@ static int rk4_run_is_cut_short(
   found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
   if (!all_finite(events->last, N_MARGINS)) {
     *error = INFINITY;
-  } else if (found >= 0.0 && *error <= 1.0 && event_lands(events)) {
+  } else if (found >= 0.0 && *error <= 1.0 && event_lands(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */

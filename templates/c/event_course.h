@@ -3,11 +3,23 @@
 #include "events.h"
 #if WITH_EVENTS
 
+#if WITH_SMOOTH_EVENTS
+static const double LONGEST_PASSING = 1e-8; /* of a step: beyond, a glide costs accuracy */
+#else
+static const double LONGEST_PASSING = 1e-6;
+#endif
+
+/* Time in which margin k passes its noise, at most LONGEST_PASSING. */
+static inline double event_passing(double pace, const event_memory *m, int k)
+{
+  const double passing = 8.0 * m->noise[k] / fabs(m->rise[k]);
+  return passing < LONGEST_PASSING * pace ? passing : LONGEST_PASSING * pace;
+}
+
 /* What counts as at the event that was found: `base`, or the time in which its margin passes its noise. */
 static inline double event_near(double base, double pace, const event_memory *m)
 {
-  const double passing = 8.0 * m->noise[m->which] / fabs(m->rise[m->which]);
-  return base + (passing < 1e-8 * pace ? passing : 1e-8 * pace);
+  return base + event_passing(pace, m, m->which);
 }
 
 /* Note an event of margin k. */
@@ -42,15 +54,24 @@ static inline int event_turn(double time, event_memory *m, const double *margin,
   return count;
 }
 
-/* Whether all margins that have left their sides have done so by little more than their noise. */
-static inline int event_lands(const event_memory *m)
+/* Whether all margins that have left their sides have done so by little more than their noise. Where forces jump this
+ * is left to glides, which know them on both sides, but for the condition and margins too slow for that. */
+static inline int event_lands(double pace, const event_memory *m)
 {
   int k, count = 0;
+#if WITH_SMOOTH_EVENTS
+  (void)pace;
+#endif
   for (k = 0; k < N_MARGINS; ++k) {
     const double left = event_left(m, m->last, k);
     if (left < -4.0 * m->noise[k]) {
       return 0;
     }
+#if !WITH_SMOOTH_EVENTS
+    if (left < 0.0 && k != N_MARGINS - 1 && event_passing(pace, m, k) < LONGEST_PASSING * pace) {
+      return 0;
+    }
+#endif
     count += left < 0.0;
   }
   return count > 0;
@@ -145,6 +166,9 @@ static inline void event_cut(double found, double h, double near, scene_run *run
 {
   const double root = fabs(found) * h;
   run->cut = found < 0.0 ? root : root * (0.999 - 0.05 * (1.0 - found) * (1.0 - found));
+#if !WITH_SMOOTH_EVENTS
+  run->cut = found < 0.0 || root <= near ? run->cut : fmin(run->cut, root - 0.5 * near);
+#endif
   run->remaining = root - run->cut;
   run->ahead = found >= 0.0 && root <= near ? fmax(root, 1e-300) : 0.0;
   ++run->n_rejected;
@@ -170,6 +194,35 @@ static inline void event_follows(double time, double step, scene_run *run)
   run->leash = run->crowd > 5 ? 2.0 * gap + 4e-16 * fabs(time) : 0.0;
   run->last_event = time;
 }
+
+#if !WITH_SMOOTH_EVENTS
+
+/* How long ago the margins that have left their sides, at m->last, were zero; no longer than `longest`. */
+static inline double event_delay(double longest, const event_memory *m)
+{
+  double delay = 0.0;
+  int k;
+  for (k = 0; k < N_MARGINS; ++k) {
+    delay = event_left(m, m->last, k) < 0.0 ? fmax(delay, fabs(m->last[k] / m->rise[k])) : delay;
+  }
+  return fmin(delay, longest);
+}
+
+/* Forces jump where a margin is zero, not where it is beyond its noise: give velocities what this delay has kept from
+ * them. before, after: accelerations on both sides; lost: what rounding took of velocities, NULL if not kept. */
+static inline void event_catch_up(
+    double delay, const double *before, const double *after, double *velocity, double *lost)
+{
+  int k;
+  for (k = 0; k < N; ++k) {
+    const double missing = delay * (after[k] - before[k]) + (lost != NULL ? lost[k] : 0.0), old = velocity[k];
+    velocity[k] = old + missing;
+    if (lost != NULL) {
+      lost[k] = missing - (velocity[k] - old);
+    }
+  }
+}
+#endif
 
 /* Margins and their slopes a second at the start of a path; non-zero if they are finite. */
 static inline int event_stand(

@@ -104,6 +104,9 @@ static inline int method_pass(double root, double near, double left, const metho
   const double h = fmin(root + near, left), t1 = h < left ? *m->time + h : *m->time + left;
   method_work *w = m->work;
   int k;
+#if !WITH_SMOOTH_EVENTS
+  double delay;
+#endif
   motion_glide(h, m->state, w->lost, w->rates, w->change, w->trial);
 #if WITH_PROFILE
   profile_set_time(t1, m->with->profile);
@@ -112,6 +115,9 @@ static inline int method_pass(double root, double near, double left, const metho
   motion_project(w->trial, w->trial + N, m->with, w->events.point);
 #endif
   event_margins(t1, w->trial, w->trial + N, m->with, m->run, w->events.last);
+#if !WITH_SMOOTH_EVENTS
+  delay = event_delay(2.0 * near, &w->events);
+#endif
   if (!event_turn(*m->time + root, &w->events, w->events.last, m->run)) {
     return 0;
   }
@@ -124,6 +130,11 @@ static inline int method_pass(double root, double near, double left, const metho
   profile_set_time(t1, m->with->profile);
 #endif
   motion_rate(m->state, m->with, w->rates);
+#if !WITH_SMOOTH_EVENTS
+  event_catch_up(delay, w->old + 2 * N, w->rates + N, m->state + N, w->lost + N);
+  motion_rate(m->state, m->with, w->rates);
+  ++m->run->n_evaluations;
+#endif
   motion_sample(*m->time, h, t1, w->old, m->state, w->rates + N, m->with, w->events.point, m->to);
   event_follows(*m->time + root, *m->step, m->run);
   *m->time = t1;
@@ -209,7 +220,7 @@ static inline int method_is_cut_short(
   found = event_on_path(&path, parts, *error <= 1.0, m->with, m->run, events);
   if (!all_finite(events->last, N_MARGINS)) {
     *error = INFINITY;
-  } else if (found >= 0.0 && *error <= 1.0 && event_lands(events)) {
+  } else if (found >= 0.0 && *error <= 1.0 && event_lands(m->run->pace, events)) {
     *is_landing = 1;
   } else if (found <= 1.0) {
     /* A step that was cut at the condition and meets it again meets noise, but where events are many. */

@@ -104,6 +104,9 @@ static inline int radau_advance(
     profile_set_start(*time, run->with->profile);
 #endif
     radau_weigh(run, h, state);
+#if WITH_RADAU_DAMPED
+    radau_find_damped(run, state, state + N);
+#endif
     if (radau_factor_step(run, h) && radau_newton(run, h, state)) {
       for (k = 0; k < N; ++k) {
         run->trial[k] = state[k] + run->increment[2 * N + k];
@@ -126,7 +129,7 @@ static inline int radau_advance(
       is_known = all_finite(m->last, N_MARGINS);
       if (!is_known) {
         error = INFINITY;
-      } else if (found >= 0.0 && is_good && event_lands(m)) {
+      } else if (found >= 0.0 && is_good && event_lands(events->pace, m)) {
         is_landing = 1;
       }
       if (is_good && !is_landing && (found <= 1.0 || !(error <= 1.0))) {

@@ -7,7 +7,9 @@
 enum {
   N_TENSIONS = 1,              /* members whose tensions are unknowns, multipliers of their laws */
   TENSION_ROOM = 1,            /* the same, at least 1 */
-  N_UNKNOWNS = N + N_TENSIONS, /* coordinates, then multipliers */
+  N_DAMPED = WITH_RADAU_DAMPED, /* cables that the matrix holds, since they have much damping */
+  N_ROWS = N_TENSIONS + N_DAMPED,
+  N_UNKNOWNS = N + N_ROWS, /* coordinates, multipliers, then changes of the tensions of these cables */
   RADAU_LAW = 3 + AXES,        /* numbers in the laws of all members */
   RADAU_MASSES = N,            /* entries of the mass matrix */
   RADAU_ENTRIES = AXES,        /* entries below the diagonal of the matrix, and of its factor */
@@ -30,9 +32,13 @@ extern const int radau_row[RADAU_ROWS];
 extern const int radau_update_start[RADAU_FACTOR_ROOM + 1], radau_update_row[1], radau_update_entry[1];
 /* Where each non-zero of the mass matrix goes: >= 0 an entry, -1 - row the diagonal, others nowhere. */
 extern const int radau_mass_entry[RADAU_MASSES];
-/* Of each multiplier: its member, and end by end and axis by axis the coordinate (-1: anchored) and the entry. */
+/* Of each multiplier: its member; of it, then of each damped cable, end by end and axis by axis the coordinate (-1:
+ * anchored) and the entry. */
 extern const int scene_radau_member[TENSION_ROOM];
-extern const int radau_coordinate[2 * AXES * TENSION_ROOM], radau_direction_entry[2 * AXES * TENSION_ROOM];
+extern const int radau_coordinate[2 * AXES * N_ROWS], radau_direction_entry[2 * AXES * N_ROWS];
+#if WITH_RADAU_DAMPED
+extern const int radau_damped_member[N_DAMPED];
+#endif
 
 /* Forces of all but the members above; here none. */
 static inline void radau_force(

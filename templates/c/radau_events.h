@@ -92,17 +92,24 @@ static inline int radau_event_pass(
 {
   const double base = 1e-12 * events->pace + 1e-15 * fabs(*time), reach = radau_reach(run, events->pace);
   event_path path;
-  double root, h, t1;
+  double root, h, t1, near;
   int k;
+#if !WITH_SMOOTH_EVENTS
+  double delay;
+#endif
   radau_glide(run, *time, fmin(fmax(4.0 * events->ahead, 4.0 * base), left), state, &path);
   root = event_on_path(&path, 1, 0, run->with, events, m) * path.h;
   if (!event_is_near(root, reach, path.h, step, events, m)) {
     return 1;
   }
-  h = fmin(root + event_near(base, events->pace, m), left);
+  near = event_near(base, events->pace, m);
+  h = fmin(root + near, left);
   t1 = h < left ? *time + h : *time + left;
   radau_glide(run, *time, h, state, &path);
   event_margins(t1, path.q1, path.v1, run->with, events, m->last);
+#if !WITH_SMOOTH_EVENTS
+  delay = event_delay(2.0 * near, m);
+#endif
   if (!event_turn(*time + root, m, m->last, events)) {
     events->loudness *= 8.0;
     return 1;
@@ -118,6 +125,13 @@ static inline int radau_event_pass(
   events->loudness = 1.0;
 #if WITH_PROFILE
   profile_set_start(t1, run->with->profile);
+#endif
+#if !WITH_SMOOTH_EVENTS
+  if (!radau_restart(run, h, *step, state)) {
+    return 0;
+  }
+  event_catch_up(delay, run->ahead, run->acceleration, state + N, NULL);
+  h = 0.0;
 #endif
   return radau_restart(run, h, *step, state) && radau_stand(run, t1, state, events, m);
 }

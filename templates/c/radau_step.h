@@ -97,9 +97,75 @@ static inline void radau_prepare(radau_work *run)
   }
 }
 
-/* Factors of [s^2 H, G^T; G, -kappa / (1 + lag s)] at `direction`, s = scale; inverse compliance as given. */
+/* Enter the direction of a member into the matrix, pairs of numbers where `width` is 2. */
+static inline void radau_enter(radau_work *run, const int *to, const double *direction, int width)
+{
+  int k;
+  for (k = 0; k < 2 * AXES; ++k) {
+    if (to[k] >= 0) {
+      run->entry[width * to[k]] = k < AXES ? direction[k] : -direction[k - AXES];
+      if (width == 2) {
+        run->entry[2 * to[k] + 1] = 0.0;
+      }
+    }
+  }
+}
+
+#if WITH_RADAU_DAMPED
+/* Directions and laws of the damped cables at (q, v); those that do not pull have none. */
+static inline void radau_find_damped(radau_work *run, const double *q, const double *v)
+{
+  int b, k;
+#if WITH_PROFILE
+  const double *laws = run->law_later;
+  radau_laws(run->with, run->law_later, run->mass_later);
+#else
+  const double *laws = run->law;
+#endif
+  for (b = 0; b < N_DAMPED; ++b) {
+    const int *at = radau_coordinate + 2 * AXES * (N_TENSIONS + b);
+    const double *law = laws + (3 + AXES) * radau_damped_member[b];
+    double *d = run->damped_direction + AXES * b, square = 0.0, along = 0.0, length;
+    int pulls;
+    for (k = 0; k < AXES; ++k) {
+      const int i = at[k], j = at[AXES + k];
+      d[k] = (i < 0 ? 0.0 : q[i]) - (j < 0 ? 0.0 : q[j]) + law[3 + k];
+      along += d[k] * ((i < 0 ? 0.0 : v[i]) - (j < 0 ? 0.0 : v[j]));
+      square += d[k] * d[k];
+    }
+    length = sqrt(square);
+    pulls = length > law[0] && law[1] * (length - law[0]) + law[2] * along / length > 0.0;
+    run->damped_stiffness[b] = pulls ? law[1] : 0.0;
+    run->damped_lag[b] = pulls ? law[2] / law[1] : 0.0;
+    for (k = 0; k < AXES; ++k) {
+      d[k] = pulls ? d[k] / length : 0.0;
+    }
+  }
+}
+
+/* Enter the damped cables for s = re + i im: eliminated, their rows add mu (1 + lag s) g g^T, g: a direction. With s = 0
+ * they are left out. */
+static inline void radau_enter_damped(radau_work *run, double re, double im, int width)
+{
+  static const double nothing[AXES] = {0.0};
+  int b;
+  for (b = 0; b < N_DAMPED; ++b) {
+    const int place = radau_place[N + N_TENSIONS + b], *to = radau_direction_entry + 2 * AXES * (N_TENSIONS + b);
+    const double u = 1.0 + run->damped_lag[b] * re, w = run->damped_lag[b] * im;
+    const double size = run->damped_stiffness[b] * (u * u + w * w);
+    const int is_in = re > 0.0 && size > 0.0;
+    radau_enter(run, to, is_in ? run->damped_direction + AXES * b : nothing, width);
+    run->diagonal[width * place] = is_in ? -u / size : -1.0;
+    if (width == 2) {
+      run->diagonal[2 * place + 1] = is_in ? w / size : 0.0;
+    }
+  }
+}
+
+#endif
+/* Factors of [square H, G^T; G, -c] at `direction`, c: compliance; damped cables are entered for s. */
 static inline int radau_factor_real(
-    radau_work *run, double square, const double *compliance, double least, double *factor, double *inverse)
+    radau_work *run, double s, double square, const double *compliance, double least, double *factor, double *inverse)
 {
   int b, k;
   for (k = 0; k < RADAU_ENTRIES; ++k) {
@@ -109,18 +175,14 @@ static inline int radau_factor_real(
     run->diagonal[radau_place[k]] = square * run->mass_diagonal[radau_place[k]];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    const int *to = radau_direction_entry + 2 * AXES * b;
-    for (k = 0; k < AXES; ++k) {
-      const double part = run->direction[AXES * b + k];
-      if (to[k] >= 0) {
-        run->entry[to[k]] = part;
-      }
-      if (to[AXES + k] >= 0) {
-        run->entry[to[AXES + k]] = -part;
-      }
-    }
+    radau_enter(run, radau_direction_entry + 2 * AXES * b, run->direction + AXES * b, 1);
     run->diagonal[radau_place[N + b]] = -compliance[b];
   }
+#if WITH_RADAU_DAMPED
+  radau_enter_damped(run, s, 0.0, 1);
+#else
+  (void)s;
+#endif
   return radau_factor(run->entry, run->diagonal, least, factor, inverse, run->spare);
 }
 
@@ -139,28 +201,21 @@ static inline int radau_factor_step(radau_work *run, double h)
     run->diagonal[2 * radau_place[k] + 1] = im * run->mass_diagonal[radau_place[k]];
   }
   for (b = 0; b < N_TENSIONS; ++b) {
-    const int *to = radau_direction_entry + 2 * AXES * b, place = radau_place[N + b];
+    const int place = radau_place[N + b];
     const double u = 1.0 + run->lag[b] * a, w = run->lag[b] * c, share = run->compliance[b] / (u * u + w * w);
-    for (k = 0; k < AXES; ++k) {
-      const double part = run->direction[AXES * b + k];
-      if (to[k] >= 0) {
-        run->entry[2 * to[k]] = part;
-        run->entry[2 * to[k] + 1] = 0.0;
-      }
-      if (to[AXES + k] >= 0) {
-        run->entry[2 * to[AXES + k]] = -part;
-        run->entry[2 * to[AXES + k] + 1] = 0.0;
-      }
-    }
+    radau_enter(run, radau_direction_entry + 2 * AXES * b, run->direction + AXES * b, 2);
     run->diagonal[2 * place] = -share * u;
     run->diagonal[2 * place + 1] = share * w;
   }
+#if WITH_RADAU_DAMPED
+  radau_enter_damped(run, a, c, 2);
+#endif
   radau_complex_factor(run->entry, run->diagonal, run->complex_factor, run->complex_inverse, run->spare);
   for (b = 0; b < N_TENSIONS; ++b) {
     run->shift[b] = run->compliance[b] / (1.0 + run->lag[b] * radau_real / h);
   }
   return radau_factor_real(
-      run, radau_real * radau_real / (h * h), run->shift, 0.0, run->real_factor, run->real_inverse);
+      run, radau_real / h, radau_real * radau_real / (h * h), run->shift, 0.0, run->real_factor, run->real_inverse);
 }
 
 /* Velocities and accelerations of the stages from their increments. */
@@ -203,6 +258,9 @@ static inline void radau_residual(radau_work *run, double h, const double *state
     }
     for (b = 0; b < N_TENSIONS; ++b) {
       gap[b] = run->compliance[b] * tension[b] - gap[b] - run->lag[b] * run->stage_rate[b];
+    }
+    for (; b < N_ROWS; ++b) {
+      gap[b] = 0.0;
     }
   }
   run->count[5] += 3;
@@ -365,6 +423,16 @@ static inline int radau_newton(radau_work *run, double h, const double *state)
   return 0;
 }
 
+/* Solve for real_side by factors that leave the damped cables out. */
+static inline void radau_solve_smooth(radau_work *run, const double *factor, const double *inverse)
+{
+  int b;
+  for (b = N_TENSIONS; b < N_ROWS; ++b) {
+    run->real_side[radau_place[N + b]] = 0.0;
+  }
+  radau_solve(factor, inverse, run->real_side);
+}
+
 /* How an error of the state counts: over atol + rtol |x|. Overwrites the weights of the step. */
 static inline double radau_norm(
     radau_work *run, const double *q, const double *v, const double *state, const double *trial)
@@ -416,9 +484,9 @@ static inline double radau_error(radau_work *run, double h, const double *state,
     run->real_side[radau_place[k]] = 0.0;
   }
   if (run->kept[4] > 0.0) {
-    radau_solve(run->quiet_factor, run->quiet_inverse, run->real_side);
+    radau_solve_smooth(run, run->quiet_factor, run->quiet_inverse);
   } else {
-    radau_solve(run->smooth_factor, run->smooth_inverse, run->real_side);
+    radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   }
   for (k = 0; k < N; ++k) {
     ev[k] += run->real_side[radau_place[k]];
@@ -449,14 +517,14 @@ static inline int radau_factor_smooth(radau_work *run, double h, const double *q
     differs = differs || (run->is_quiet[b] > 0.0 && ratio > 1e-4);
   }
   ++run->count[3];
-  is_good = radau_factor_real(run, 1.0, run->shift, radau_redundant, run->smooth_factor, run->smooth_inverse);
+  is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_redundant, run->smooth_factor, run->smooth_inverse);
   run->kept[4] = differs ? 1.0 : 0.0;
   if (differs) {
     for (b = 0; b < N_TENSIONS; ++b) {
       run->shift[b] = run->is_quiet[b] > 0.0 ? 0.0 : run->shift[b];
     }
     ++run->count[3];
-    is_good = radau_factor_real(run, 1.0, run->shift, radau_redundant, run->quiet_factor, run->quiet_inverse)
+    is_good = radau_factor_real(run, 0.0, 1.0, run->shift, radau_redundant, run->quiet_factor, run->quiet_inverse)
         && is_good;
   }
   return is_good;
@@ -477,7 +545,7 @@ static inline int radau_smooth(
   for (k = 0; k < N; ++k) {
     run->real_side[radau_place[k]] = 0.0;
   }
-  radau_solve(run->smooth_factor, run->smooth_inverse, run->real_side);
+  radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   for (k = 0; k < N; ++k) {
     run->velocity[k] = v[k] + run->real_side[radau_place[k]];
   }
@@ -498,7 +566,7 @@ static inline int radau_smooth(
     }
     run->real_side[radau_place[N + b]] = run->compliance[b] * curvature[b] - (square - along * along) / length;
   }
-  radau_solve(run->smooth_factor, run->smooth_inverse, run->real_side);
+  radau_solve_smooth(run, run->smooth_factor, run->smooth_inverse);
   for (k = 0; k < N; ++k) {
     run->acceleration[k] = run->real_side[radau_place[k]];
   }

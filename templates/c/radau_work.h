@@ -22,6 +22,9 @@ typedef struct {
   double real_factor[RADAU_FACTOR_ROOM], smooth_factor[RADAU_FACTOR_ROOM], quiet_factor[RADAU_FACTOR_ROOM];
   double real_inverse[N_UNKNOWNS], smooth_inverse[N_UNKNOWNS], quiet_inverse[N_UNKNOWNS];
   double complex_inverse[2 * N_UNKNOWNS];
+#if WITH_RADAU_DAMPED
+  double damped_direction[AXES * N_DAMPED], damped_stiffness[N_DAMPED], damped_lag[N_DAMPED];
+#endif
 #if WITH_EVENTS
   double jerk[N], ahead[N];
   event_memory margins;

@@ -21,6 +21,7 @@
 #define WITH_AXES_3 (CONFIG_N % 3 == 0)
 #define WITH_AXES_2 0
 #define WITH_RADAU_DIAGONAL_MASS 1
+#define WITH_RADAU_DAMPED (CONFIG_N % 3 == 0) /* the matrix holds cables with much damping */
 #define WITH_CONSTRAINTS 1 /* coordinates are redundant: a projection brings them back */
 #define WITH_VELOCITY 1    /* accelerations depend on velocities */
 #define WITH_BLOCKS 1      /* stiffness blocks are added to a matrix; else summed up before they are stored */

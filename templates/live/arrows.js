@@ -8,7 +8,8 @@ import { ARROW_FRAGMENT, ARROW_VERTEX } from "live/shaders";
 const LONGEST = 0.24;
 const ROW = 512; // arrows of one row of the texture
 
-export function buildArrows(model, textures) {
+/** meshes: those of the structure, whose bars are thicker than arrows. */
+export function buildArrows(model, meshes) {
   const loaded = [...model.loaded];
   for (let k = 0; k < (model.loadMotion ? 0 : model.nodeCount); k++) {
     if (model.load[3 * k] || model.load[3 * k + 1] || model.load[3 * k + 2]) loaded.push(k);
@@ -25,7 +26,7 @@ export function buildArrows(model, textures) {
   const rows = new Float32Array(4 * 2 * width * height);
   const texture = new THREE.DataTexture(rows, 2 * width, height, THREE.RGBAFormat, THREE.FloatType);
   const uniforms = {
-    ...textures.uniforms, thickness: { value: 0.0042 * crowd * model.size }, arrows: { value: texture },
+    ...meshes.shared, thinnest: { value: Math.min(0.0042 * crowd * model.size, 0.6 * meshes.thinnestBar) }, arrows: { value: texture },
     loadColor: { value: new THREE.Vector3() }, reactionColor: { value: new THREE.Vector3() },
   };
   const material = new THREE.ShaderMaterial({

@@ -14,22 +14,24 @@ function fill(out, valueOf) {
 
 /** The ways to colour the members of a model, by name. */
 export function buildColorings(model) {
-  const { tension, area, use } = model;
+  const { area, use, peak } = model;
+  const scale = model.tensionOnly.every(Boolean) ? "onesided" : "diverging"; // nets of cables know no compression
   const found = { kind: { label: "kind", unit: "", scale: null, values: () => null } };
   found.tension = {
-    label: "tension", meaning: "tension, compression negative", unit: "N", scale: "diverging", limit: largestOfRows(tension, null),
+    label: "tension", meaning: scale === "diverging" ? "tension, compression negative" : "tension", unit: "N", scale,
+    limit: largestRatio(peak, null),
     values: (state) => state.tension,
   };
   found.density = {
-    label: "force density", unit: "N/m", scale: "diverging", limit: largestOfRows(tension, model.restLength),
+    label: "force density", unit: "N/m", scale, limit: largestRatio(peak, model.restLength),
     values: (state, out) => fill(out, (e) => state.tension[e] / state.length[e]),
   };
   if (area.some((value) => value > 0)) {
     const stress = (state, out) => fill(out, (e) => (area[e] > 0 ? state.tension[e] / area[e] : NaN));
-    found.stress = { label: "stress", unit: "Pa", scale: "diverging", limit: largestOfRows(tension, area), values: stress };
+    found.stress = { label: "stress", unit: "Pa", scale, limit: largestRatio(peak, area), values: stress };
   }
   if (use) {
-    found.use = { label: "use of capacity", meaning: "used part of the limits", unit: "", scale: "sequential", limit: 1, values: (state) => state.use };
+    found.use = { label: "use of capacity", meaning: "used part of the limits", unit: "", scale: "sequential", limit: 1, over: true, values: (state) => state.use };
   }
   if (model.shapes.length) {
     found.mode = { label: "motion in the mode", meaning: "motion, 100 % is the largest of a node", unit: "", scale: "sequential", limit: 1, values: modeValues };
@@ -37,13 +39,14 @@ export function buildColorings(model) {
   return found;
 }
 
-/** Widen the scales of a running model for tensions that its first picture did not know; `usual` [N] where all are 0. */
-export function widenScales(colorings, model, tension, usual) {
-  const isKnown = largest(tension) > 0 || colorings.tension.limit > 0;
+/** Widen the scales of a running model for tensions that its first picture did not know, or let them reach just these;
+    `usual` [N] where all are 0. */
+export function widenScales(colorings, model, tension, usual, isNew = false) {
+  const isKnown = largest(tension) > 0 || (!isNew && colorings.tension.limit > 0);
   const shown = isKnown ? tension : new Float64Array(tension.length).fill(usual);
   for (const [name, divisor] of [["tension", null], ["density", model.restLength], ["stress", model.area]]) {
     const coloring = colorings[name];
-    if (coloring) coloring.limit = Math.max(coloring.limit, largestRatio(shown, divisor));
+    if (coloring) coloring.limit = Math.max(isNew ? 0 : coloring.limit, largestRatio(shown, divisor));
   }
 }
 
@@ -54,13 +57,6 @@ function largestRatio(tension, divisor) {
     const value = Math.abs(tension[e]) / (divisor ? divisor[e] : 1);
     if (Number.isFinite(value) && value > most) most = value;
   }
-  return most;
-}
-
-function largestOfRows(channel, divisor) {
-  const row = new Float64Array(channel.width);
-  let most = 0;
-  for (let k = 0; k < channel.rows; k++) most = Math.max(most, largestRatio(channel.read(k, row), divisor));
   return most;
 }
 
@@ -75,12 +71,14 @@ function modeValues(state, out) {
   });
 }
 
-/** Write the colours (r, g, b, style) of all members; style 255 is a full line, 0 a dashed one. */
+/** Write the colours (r, g, b, style) of all members; style 255 is a full line, 0 a dashed one. Returns whether values lie
+    beyond the scale, which its ends then say. */
 export function paintMembers(out, coloring, state, model, palette, scratch) {
   const values = coloring.values(state, scratch);
   const scale = coloring.scale && palette[coloring.scale];
   const isDiverging = coloring.scale === "diverging";
   const limit = coloring.limit > 0 ? coloring.limit : 1;
+  let isBeyond = false;
   for (let e = 0; e < model.memberCount; e++) {
     const place = 4 * e;
     let color = model.isBar[e] ? palette.bar : palette.cable;
@@ -88,8 +86,9 @@ export function paintMembers(out, coloring, state, model, palette, scratch) {
     if (values) {
       const part = isDiverging ? 0.5 + (0.5 * values[e]) / limit : values[e] / limit;
       if (Number.isNaN(values[e])) color = palette.unknown;
-      else if (!isDiverging && part > 1 + 1e-9) color = palette.over;
+      else if (coloring.over && part > 1 + 1e-9) color = palette.over;
       else {
+        isBeyond ||= Math.abs(values[e]) > 1.02 * limit;
         color = scale;
         first = 3 * Math.round(255 * Math.min(Math.max(part, 0), 1));
       }
@@ -103,4 +102,5 @@ export function paintMembers(out, coloring, state, model, palette, scratch) {
     out[place + 2] = color[first + 2];
     out[place + 3] = state.slack[e] ? 0 : 255;
   }
+  return isBeyond;
 }

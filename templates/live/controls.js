@@ -1,4 +1,4 @@
-// Controls of a running model: run, step, reset, speed, inputs, parameters, gravity, damping, the clock.
+// Controls of a running model: run, step, restart, speed, inputs, parameters, gravity, damping, the clock.
 
 import { fillSelect } from "live/panel";
 import { short, withUnit } from "live/numbers";
@@ -12,7 +12,8 @@ export function connectControls(app) {
   byId("transport").hidden = false;
   byId("time").hidden = true;
   byId("run-facts").hidden = byId("step").hidden = byId("restart").hidden = false;
-  byId("controls-box").hidden = false;
+  byId("controls-box").hidden = byId("start").hidden = byId("rescale").hidden = false;
+  byId("rescale").onclick = () => app.rescale();
   app.singleStep = () => engine.send("advance", { time: engine.last.time + STEP });
   app.restart = () => engine.send("reset");
   byId("play").onclick = () => app.player.toggle();
@@ -96,12 +97,15 @@ export function showRun(app) {
   byId("clock").textContent = `${last.time.toFixed(2)} s`;
   byId("play").setAttribute("aria-label", last.running ? "pause" : "play");
   byId("play").classList.toggle("playing", last.running);
+  if (last.running || last.time > 0) byId("start").hidden = true;
   const facts = byId("run-facts");
   const wished = Number(byId("speed").value);
   const isBehind = last.speed !== null && last.speed < 0.93 * wished;
-  facts.classList.toggle("behind", isBehind || last.status !== 0 || Boolean(failure));
+  const isStopped = last.status !== 0 || Boolean(failure);
+  facts.classList.toggle("stopped", isStopped);
+  facts.classList.toggle("behind", isBehind || isStopped);
   if (failure) facts.textContent = `stopped: ${failure}`;
-  else if (last.status !== 0) facts.textContent = `stopped at ${last.time.toFixed(4)} s, ${last.text}; reset starts again`;
+  else if (last.status !== 0) facts.textContent = `stopped at ${last.time.toFixed(4)} s, ${last.text}; restart begins again`;
   else if (!last.running) facts.textContent = "paused";
   else if (last.speed === null) facts.textContent = "running";
   else facts.textContent = `${pace(last.speed)} × real time${isBehind ? `, ${adviceOf(app)}` : ""}`;

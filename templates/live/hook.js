@@ -2,6 +2,12 @@
 
 export function exposeHook(app) {
   const { model, stage, state } = app;
+  /** Refuse what the page does not know, before it changes anything. */
+  const check = (isGood, allowed) => {
+    if (!isGood) throw new RangeError(`allowed: ${allowed}`);
+  };
+  const isIndex = (value, count) => Number.isInteger(value) && value >= 0 && value < count;
+  const areFinite = (...values) => values.every(Number.isFinite);
   const inScene = (nodes) => Array.from(nodes, (value, i) => value + model.origin[i % 3]);
   window.tensegrity = {
     ready: true,
@@ -45,16 +51,41 @@ export function exposeHook(app) {
     get coloring() {
       return app.coloringName;
     },
-    seekFrame: (k) => app.player.seekFrame(k),
-    seek: (time) => app.player.seek(time),
+    seekFrame: (k) => {
+      check(isIndex(k, model.frameCount), `the number of a sample, 0 to ${model.frameCount - 1}`);
+      app.player.seekFrame(k);
+    },
+    seek: (time) => {
+      check(areFinite(time), "a time [s]");
+      app.player.seek(time);
+    },
     play: () => app.player.play(),
     pause: () => app.player.pause(),
-    orbit: (turn, tilt, zoom) => app.orbit(turn, tilt, zoom ?? 1),
-    colorBy: (name) => app.colorBy(name),
-    showMode: (k) => app.showMode(k),
-    choose: (picked) => app.choose(picked),
+    orbit: (turn, tilt, zoom = 1) => {
+      check(areFinite(turn, tilt, zoom) && zoom > 0, "angles [rad], and a factor of the distance above 0");
+      app.orbit(turn, tilt, zoom);
+    },
+    lookFrom: (name) => {
+      check(app.views.includes(name), app.views.join(", "));
+      app.lookFrom(name);
+    },
+    colorBy: (name) => {
+      check(Object.hasOwn(app.colorings, name), Object.keys(app.colorings).join(", "));
+      app.colorBy(name);
+    },
+    showMode: (k) => {
+      check(k === null || isIndex(k, model.scene.modes.length), `null, or the number of a mode below ${model.scene.modes.length}`);
+      app.showMode(k);
+    },
+    choose: (picked) => {
+      const { member, node } = picked ?? {};
+      const isKnown = isIndex(member, model.memberCount) || (member === undefined && isIndex(node, model.nodeCount));
+      check(picked === null || isKnown, "null, {member} or {node} with an index");
+      app.choose(picked);
+    },
     /** Where a node stands on the screen [px]. */
     place: (node) => {
+      check(isIndex(node, model.nodeCount), `the number of a node, 0 to ${model.nodeCount - 1}`);
       const places = app.project();
       return [places[3 * node], places[3 * node + 1]];
     },

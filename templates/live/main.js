@@ -44,6 +44,7 @@ export async function start(scene, buffers) {
   let shown = null;
   run(app, (seconds) => {
     const isMoving = app.player.advance(seconds);
+    app.filmEnds?.();
     if (app.modes.chosen !== null) app.modes.advance(seconds);
     const mark = `${app.player.shown} ${app.chosen?.member} ${app.chosen?.node} ${app.player.isPlaying} ${app.palette.isDark}`;
     if (mark !== shown) {

@@ -2,6 +2,7 @@
 
 import { THREE } from "three";
 import { capsule, pyramid, repeat, ribbon } from "live/shapes";
+import { groundLevel } from "live/stage";
 import * as glsl from "live/shaders";
 
 // Sides and rings of the capsules of so many bars at most.
@@ -9,6 +10,9 @@ const FINENESS = [[24, 20, 6], [100, 14, 4], [600, 10, 3], [Infinity, 8, 2]];
 const SIMPLER = 1500; // members of a kind from which simpler shapes stand for them while a slow picture moves
 const THIN = [1.5, 4]; // pixels of radius below which a line stands for a cable, a ribbon for a bar
 const THINNEST = 0.75; // pixels, half of what a member has at least
+const CROWD = 400; // members above which bars need no more than cables, and thin cables fade: many would make patterns
+const FADED = 0.6; // of its colour that the thinnest cable keeps
+const SHADOWS = 600; // members up to which shadows are drawn
 const RIM = 2.5; // pixels around what is chosen
 
 const material = (vertexShader, fragmentShader, uniforms, more = {}) =>
@@ -21,20 +25,33 @@ const drawn = (geometry, shader, order = 0) => {
   return mesh;
 };
 
-/** Radii that members are drawn with [m]: the stated ones, else some that suit the size and the number. */
-export function drawnRadii(model) {
+/** Radii that members are drawn with [m]: the stated ones, else some that suit the size, the number and the largest
+    force of the motion. */
+function sectionRadii(model) {
   const crowd = Math.min(1, Math.max(0.18, (45 / Math.max(model.memberCount, 1)) ** 0.4));
+  const thinnest = model.radius.reduce((least, radius, e) => (model.isBar[e] && radius ? Math.min(least, radius) : least), Infinity);
   const usual = [
-    Math.min(0.0032 * crowd * model.size, 0.006 * model.usualLength),
+    Math.min(0.0032 * crowd * model.size, 0.006 * model.usualLength, 0.4 * thinnest), // below stated bars
     Math.min(0.011 * crowd * model.size, 0.02 * model.usualLength),
   ];
-  return Float32Array.from(model.radius, (radius, e) => radius || usual[model.isBar[e]]);
+  const middle = [0, 1].map((kind) => {
+    const forces = model.peak.filter((force, e) => force > 0 && model.isBar[e] === kind).sort();
+    return forces[forces.length >> 1] ?? 1;
+  });
+  const factor = (e) => Math.min(Math.max(Math.sqrt((model.peak[e] || middle[model.isBar[e]]) / middle[model.isBar[e]]), 0.6), 1.6);
+  return Float32Array.from(model.radius, (radius, e) => radius || factor(e) * usual[model.isBar[e]]);
 }
 
 /** Build the meshes; `show(palette)` colours what is not coloured member by member. */
 export function buildMeshes(model, textures) {
-  const radii = drawnRadii(model);
-  const shared = { ...textures.uniforms, least: { value: 0 }, growth: { value: 0 } };
+  const sections = sectionRadii(model);
+  const { radii } = textures;
+  radii.set(sections);
+  textures.showWidths();
+  const shared = {
+    ...textures.uniforms, least: { value: 0 }, leastBar: { value: 0 }, growth: { value: 0 },
+    leastSeen: { value: model.memberCount > CROWD ? FADED : 1 }, seenLine: { value: 1 }, paper: { value: new THREE.Vector3() },
+  };
   const lit = { ...shared, plain: { value: new THREE.Vector4(0, 0, 0, 0) } };
   const rim = { ...shared, growth: { value: 0 }, plain: { value: new THREE.Vector4(0, 0, 0, 1) } };
   const group = new THREE.Group();
@@ -42,31 +59,47 @@ export function buildMeshes(model, textures) {
   for (const kind of [1, 0]) {
     const chosen = Array.from({ length: model.memberCount }, (_, e) => e).filter((e) => model.isBar[e] === kind);
     if (!chosen.length) continue;
-    const fine = memberMesh(model, radii, chosen, kind, lit, THREE.FrontSide);
+    const fine = memberMesh(model, chosen, kind, lit, THREE.FrontSide);
     group.add(fine);
     if (chosen.length > SIMPLER) kinds.push({ kind, chosen, fine, simple: null, thickest: largestOf(chosen, radii) });
   }
   const { mesh: nodes, uniforms: nodeUniforms } = nodeMesh(model, shared, radii);
   group.add(nodes);
-  const supports = supportMesh(model, shared, textures);
+  const supports = supportMesh(model, shared);
   if (supports) group.add(supports.mesh);
+  const shadows = shadowMesh(model, shared);
+  if (shadows) group.add(shadows);
+  const most = [0, 1].map((kind) => sections.reduce((largest, radius, e) => Math.max(largest, model.isBar[e] === kind ? radius : 0), 0));
   let outline = null;
 
   return {
-    group, radii, nodes, canSimplify: kinds.length > 0,
-    /** Let simpler shapes stand for many members that are thin; pixel: metres of one pixel where the camera looks. */
+    group, radii, nodes, shared, canSimplify: kinds.length > 0,
+    thinnestBar: sections.reduce((least, radius, e) => (model.isBar[e] ? Math.min(least, radius) : least), Infinity),
+    /** Widths by section, or by force: areas as the part of `limit` [N] that members carry. */
+    widen(tension, limit) {
+      for (let e = 0; e < radii.length; e++) {
+        const part = tension ? Math.abs(tension[e]) / limit : NaN;
+        radii[e] = Number.isFinite(part) ? most[model.isBar[e]] * Math.min(Math.max(Math.sqrt(part), 0.15), 1.5) : sections[e];
+      }
+      textures.showWidths();
+    },
+    /** Let simpler shapes stand for many members that are thin, and leave out many small nodes; pixel: metres of one pixel
+        where the camera looks. */
     simplify(isOn, pixel) {
       for (const row of kinds) {
         const isSimple = isOn && row.thickest < THIN[row.kind] * pixel;
-        if (isSimple && !row.simple) group.add((row.simple = simpleMesh(model, radii, row, lit)));
+        if (isSimple && !row.simple) group.add((row.simple = simpleMesh(model, row, lit)));
+        shared.seenLine.value = Math.min(Math.max(row.thickest / (THINNEST * pixel), shared.leastSeen.value), 1);
         row.fine.visible = !isSimple;
         if (row.simple) row.simple.visible = isSimple;
       }
-      nodes.visible = !(isOn && model.nodeCount > SIMPLER && nodeUniforms.radius.value < 2.5 * pixel);
+      nodes.visible = !(model.nodeCount > CROWD && nodeUniforms.radius.value < 2.5 * pixel); // their rims would make patterns
     },
     show(palette) {
       const unit = (color) => color.map((value) => value / 255);
       rim.plain.value.set(...unit(palette.ink), 1);
+      shared.paper.value.set(...unit(palette.paper));
+      shadows?.material.uniforms.shadow.value.set(...unit(palette.shadow));
       nodeUniforms.fill.value.set(...unit(palette.node));
       nodeUniforms.rim.value.set(...unit(palette.isDark ? palette.paper : palette.ink));
       if (!supports) return;
@@ -76,6 +109,7 @@ export function buildMeshes(model, textures) {
     /** pixelSize: metres of one pixel at a distance of 1 m; pixels: its inverse on the drawing buffer. */
     resize(pixelSize, pixels) {
       shared.least.value = THINNEST * pixelSize;
+      shared.leastBar.value = (model.memberCount > CROWD ? 1 : 2) * THINNEST * pixelSize;
       rim.growth.value = RIM * pixelSize;
       nodeUniforms.pixels.value = pixels;
     },
@@ -88,7 +122,7 @@ export function buildMeshes(model, textures) {
       }
       if (member === null) return;
       const side = model.isBar[member] ? THREE.BackSide : THREE.DoubleSide;
-      outline = memberMesh(model, radii, [member], model.isBar[member], rim, side);
+      outline = memberMesh(model, [member], model.isBar[member], rim, side);
       outline.material.depthWrite = false;
       outline.renderOrder = -1;
       group.add(outline);
@@ -99,8 +133,8 @@ export function buildMeshes(model, textures) {
 const largestOf = (chosen, radii) => chosen.reduce((most, e) => Math.max(most, radii[e]), 0);
 
 /** Bars as ribbons, cables as lines of one pixel. */
-function simpleMesh(model, radii, { kind, chosen }, uniforms) {
-  if (kind) return memberMesh(model, radii, chosen, 0, uniforms, THREE.DoubleSide);
+function simpleMesh(model, { kind, chosen }, uniforms) {
+  if (kind) return memberMesh(model, chosen, 0, uniforms, THREE.DoubleSide);
   const geometry = new THREE.BufferGeometry();
   const rows = Float32Array.from(chosen.flatMap((e) => [0, 1].flatMap((end) => [model.ends[2 * e], model.ends[2 * e + 1], e, end])));
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array((3 * rows.length) / 4), 3));
@@ -110,16 +144,25 @@ function simpleMesh(model, radii, { kind, chosen }, uniforms) {
   return mesh;
 }
 
-function memberMesh(model, radii, chosen, kind, uniforms, side) {
+const copies = (model, base, chosen) =>
+  repeat(base, { member: [chosen.flatMap((e) => [model.ends[2 * e], model.ends[2 * e + 1], e]), 3] }, chosen.length);
+
+function memberMesh(model, chosen, kind, uniforms, side) {
   const base = kind ? capsule(...FINENESS.find(([most]) => chosen.length <= most).slice(1)) : ribbon();
-  const geometry = repeat(base, {
-    member: [chosen.flatMap((e) => [model.ends[2 * e], model.ends[2 * e + 1], e]), 3],
-    radius: [chosen.map((e) => radii[e]), 1],
-  }, chosen.length);
+  const geometry = copies(model, base, chosen);
   const shader = kind
     ? material(glsl.BAR_VERTEX, glsl.BAR_FRAGMENT, uniforms, { side })
     : material(glsl.CABLE_VERTEX, glsl.CABLE_FRAGMENT, uniforms, { side: THREE.DoubleSide });
   return drawn(geometry, shader);
+}
+
+/** What members shade of the ground, where there are few of them. */
+function shadowMesh(model, shared) {
+  if (model.memberCount > SHADOWS || model.scene.is_planar) return null;
+  const uniforms = { ...shared, level: { value: groundLevel(model) }, shadow: { value: new THREE.Vector3() } };
+  const geometry = copies(model, ribbon(), Array.from({ length: model.memberCount }, (_, e) => e));
+  const more = { side: THREE.DoubleSide, depthWrite: false };
+  return drawn(geometry, material(glsl.SHADOW_VERTEX, glsl.SHADOW_FRAGMENT, uniforms, more), -2);
 }
 
 function nodeMesh(model, shared, radii) {

@@ -35,9 +35,21 @@ export function buildModel(scene, buffers) {
   };
   model.frameCount = model.position.rows;
   Object.assign(model, boxOf(model));
+  model.peak = largestTensions(model.tension);
   const lengths = Float64Array.from(model.restLength).filter((length) => length > 0).sort();
   model.usualLength = lengths.length ? lengths[lengths.length >> 1] : model.size;
   return model;
+}
+
+/** The largest force of each member in the whole motion [N], 0 where none is known. */
+function largestTensions(tension) {
+  const row = new Float64Array(tension.width);
+  const peak = new Float64Array(tension.width);
+  for (let k = 0; k < tension.rows; k++) {
+    tension.read(k, row);
+    for (let e = 0; e < row.length; e++) if (Math.abs(row[e]) > peak[e]) peak[e] = Math.abs(row[e]);
+  }
+  return peak;
 }
 
 /** The box of all positions, and its size. */

@@ -8,6 +8,7 @@ export function withUnit(value, unit, digits = 3) {
   if (Number.isNaN(value)) return "unknown";
   if (!unit) return short(value, digits);
   if (!Number.isFinite(value) || value === 0) return `${value} ${unit}`;
+  if (Math.abs(value) >= 1e12) return `${short(value, digits)} ${unit}`;
   const [size, prefix] = PREFIXES.find(([least]) => Math.abs(value) >= 0.9995 * least) ?? PREFIXES.at(-1);
   return `${short(value / size, digits)} ${prefix}${unit}`;
 }
@@ -21,12 +22,17 @@ export function short(value, digits = 3) {
   return String(Number(value.toPrecision(digits)));
 }
 
+/** Return the next of 1, 2, 5 times a power of ten. */
+export function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= value);
+}
+
 /** Return round values between two ends, about `count` of them. */
 export function ticksBetween(low, high, count) {
   const rough = (high - low) / Math.max(count, 1);
   if (!(rough > FLAT * Math.max(Math.abs(low), Math.abs(high)))) return [low];
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
+  const step = roundUp(rough);
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
   return found;

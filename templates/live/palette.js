@@ -16,24 +16,26 @@ function table(anchors) {
   return out;
 }
 
-// Compression blue, none grey, tension vermilion, as in the pictures of this package; cividis of J. R. Nunez,
+// Compression blue, none grey, tension vermilion, as in the pictures of this package, or its half for nets; cividis of J. R. Nunez,
 // C. R. Anderton and R. S. Renslow (2018) for what starts at zero.
 const CIVIDIS = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
 const SCALES = {
   light: {
     diverging: table(["#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04"]),
+    onesided: table(["#b4b9be", "#e8772e", "#8c2d04"]),
     sequential: table(CIVIDIS),
   },
   dark: {
     diverging: table(["#9fd3ff", "#3f93d2", "#6f7780", "#ef8a45", "#ffd0a3"]),
+    onesided: table(["#6f7780", "#ef8a45", "#ffd0a3"]),
     sequential: table(["#31568f", ...CIVIDIS.slice(2)]),
   },
 };
 const FIXED = {
   light: { bar: "#33506e", cable: "#d55e00", slack: "#8c949c", unknown: "#d8b93c", over: "#cc2f7b", ink: "#1f2933",
-    paper: "#ffffff", grid: "#d9dee3", node: "#f4f6f8", muted: "#5c6670", load: "#b0478a", reaction: "#00805c" },
+    paper: "#ffffff", grid: "#d9dee3", node: "#f4f6f8", muted: "#5c6670", load: "#b0478a", reaction: "#00805c", shadow: "#e9ecef" },
   dark: { bar: "#a9bfd6", cable: "#f28e45", slack: "#7d8791", unknown: "#f2e2a0", over: "#ff6db3", ink: "#e6eaee",
-    paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", load: "#e3a0c6", reaction: "#34c99c" },
+    paper: "#14181d", grid: "#333c46", node: "#dfe5ea", muted: "#a3adb8", load: "#e3a0c6", reaction: "#34c99c", shadow: "#0b0e11" },
 };
 const LINES = {
   light: ["#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60"],

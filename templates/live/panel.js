@@ -2,6 +2,7 @@
 
 import { gradient } from "live/palette";
 import { short, withUnit } from "live/numbers";
+import { buildSaving } from "live/saving";
 
 const byId = (id) => document.getElementById(id);
 
@@ -10,8 +11,18 @@ export function buildPanel(app) {
   fillSelect(byId("color"), Object.entries(app.colorings).map(([name, { label }]) => [name, label]));
   byId("color").onchange = (event) => app.colorBy(event.target.value);
   byId("labels").onchange = (event) => app.labelBy(event.target.value);
+  byId("width").onchange = (event) => app.widthBy(event.target.value);
   byId("fit").onclick = () => app.fit();
-  byId("reset").onclick = () => app.reset();
+  const from = byId("from");
+  fillSelect(from, [["", "view"], ...app.views.map((name) => [name, name === "first" ? "first view" : name])]);
+  from.onchange = () => {
+    app.lookFrom(from.value);
+    from.value = ""; // the camera may turn on from there
+  };
+  byId("turn").onclick = () => app.turnAround(!app.isTurning);
+  byId("turn").hidden = app.model.scene.is_planar;
+  byId("start").onclick = () => app.player.play();
+  buildSaving(app);
   byId("theme").onclick = () => app.toggleTheme();
   byId("help-button").onclick = () => app.toggleHelp();
   byId("follow").onchange = (event) => app.followBy(event.target.checked);
@@ -38,7 +49,7 @@ function connectModes(app) {
 
 function connectPlayer(app) {
   const { player } = app;
-  byId("transport").hidden = !player?.duration;
+  byId("transport").hidden = byId("start").hidden = !player?.duration;
   if (!player?.duration) return;
   byId("play").onclick = () => player.toggle();
   const slider = byId("time");
@@ -60,6 +71,7 @@ export function showClock(app) {
   byId("clock").textContent = `${player.shown.toFixed(app.digits)} s`;
   byId("play").setAttribute("aria-label", player.isPlaying ? "pause" : "play");
   byId("play").classList.toggle("playing", player.isPlaying);
+  if (player.isPlaying) byId("start").hidden = true;
 }
 
 /** Show the scale of the present colours. */
@@ -72,10 +84,14 @@ export function showScale(app) {
   if (coloring.scale) bar.style.background = gradient(palette[coloring.scale]);
   byId("scale-name").textContent = coloring.meaning ?? coloring.label;
   const end = (value) => (coloring.unit ? withUnit(value, coloring.unit) : `${short(100 * value)} %`);
-  byId("scale-low").textContent = signed ? `−${end(coloring.limit)}` : "0";
+  const [low, high] = app.isBeyond ? ["≤ ", "≥ "] : ["", ""];
+  byId("scale-low").textContent = signed ? `${low}−${end(coloring.limit)}` : "0";
   byId("scale-middle").textContent = signed ? "0" : "";
-  byId("scale-high").textContent = signed ? `+${end(coloring.limit)}` : end(coloring.limit);
+  byId("scale-high").textContent = `${high}${signed ? "+" : ""}${end(coloring.limit)}`;
+  bar.classList.toggle("beyond", app.isBeyond);
+  bar.classList.toggle("signed", signed);
   const notes = [];
+  if (app.isBeyond) notes.push(["none", "some values lie beyond the scale"]);
   if (app.hasSlack) notes.push(["slack", "slack cable", true]);
   if (app.hasUnknown && coloring.scale) notes.push(["unknown", coloring.unit ? "not known" : "no limit, or not known"]);
   if (app.coloringName === "use") notes.push(["over", "above its limit"]);

@@ -6,7 +6,7 @@ import { listenToKeys } from "live/keyboard";
 import { widenScales } from "live/coloring";
 import { buildModel, measure } from "live/model";
 import { pace } from "live/pace";
-import { buildPanel } from "live/panel";
+import { buildPanel, showScale } from "live/panel";
 import { listenToPointer, showChosen } from "live/pointer";
 import { connectControls, showRun } from "live/controls";
 import { letPull } from "live/pulling";
@@ -59,7 +59,12 @@ export async function startPlay(scene, buffers) {
     }
     return isMoving;
   });
-  app.moreKeys = { n: () => app.singleStep(), Backspace: () => app.restart() };
+  app.rescale = () => {
+    widenScales(app.colorings, model, app.engine.last.tension, scene.engine.usual_force, true);
+    app.changed();
+    showScale(app);
+  };
+  app.moreKeys = { n: () => app.singleStep(), s: () => app.rescale(), Backspace: () => app.restart() };
   listenToKeys(app);
   app.moreHooks = {
     advance: (time) => app.engine.ask("advance", { time }),
@@ -102,6 +107,7 @@ function playerOf(app) {
     play: () => app.engine.send("run", { isOn: true }),
     pause: () => app.engine.send("run", { isOn: false }),
     toggle: () => (player.isPlaying ? player.pause() : player.play()),
+    seek: () => {},
     seekFrame: () => {},
     frame: 0,
   };

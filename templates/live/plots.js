@@ -3,11 +3,12 @@
 import { short, ticksBetween, withUnit } from "live/numbers";
 
 const LONG_NAME = 9; // letters from which each line of the legend has a row of its own
-const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 };
+const MARGIN = { left: 52, right: 10, top: 8, bottom: 22 }; // at least; on the left as much as the labels take
+const FONT = "11.5px system-ui, sans-serif";
 
 /** One diagram on a canvas; series: [{name, values, color}] over `times`. */
 export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
-  const plot = { canvas, legend, times, series: [], palette: null, cursor: times[0], range: null };
+  const plot = { canvas, legend, times, series: [], palette: null, cursor: times[0], range: null, left: MARGIN.left };
   plot.set = (series, least = 0) => {
     plot.series = series;
     plot.range = rangeOf(series, least);
@@ -35,8 +36,8 @@ export function buildPlot(canvas, legend, { times, unit, describe, seek }) {
   canvas.setAttribute("aria-label", describe);
   const move = (event) => {
     const box = canvas.getBoundingClientRect();
-    const inside = box.width - MARGIN.left - MARGIN.right;
-    const part = (event.clientX - box.left - MARGIN.left) / inside;
+    const inside = box.width - plot.left - MARGIN.right;
+    const part = (event.clientX - box.left - plot.left) / inside;
     seek(times[0] + Math.min(Math.max(part, 0), 1) * (times.at(-1) - times[0]));
   };
   canvas.addEventListener("pointerdown", (event) => {
@@ -80,9 +81,9 @@ function rangeOf(series, least) {
 }
 
 /** Where a time stands on the canvas [px]. */
-function placeOf({ times, width }, time) {
+function placeOf({ times, width, left }, time) {
   const [start, end] = [times[0], times.at(-1)];
-  return MARGIN.left + ((time - start) / (end - start || 1)) * (width - MARGIN.left - MARGIN.right);
+  return left + ((time - start) / (end - start || 1)) * (width - left - MARGIN.right);
 }
 
 function drawPlot(plot, unit) {
@@ -96,14 +97,16 @@ function drawPlot(plot, unit) {
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, width, height);
+  pen.font = FONT;
+  const widths = ticksBetween(range[0], range[1], 6).map((value) => pen.measureText(withUnit(value, unit)).width);
+  plot.left = Math.max(MARGIN.left, Math.ceil(Math.max(...widths)) + 9);
   const x = (time) => placeOf(plot, time);
   const y = (value) => height - MARGIN.bottom - ((value - range[0]) / (range[1] - range[0])) * (height - MARGIN.top - MARGIN.bottom);
   drawAxes(pen, plot, { x, y, width, height, unit });
   for (const line of series) strokeLine(pen, line, times, x, y);
 }
 
-function drawAxes(pen, { palette, range, times }, { x, y, width, height, unit }) {
-  pen.font = "11.5px system-ui, sans-serif";
+function drawAxes(pen, { palette, range, times, left }, { x, y, width, height, unit }) {
   pen.fillStyle = palette.css.muted;
   pen.strokeStyle = palette.css.grid;
   pen.lineWidth = 1;
@@ -111,15 +114,15 @@ function drawAxes(pen, { palette, range, times }, { x, y, width, height, unit })
   pen.textBaseline = "middle";
   for (const value of ticksBetween(range[0], range[1], 6)) {
     pen.beginPath();
-    pen.moveTo(MARGIN.left, y(value));
+    pen.moveTo(left, y(value));
     pen.lineTo(width - MARGIN.right, y(value));
     pen.stroke();
-    pen.fillText(withUnit(value, unit), MARGIN.left - 5, y(value));
+    pen.fillText(withUnit(value, unit), left - 5, y(value));
   }
   pen.textBaseline = "top";
   const ticks = ticksBetween(times[0], times.at(-1), Math.max(2, width / 90));
   ticks.forEach((time, k) => {
-    pen.textAlign = x(time) > width - 30 ? "right" : k === 0 && x(time) < MARGIN.left + 12 ? "left" : "center";
+    pen.textAlign = x(time) > width - 30 ? "right" : k === 0 && x(time) < left + 12 ? "left" : "center";
     pen.fillText(`${short(time)} s`, x(time), height - MARGIN.bottom + 6);
   });
 }

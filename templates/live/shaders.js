@@ -6,6 +6,7 @@ precision highp float;
 precision highp int;
 uniform highp sampler2D nodes;
 uniform highp sampler2D colors;
+uniform highp sampler2D widths;
 vec3 nodeAt(float index) {
   int k = int(index + 0.5), w = textureSize(nodes, 0).x;
   return texelFetch(nodes, ivec2(k % w, k / w), 0).xyz;
@@ -13,6 +14,10 @@ vec3 nodeAt(float index) {
 vec4 colorAt(float index) {
   int k = int(index + 0.5), w = textureSize(colors, 0).x;
   return texelFetch(colors, ivec2(k % w, k / w), 0);
+}
+float radiusAt(float index) {
+  int k = int(index + 0.5), w = textureSize(widths, 0).x;
+  return texelFetch(widths, ivec2(k % w, k / w), 0).x;
 }
 mat3 frameAlong(vec3 w) {
   vec3 other = abs(w.z) < 0.8 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0);
@@ -35,8 +40,7 @@ vec3 shade(vec3 color, vec3 normal) {
 export const BAR_VERTEX = `${READ}
 in float half_;
 in vec3 member;
-in float radius;
-uniform float growth, least;
+uniform float growth, leastBar;
 out vec3 viewNormal;
 out vec4 color;
 void main() {
@@ -45,7 +49,7 @@ void main() {
   mat3 frame = frameAlong(length_ > 0.0 ? along / length_ : vec3(0.0, 0.0, 1.0));
   vec3 center = mix(a, b, half_);
   float depth = -(viewMatrix * vec4(center, 1.0)).z;
-  float r = max(radius, least * depth) + growth * depth;
+  float r = max(radiusAt(member.z), leastBar * depth) + growth * depth;
   vec3 normal_ = frame * position;
   viewNormal = mat3(viewMatrix) * normal_;
   color = colorAt(member.z);
@@ -65,12 +69,12 @@ void main() {
 /** Cables: ribbons that turn to the observer and are lit as tubes; dashed where slack. */
 export const CABLE_VERTEX = `${READ}
 in vec3 member;
-in float radius;
-uniform float growth, least;
+uniform float growth, least, leastSeen;
 out vec3 sideNormal;
 out vec3 frontNormal;
 out float across;
 out float along_;
+out float seen;
 out vec4 color;
 void main() {
   vec3 a = (viewMatrix * vec4(nodeAt(member.x), 1.0)).xyz, b = (viewMatrix * vec4(nodeAt(member.y), 1.0)).xyz;
@@ -79,7 +83,8 @@ void main() {
   float size = length(side);
   side = size > 1e-12 ? side / size : vec3(1.0, 0.0, 0.0);
   vec4 painted = colorAt(member.z);
-  float depth = -center.z;
+  float depth = -center.z, radius = radiusAt(member.z);
+  seen = clamp(radius / (least * depth), leastSeen, 1.0);
   float r = (max(radius, least * depth) + growth * depth) * (painted.a < 0.5 && growth == 0.0 ? 0.7 : 1.0);
   across = position.y;
   along_ = position.x * length(d) / max(r, 1e-12);
@@ -94,20 +99,23 @@ in vec3 sideNormal;
 in vec3 frontNormal;
 in float across;
 in float along_;
+in float seen;
 in vec4 color;
 out vec4 outColor;
 uniform vec4 plain;
+uniform vec3 paper;
 ${LIGHT}
 void main() {
   if (plain.a < 0.5 && color.a < 0.5 && mod(along_, 11.0) > 6.5) discard;
   vec3 normal_ = normalize(sideNormal * across + frontNormal * sqrt(max(1.0 - across * across, 0.0)));
-  outColor = vec4(plain.a > 0.5 ? plain.rgb : shade(color.rgb, normal_), 1.0);
+  outColor = vec4(plain.a > 0.5 ? plain.rgb : mix(paper, shade(color.rgb, normal_), seen), 1.0);
 }`;
 
 /** Cables as lines, where a slow picture moves: one vertex an end. */
 export const LINE_VERTEX = `${READ}
 in vec4 row;
-uniform float least;
+uniform float least, seenLine;
+uniform vec3 paper;
 out float along_;
 out vec4 color;
 void main() {
@@ -115,6 +123,7 @@ void main() {
   vec4 place = viewMatrix * vec4(mix(a, b, row.w), 1.0);
   color = colorAt(row.z);
   along_ = color.a < 0.5 ? row.w * distance(a, b) / max(-least * place.z, 1e-12) : 0.0;
+  color.rgb = mix(paper, 0.92 * color.rgb, seenLine);
   gl_Position = projectionMatrix * place;
 }`;
 export const LINE_FRAGMENT = `precision highp float;
@@ -123,8 +132,24 @@ in vec4 color;
 out vec4 outColor;
 void main() {
   if (mod(along_, 11.0) > 6.5) discard;
-  outColor = vec4(0.92 * color.rgb, 1.0);
+  outColor = vec4(color.rgb, 1.0);
 }`;
+
+/** Shadows of members straight below them on the ground, as flat ribbons. */
+export const SHADOW_VERTEX = `${READ}
+in vec3 member;
+uniform float least, level;
+void main() {
+  vec2 a = nodeAt(member.x).xy, b = nodeAt(member.y).xy, d = b - a;
+  vec4 place = viewMatrix * vec4(mix(a, b, position.x), level, 1.0);
+  float r = max(radiusAt(member.z), -least * place.z), size = length(d);
+  vec2 side = size > r ? vec2(-d.y, d.x) * (r / size) : vec2(0.0, r);
+  gl_Position = projectionMatrix * (place + viewMatrix * vec4(position.y * side, 0.0, 0.0));
+}`;
+export const SHADOW_FRAGMENT = `precision highp float;
+uniform vec3 shadow;
+out vec4 outColor;
+void main() { outColor = vec4(shadow, 1.0); }`;
 
 /** Nodes: round points that are lit as spheres. */
 export const NODE_VERTEX = `${READ}
@@ -170,11 +195,24 @@ out vec4 outColor;
 ${LIGHT}
 void main() { outColor = vec4(shade(isPartly > 0.5 ? partly : fill, normalize(viewNormal)), 1.0); }`;
 
+/** Axes in the upper left corner: arms of 24 pixels and letters of 6. */
+export const AXES_VERTEX = `precision highp float;
+in vec2 stroke;
+uniform vec2 size;
+void main() {
+  vec2 place = vec2(42.0, size.y - 44.0) + 24.0 * (mat3(viewMatrix) * position).xy + 3.0 * stroke;
+  gl_Position = vec4(2.0 * place / size - 1.0, 0.0, 1.0);
+}`;
+export const AXES_FRAGMENT = `precision highp float;
+uniform vec3 ink;
+out vec4 outColor;
+void main() { outColor = vec4(ink, 1.0); }`;
+
 /** Arrows: a shaft and a head along a vector; the head is at \`end\`. */
 export const ARROW_VERTEX = `${READ}
 in float isHead;
 in vec2 row;
-uniform float thickness;
+uniform float thinnest, least;
 uniform highp sampler2D arrows;
 uniform vec3 loadColor, reactionColor;
 out vec3 viewNormal;
@@ -183,7 +221,8 @@ void main() {
   int k = int(row.x + 0.5), w = textureSize(arrows, 0).x / 2;
   vec3 start = texelFetch(arrows, ivec2(2 * (k % w), k / w), 0).xyz;
   vec3 vector = texelFetch(arrows, ivec2(2 * (k % w) + 1, k / w), 0).xyz;
-  float length_ = length(vector), head = min(6.5 * thickness, 0.6 * length_);
+  float length_ = length(vector), thickness = max(thinnest, -least * (viewMatrix * vec4(start, 1.0)).z);
+  float head = min(6.5 * thickness, 0.6 * length_);
   mat3 frame = frameAlong(length_ > 0.0 ? vector / length_ : vec3(0.0, 0.0, 1.0));
   float z = isHead > 0.5 ? length_ - head + position.z * head : position.z * (length_ - head);
   vec3 local = vec3(position.xy * thickness * (isHead > 0.5 ? head / (2.6 * thickness) : 1.0), z);

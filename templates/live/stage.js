@@ -1,10 +1,13 @@
 // Canvas, camera and ground: orbit, zoom, fit, follow; draws a frame only when something changed.
 
 import { THREE, OrbitControls } from "three";
+import { roundUp } from "live/numbers";
 
 const FIELD = 35; // degrees of the view, from bottom to top
-const RAISE = 26; // pixels by which the picture stands above the middle, at least, for the legend below it
-const NARROW = 600; // pixels of width below which the legend takes a row of its own
+const FLAT_FIELD = 0.1; // of a parallel projection: from so far away that lines stay parallel to a pixel
+const BELOW = 52; // pixels at the lower edge that the picture leaves free
+const NARROW = 800; // pixels of width below which it leaves the heights of legend and buttons free
+const PICTURE = 0.5; // part of the height that it has at least
 const MANY = 1000; // members from which edges are not smoothed
 const SLOW = 34; // ms of a frame above which simpler shapes, then fewer pixels are drawn
 const FAST = 18; // ms of a frame below which more pixels are drawn again
@@ -17,17 +20,16 @@ export function buildStage(canvas, model) {
   renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(FIELD, 1, model.size / 500, model.size * 500);
-  const view = model.scene.view;
   camera.up.set(...model.scene.up);
   const controls = new OrbitControls(camera, canvas);
   controls.enableDamping = !matchMedia("(prefers-reduced-motion: reduce)").matches;
   controls.dampingFactor = 0.12;
   const ground = buildGround(model);
-  scene.add(ground.mesh);
+  scene.add(ground);
 
   const stage = {
     renderer, scene, camera, controls, canvas, model, follow: false,
-    dirty: true, ratio: fullRatio(), restRatio: isSoftware ? 2 : fullRatio(), isStill: true, gridStep: ground.step,
+    dirty: true, ratio: fullRatio(), restRatio: isSoftware ? 2 : fullRatio(), isStill: true,
     isSimple: false, canSimplify: false, lastChange: 0, lastTick: null,
     before: [], after: [], resized: [],
     times: [], work: [], recent: [],
@@ -36,14 +38,15 @@ export function buildStage(canvas, model) {
   controls.addEventListener("start", () => (stage.isFitted = false));
   stage.show = (palette) => {
     renderer.setClearColor(new THREE.Color(palette.css.paper).convertLinearToSRGB(), 1);
-    ground.mesh.material.color.set(palette.css.grid).convertLinearToSRGB();
+    ground.material.color.set(palette.css.grid).convertLinearToSRGB();
     stage.dirty = true;
   };
-  stage.fit = (nodes) => {
-    fit(stage, nodes, null);
-  };
-  stage.reset = (nodes) => {
-    fit(stage, nodes, view);
+  stage.fit = (nodes) => fit(stage, nodes, null);
+  /** Look at all points along a direction, by default that of the start; isFlat: in parallel projection. */
+  stage.look = (nodes, direction = model.scene.view, isFlat = model.scene.is_flat) => {
+    camera.fov = isFlat ? FLAT_FIELD : FIELD;
+    resize(stage);
+    fit(stage, nodes, direction);
   };
   stage.followTo = (nodes) => moveWith(stage, nodes);
   stage.resize = () => resize(stage);
@@ -92,16 +95,14 @@ function fit(stage, nodes, view) {
     point.set(nodes[k], nodes[k + 1], nodes[k + 2]).sub(center);
     distance = Math.max(distance, reachOf(point, { right, up, direction, axis: camera.up, tanX, tanY }));
   }
-  const { height, raise } = stage;
-  const room = height > 4 * raise ? height / (height - 2 * raise) : 1;
-  distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * room * distance, 0.2 * model.size);
-  camera.near = distance / 300;
-  camera.far = distance * 60 + 10 * model.reach;
-  camera.updateProjectionMatrix();
+  const { room } = stage;
+  const away = Math.tan((FIELD * Math.PI) / 360) / tanY; // how many times farther a parallel projection stands
+  distance = Math.max((model.scene.is_planar ? 1.16 : 1.08) * room * distance, 0.2 * away * model.size);
+  stage.far = (60 * distance) / away + 10 * model.reach;
   camera.position.copy(center).addScaledVector(direction, distance);
   controls.target.copy(center);
-  controls.minDistance = 0.02 * model.size;
-  controls.maxDistance = 40 * Math.max(model.size, model.reach);
+  controls.minDistance = 0.02 * away * model.size;
+  controls.maxDistance = 40 * away * Math.max(model.size, model.reach);
   controls.update();
   controls.enableDamping = swings;
   stage.followed = null;
@@ -152,13 +153,23 @@ function resize(stage) {
   renderer.setPixelRatio(ratio);
   renderer.setSize(width, height, false);
   camera.aspect = width / height;
-  const legend = document.getElementById("legend").offsetHeight + 12;
-  stage.raise = width < NARROW ? Math.max(RAISE, Math.min(legend / 2, 0.12 * height)) : RAISE;
-  camera.setViewOffset(width, height, 0, stage.raise, width, height);
+  const heightOf = (id) => document.getElementById(id).offsetHeight + 12;
+  const [above, below] = width < NARROW ? [heightOf("camera"), heightOf("legend")] : [0, BELOW];
+  const part = Math.min(1, ((1 - PICTURE) * height) / (above + below));
+  stage.room = height / (height - part * (above + below));
+  camera.setViewOffset(width, height, 0, (part * (below - above)) / 2, width, height);
   const pixelSize = (2 * Math.tan((camera.fov * Math.PI) / 360)) / height;
   for (const call of stage.resized) call(pixelSize, ratio / pixelSize);
   if (isResized && stage.isFitted) stage.refit?.();
   stage.dirty = true;
+}
+
+/** Depths that are drawn: all that lies so far around where the camera looks. */
+function setDepths({ camera, controls, far }) {
+  const distance = camera.position.distanceTo(controls.target);
+  camera.near = Math.max(distance / 300, distance - far);
+  camera.far = distance + far;
+  camera.updateProjectionMatrix();
 }
 
 /** Draw one frame if anything changed; returns whether it did. */
@@ -166,19 +177,20 @@ export function drawFrame(stage) {
   stage.controls.update();
   if (!stage.dirty) return false;
   stage.dirty = false;
+  setDepths(stage);
   const start = performance.now();
   const simple = stage.isSimple && !stage.isStill;
-  for (const call of stage.before) call(simple, pixelAt(stage));
+  for (const call of stage.before) call(simple, pixelAt(stage) / stage.renderer.getPixelRatio());
   stage.renderer.render(stage.scene, stage.camera);
   for (const call of stage.after) call();
   keep(stage.work, performance.now() - start);
   return true;
 }
 
-/** Metres of one pixel of the drawing buffer where the camera looks. */
-function pixelAt({ camera, controls, height, renderer }) {
+/** Metres of one pixel of the page where the camera looks. */
+export function pixelAt({ camera, controls, height }) {
   const distance = camera.position.distanceTo(controls.target);
-  return (2 * distance * Math.tan((camera.fov * Math.PI) / 360)) / (height * renderer.getPixelRatio());
+  return (2 * distance * Math.tan((camera.fov * Math.PI) / 360)) / height;
 }
 
 /** Note whether the picture changes in this tick. A picture that stands still has all its pixels and shapes. */
@@ -228,15 +240,18 @@ function setRatio(stage, ratio) {
   resize(stage);
 }
 
+/** Where the ground lies along the axis across it, or the plane of a planar structure. */
+export function groundLevel({ low, high, size, scene }) {
+  const across = 3 - scene.ground[0] - scene.ground[1];
+  return scene.is_planar ? (low[across] + high[across]) / 2 : low[across] - scene.ground_gap * size;
+}
+
 /** A grid on the ground, or behind a planar structure, with a round step. */
 function buildGround(model) {
   const { low, high, size, scene } = model;
-  const rough = size / 8;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((factor) => factor * power).find((value) => value >= rough);
+  const step = roundUp(size / 8);
   const [first, second] = scene.ground;
-  const across = 3 - first - second;
-  const level = scene.is_planar ? (low[across] + high[across]) / 2 : low[across] - scene.ground_gap * size;
+  const level = groundLevel(model);
   const range = (axis) => [Math.floor(low[axis] / step - 1) * step, Math.ceil(high[axis] / step + 1) * step];
   const points = [];
   const line = (axis, other) => {
@@ -255,8 +270,7 @@ function buildGround(model) {
   line(second, first);
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
-  const mesh = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ toneMapped: false }));
-  mesh.renderOrder = -2;
-  if (scene.is_planar) mesh.material.depthWrite = false;
-  return { mesh, step };
+  const mesh = new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ toneMapped: false, depthWrite: false }));
+  mesh.renderOrder = -3;
+  return mesh;
 }

@@ -5,6 +5,7 @@ import { buildArrows } from "live/arrows";
 import { buildColorings, paintMembers } from "live/coloring";
 import { buildLabels } from "live/labels";
 import { watchView } from "live/leaving";
+import { showMeasures } from "live/measures";
 import { buildMeshes } from "live/meshes";
 import { buildModes } from "live/modes";
 import { motionPoints, newState } from "live/model";
@@ -24,7 +25,7 @@ export function buildViewer(model, read) {
   const textures = newTextures(model);
   const stage = buildStage(canvas, model);
   const meshes = buildMeshes(model, textures);
-  const arrows = buildArrows(model, textures);
+  const arrows = buildArrows(model, meshes);
   stage.scene.add(meshes.group);
   if (arrows) stage.scene.add(arrows.mesh);
   stage.resized.push(meshes.resize);
@@ -33,7 +34,7 @@ export function buildViewer(model, read) {
   const app = {
     model, state, textures, stage, meshes, arrows, read,
     colorings: buildColorings(model), coloringName: "tension", chosen: null, hovered: null,
-    labels: buildLabels(byId("names"), stage, model), modes: buildModes(model),
+    widthName: "section", isTurning: false, isBeyond: false, labels: buildLabels(byId("names"), stage, model), modes: buildModes(model),
     picker: buildPicker(stage, model, meshes.radii),
     isStale: true, updates: [], hasSlack: false, moreHooks: {}, moreKeys: {},
     scratch: new Float64Array(model.memberCount),
@@ -45,6 +46,7 @@ export function buildViewer(model, read) {
   addLooks(app);
   addCamera(app);
   watchView(app);
+  app.axes = showMeasures(app);
   setTheme(app, document.documentElement.dataset.theme ?? (darkness.matches ? "dark" : "light"));
   darkness.addEventListener("change", () => {
     if (!document.documentElement.dataset.theme) setTheme(app, darkness.matches ? "dark" : "light");
@@ -57,6 +59,7 @@ function setTheme(app, theme) {
   app.labels.palette = app.palette;
   app.stage.show(app.palette);
   app.meshes.show(app.palette);
+  app.axes.material.uniforms.ink.value.set(...app.palette.ink.map((value) => value / 255));
   app.arrows?.color(app.palette);
   app.paletteChanged?.();
   app.changed();
@@ -65,6 +68,7 @@ function setTheme(app, theme) {
 
 /** What the controls, keys and tests call to change how the structure looks. */
 function addLooks(app) {
+  const { meshes } = app;
   Object.defineProperty(app, "coloring", { get: () => app.colorings[app.coloringName] });
   app.colorBy = (name) => {
     app.coloringName = name;
@@ -73,6 +77,13 @@ function addLooks(app) {
     showScale(app);
   };
   const after = (names, name) => names[(names.indexOf(name) + 1) % names.length];
+  app.widthBy = (name) => {
+    app.widthName = name;
+    byId("width").value = name;
+    if (name === "section") meshes.widen(null);
+    app.changed();
+  };
+  app.nextWidth = () => app.widthBy(app.widthName === "section" ? "force" : "section");
   app.nextColoring = () => app.colorBy(after(Object.keys(app.colorings), app.coloringName));
   app.labelBy = (kind) => {
     app.labels.kind = kind;
@@ -113,7 +124,11 @@ function addLooks(app) {
   };
 }
 
-/** The camera: fit, reset, follow, orbit. */
+// Directions to the observer of views in parallel projection; one that is null has perspective.
+const VIEWS = { perspective: null, top: [0, -1e-4, 1], front: [0, -1, 0], side: [1, 0, 0], iso: [1, -1, 1] };
+const TURN = 0.5; // radians a second of the turntable
+
+/** The camera: fit, reset, views, follow, orbit. */
 function addCamera(app) {
   const { stage, state } = app;
   const points = (whole) => {
@@ -127,7 +142,21 @@ function addCamera(app) {
     stage.refit = () => aim(stage.fit, whole); // a window of another size, a phone that is turned
   };
   app.fit = () => aim(stage.fit, false);
-  app.reset = () => aim(stage.reset, !stage.follow);
+  app.reset = () => aim((nodes) => stage.look(nodes), !stage.follow);
+  app.from = "first";
+  /** Look from "first", or a name of VIEWS. */
+  app.lookFrom = (name) => {
+    app.from = name;
+    if (name === "first") app.reset();
+    else aim((nodes) => stage.look(nodes, VIEWS[name] ?? app.model.scene.space, VIEWS[name] !== null), !stage.follow);
+  };
+  app.views = ["first", ...(app.model.scene.is_planar ? [] : Object.keys(VIEWS))];
+  app.nextView = () => app.lookFrom(app.views[(app.views.indexOf(app.from) + 1) % app.views.length]);
+  app.turnAround = (isOn) => {
+    app.isTurning = isOn;
+    byId("turn").setAttribute("aria-pressed", isOn);
+  };
+  app.turnBy = (seconds) => app.isTurning && app.orbit(TURN * seconds, 0, 1);
   app.followBy = (isOn) => {
     stage.follow = isOn;
     byId("follow").checked = isOn;
@@ -165,13 +194,14 @@ export function update(app) {
   app.modes.apply(state);
   app.stage.followTo(state.nodes);
   textures.showNodes(state.nodes);
-  paintMembers(textures.paint, app.coloring, state, model, app.palette, app.scratch);
+  const isBeyond = paintMembers(textures.paint, app.coloring, state, model, app.palette, app.scratch);
   textures.showColors();
+  if (app.widthName === "force") app.meshes.widen(state.tension, app.colorings.tension.limit);
   app.arrows?.show(state);
   const hasSlack = app.hasSlack || state.slack.includes(1);
   const hasUnknown = state.tension.some(Number.isNaN);
-  if (hasSlack !== app.hasSlack || hasUnknown !== app.hasUnknown) {
-    Object.assign(app, { hasSlack, hasUnknown });
+  if (hasSlack !== app.hasSlack || hasUnknown !== app.hasUnknown || isBeyond !== app.isBeyond) {
+    Object.assign(app, { hasSlack, hasUnknown, isBeyond });
     showScale(app);
   }
   app.stage.dirty = true;
@@ -186,6 +216,7 @@ export function run(app, advance) {
   const tick = (now) => {
     const seconds = last === null ? 0 : Math.min((now - last) / 1000, 0.25);
     const isMoving = advance(seconds);
+    app.turnBy(seconds);
     last = now;
     noteTick(app.stage, now, isMoving || app.isStale);
     if (isMoving || app.isStale) update(app);

@@ -3,14 +3,19 @@
 "use strict";
 
 const BUDGET = 14; // ms of integration between two messages
-const SLICE = 1 / 120; // s of the model in one call; shorter while a node is pulled
-const PULLED = 1 / 400;
+const SLICE = 1 / 120; // s of the model in one call
+const RAMP = 1 / 60; // s of the wall over which a pull goes to a new point and strength, in straight lines
 const CALL = 8; // ms that one call may take: its number of steps follows from what steps have taken
 const MOST_STEPS = 20000; // trial steps of one call
 const BACKLOG = 0.15; // s of the wall that are made up for after a pause of the machine
 const WINDOW = 1000; // ms over which the speed is measured
 
 const COUNTS = 6;
+// The structs of a run and of a profile as C for wasm32 lays them out: numbers of eight bytes, and the integer of a run
+// that is the address of its profile.
+const RUN = 5;
+const PROFILE = 4;
+const PROFILE_OF_RUN = 6;
 
 const FARTHEST = 1e6; // sizes of the structure; a motion that goes farther has lost its meaning
 const UNSTABLE = -1; // status of the page itself; the others are those of the C library
@@ -34,6 +39,12 @@ function buildModel(engine, bytes) {
   for (const [name, { size }] of Object.entries(engine.functions)) reserve(`out_${name}`, size);
   for (const name of ["time", "step", "n_sampled", "sample_time"]) reserve(name, 1);
   reserve("counts", COUNTS);
+  reserve("run", RUN);
+  const pulled = 3 + engine.axes.length; // numbers of a pull
+  reserve("profile", PROFILE);
+  reserve("profile_place", pulled);
+  reserve("profile_time", 3);
+  reserve("profile_coefficient", 4 * pulled);
   reserve("vibration", 3);
   reserve("sample_state", 2 * n);
   reserve("sample_tension", Math.max(...engine.methods.map((method) => method.tensions.length)));
@@ -43,11 +54,16 @@ function buildModel(engine, bytes) {
   const arrays = Object.fromEntries(Object.entries(places).map(([name, [address, count]]) => [
     name, new Float64Array(exports.memory.buffer, address, count),
   ]));
-  const counts = new BigInt64Array(exports.memory.buffer, places.counts[0], COUNTS);
-  const sampled = new BigInt64Array(exports.memory.buffer, places.n_sampled[0], 1);
+  const view = (Kind, name) => new Kind(exports.memory.buffer, places[name][0], (8 * places[name][1]) / Kind.BYTES_PER_ELEMENT);
+  const counts = view(BigInt64Array, "counts");
+  const sampled = view(BigInt64Array, "n_sampled");
+  const run = view(Int32Array, "run");
   const address = (name) => places[name][0];
+  const pointers = ["place", "time", "coefficient"].map((name) => address(`profile_${name}`));
+  view(Int32Array, "profile").set([2, 0, 1, pulled, ...pointers, 0]); // two pieces, of degree 1
+  view(Int32Array, "profile_place").set(Array.from({ length: pulled }, (_, k) => engine.pull.place + k));
   const method = engine.methods.find(({ name }) => name === engine.method);
-  return { engine, exports, arrays, counts, sampled, address, n, method, pace: 0.05 };
+  return { engine, exports, arrays, counts, sampled, run, address, n, method, pace: 0.05 };
 }
 
 function reset() {
@@ -60,39 +76,41 @@ function reset() {
   model.status = 0;
   model.paces = [];
   model.pull = null;
-  Object.assign(model, { steps: 0, rejected: 0, load: Float64Array.from(engine.nominal.node_load) });
+  Object.assign(model, { steps: 0, rejected: 0 });
 }
 
 /** Let the next call choose its first step: something has jumped. */
 function restart() {
   model.arrays.step[0] = 0;
   model.counts.fill(0n);
+  model.run.fill(0);
   model.hasTensions = false;
 }
 
 /** One call of the integrator; counts its steps. The implicit method computes the tensions of stiff members,
     which positions cannot tell. */
 function integrate(end, isTimed) {
-  const { engine, exports, arrays, counts, sampled, address, method } = model;
-  const before = [counts[0], counts[1] + counts[2]];
+  const { engine, exports, arrays, counts, run, sampled, address, method } = model;
+  const tally = method.is_stiff ? counts : new BigInt64Array(run.buffer, run.byteOffset, 3);
+  const rejectedSteps = () => (method.is_stiff ? tally[1] + tally[2] : tally[1]);
+  const before = [tally[0], rejectedSteps()];
   const most = isTimed ? Math.min(MOST_STEPS, Math.max(4, Math.round(CALL / model.pace))) : MOST_STEPS;
   const head = [end, engine.rtol, engine.atol, BigInt(most), address("time"), address("step"), address("state"),
     ...method.arguments.map(address)];
+  if (model.pull?.isReleased && arrays.time[0] >= model.pull.end) model.pull = null;
+  run[PROFILE_OF_RUN] = model.pull ? address("profile") : 0;
+  sampled[0] = 0n;
   const start = performance.now();
   let status = 0;
   if (method.is_stiff) {
     arrays.sample_time[0] = end;
-    sampled[0] = 0n;
-    status = exports[method.symbol](...head, 1n, address("sample_time"), address("sample_state"),
-      address("sample_tension"), address("n_sampled"), address("counts"), address("vibration"), address("work"));
+    status = exports[`${method.symbol}_run`](...head, 1n, address("sample_time"), address("sample_state"),
+      address("sample_tension"), address("n_sampled"), 0, address("counts"), address("vibration"), address("run"), address("work"));
     model.hasTensions = sampled[0] === 1n;
   } else {
-    before.fill(0n);
-    counts.fill(0n);
-    status = exports[method.symbol](...head, 0n, 0, 0, address("n_sampled"), address("counts"),
-      address("counts") + 8, address("work"));
+    status = exports[`${method.symbol}_run`](...head, 0n, 0, 0, address("n_sampled"), address("run"), address("work"));
   }
-  const [steps, rejected] = [Number(counts[0] - before[0]), Number(counts[1] + counts[2] - before[1])];
+  const [steps, rejected] = [Number(tally[0] - before[0]), Number(rejectedSteps() - before[1])];
   model.steps += Math.max(steps, 0);
   model.rejected += Math.max(rejected, 0);
   const tried = Math.max(steps + rejected, 1);
@@ -127,34 +145,46 @@ function velocities() {
   return rates;
 }
 
-/** Change the velocities by the impulse over `duration` of a spring to the pointer and a damper at the pulled node. As
-    an impulse the damper always takes energy, however fast bars vibrate; the motion between impulses is the model's. */
-function kick(duration) {
-  const { pull, arrays, engine, n } = model;
-  const [now, rates] = [positions(), velocities()];
-  const row = engine.axes.length * pull.node;
-  const before = Float64Array.from(compute("acceleration"));
-  engine.axes.forEach((axis, k) => {
-    const place = 3 * pull.node + axis;
-    arrays.node_load[row + k] += pull.stiffness * (pull.target[axis] - now[place]) - pull.damping * rates[place];
-  });
-  const after = compute("acceleration");
-  for (let k = 0; k < n; k++) arrays.state[n + k] += duration * (after[k] - before[k]);
-  arrays.node_load.set(model.load);
-  if (model.method.is_stiff) restart();
+/** Numbers of the pull at a time: node, spring constant, damping constant, point along the modelled axes. */
+function pullAt(time) {
+  const { from, to, start, end } = model.pull;
+  const part = Math.min(1, (time - start) / (end - start));
+  return from.map((value, k) => value + part * (to[k] - value));
+}
+
+/** Let the pull go from what it is to what it shall be, null for none, along straight lines. The integrator follows
+    them: forces do not jump, which would make stiff bars vibrate. */
+function setPull(pull) {
+  const { arrays, engine } = model;
+  const start = arrays.time[0];
+  const now = model.pull && pullAt(start);
+  if (!pull && !now) return;
+  const to = pull
+    ? [pull.node, pull.stiffness, pull.damping, ...engine.axes.map((axis) => pull.target[axis])]
+    : [now[0], 0, 0, ...now.slice(3)];
+  const goesOn = now?.[0] === to[0];
+  const from = goesOn ? now : [to[0], 0, 0, ...to.slice(3)];
+  const end = start + RAMP * Math.min(1, model.speed);
+  model.pull = { from, to, start, end, isReleased: !pull };
+  arrays.profile_time.set([start, end, 1e300]);
+  arrays.profile_coefficient.set([
+    ...from, ...from.map((value, k) => (to[k] - value) / (end - start)), ...to, ...to.map(() => 0),
+  ]);
+  if (!goesOn) restart();
+}
+
+/** Force of the pull on its node [N], along the modelled axes. */
+function forceOf(nodes) {
+  const [node, stiffness, damping, ...point] = pullAt(model.arrays.time[0]);
+  const rates = velocities();
+  return model.engine.axes.map((axis, k) => stiffness * (point[k] - nodes[3 * node + axis]) - damping * rates[3 * node + axis]);
 }
 
 /** Integrate to a time of the model; returns whether it got there. */
 function integrateTo(time, deadline) {
   const { arrays } = model;
   while (model.status === 0 && arrays.time[0] < time) {
-    const before = arrays.time[0];
-    const isPulled = model.pull !== null;
-    const end = Math.min(time, before + (isPulled ? PULLED : SLICE));
-    if (isPulled) kick((end - before) / 2);
-    const status = integrate(end, deadline < Infinity);
-    if (status !== 0) model.status = status;
-    if (isPulled && model.status === 0) kick((arrays.time[0] - before) / 2);
+    model.status = integrate(Math.min(time, arrays.time[0] + SLICE), deadline < Infinity);
     if (performance.now() > deadline) break;
   }
   return arrays.time[0] >= time;
@@ -181,16 +211,13 @@ function report(answer) {
   if (model.hasTensions) model.method.tensions.forEach((member, k) => (tension[member] = arrays.sample_tension[k]));
   const [kinetic, total] = ["kinetic_energy", "total_energy"].map((name) => compute(name)[0]);
   checkBounds(nodes, total);
-  const force = model.pull ? forceOf(model.pull, nodes) : 0;
+  const pull = model.pull ? forceOf(nodes) : [];
   postMessage({
-    answer, nodes, tension, kinetic, total, force, time: arrays.time[0], status: model.status,
+    answer, nodes, tension, kinetic, total, pull, force: Math.hypot(...pull), time: arrays.time[0], status: model.status,
     text: textOf(model), speed: measureSpeed(), running: model.running,
     steps: model.steps, rejected: model.rejected, method: model.method.name,
   }, [nodes.buffer, tension.buffer]);
 }
-
-const forceOf = (pull, nodes) =>
-  pull.stiffness * Math.hypot(...model.engine.axes.map((axis) => pull.target[axis] - nodes[3 * pull.node + axis]));
 
 /** Simulated seconds a second of the wall, over the last second; null while nothing runs. */
 function measureSpeed() {
@@ -228,6 +255,13 @@ function run(isOn) {
   if (starts) tick((model.loop = (model.loop ?? 0) + 1));
 }
 
+/** Refuse an order before it changes anything. */
+function check(isGood, allowed) {
+  if (!isGood) throw new RangeError(`allowed: ${allowed}`);
+}
+
+const areNumbers = (values, count) => values?.length === count && Array.from(values).every((value) => typeof value === "number");
+
 const ORDERS = {
   build({ engine, bytes }) {
     model = { ...buildModel(engine, bytes), running: false, speed: 1 };
@@ -235,33 +269,39 @@ const ORDERS = {
   },
   run: ({ isOn }) => run(isOn),
   speed({ speed }) {
+    check(Number.isFinite(speed) && speed > 0, "a speed above 0");
     model.speed = speed;
     run(model.running);
   },
   method({ name }) {
-    model.method = model.engine.methods.find((method) => method.name === name);
+    const { methods } = model.engine;
+    check(methods.some((method) => method.name === name), `the method ${methods.map((method) => method.name).join(" or ")}`);
+    model.method = methods.find((method) => method.name === name);
     model.pace = 0.05;
     model.paces = [];
     restart();
   },
   set({ name, values }) {
-    if (name === "node_load") model.load.set(values);
+    const { changeable, sizes } = model.engine;
+    check(changeable.includes(name), `the name of an argument, one of ${changeable.join(", ")}`);
+    check(areNumbers(values, sizes[name]), `${sizes[name]} numbers for ${name}`);
     model.arrays[name].set(values);
     restart();
   },
   pull({ pull }) {
-    model.pull = pull;
+    const count = model.engine.stated_position.length / 3;
+    check(pull === null || (Number.isInteger(pull?.node) && pull.node >= 0 && pull.node < count), `null, or a node from 0 to ${count - 1}`);
+    check(pull === null || (areNumbers(pull.target, 3) && areNumbers([pull.stiffness, pull.damping], 2)), "numbers: target of 3, stiffness, damping");
+    setPull(pull);
   },
   reset() {
     run(false);
-    const { engine } = model;
-    const kept = engine.changeable.map((name) => [name, Float64Array.from(model.arrays[name])]);
-    const load = model.load;
+    const kept = model.engine.changeable.map((name) => [name, Float64Array.from(model.arrays[name])]);
     reset();
     for (const [name, values] of kept) model.arrays[name].set(values);
-    model.load = load;
   },
   advance({ time }) {
+    check(Number.isFinite(time), "a time [s]");
     run(false);
     while (model.status === 0 && !integrateTo(time, Infinity));
   },
@@ -269,6 +309,13 @@ const ORDERS = {
 };
 
 onmessage = ({ data }) => {
-  ORDERS[data.order](data);
-  if (data.order !== "build" || data.answer) report(data.answer ?? null);
+  const { order, answer } = data;
+  try {
+    check(Object.hasOwn(ORDERS, order), `the order ${Object.keys(ORDERS).join(", ")}`);
+    ORDERS[order](data);
+  } catch (error) {
+    postMessage({ answer, refused: `${order}: ${error.message}` });
+    return;
+  }
+  if (order !== "build" || answer) report(answer ?? null);
 };

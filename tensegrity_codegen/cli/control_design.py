@@ -65,13 +65,13 @@ class ControlDesign:
         gains = self._design_gains(tuning)
         senses = spread = None
         if self.estimator and not self.lacks_sensors:
-            senses = self._design_estimator(tuning)
+            senses = self._design_estimator(tuning, gains)
         if self.least_tension is not None:
             least = read_least_tension(self.least_tension)
             spread = design_distribution(model, motion, least_tension=least, arguments=given)
         return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
 
-    def _design_estimator(self, tuning: Tuning) -> Estimator:
+    def _design_estimator(self, tuning: Tuning, gains: Gains) -> Estimator:
         """Return the estimator; disturbances that are not stated are as large as noise permits."""
         from tensegrity_codegen.runtime.control.kalman import design_kalman
         from tensegrity_codegen.runtime.control.study.calm_estimator import design_calm_estimator
@@ -82,8 +82,8 @@ class ControlDesign:
                 only_observable=self.only_observable, arguments=self.arguments,
             )  # fmt: skip
         estimator, warning = design_calm_estimator(
-            self.model, self.motion, tuning.scales, sample=self.sample,
-            only_observable=self.only_observable, arguments=self.arguments,
+            self.model, self.motion, gains, tuning.scales, only_observable=self.only_observable,
+            arguments=self.arguments,
         )  # fmt: skip
         if warning is not None and self.warn is not None:
             self.warn(warning)

@@ -31,7 +31,6 @@ __all__ = [
     "LeastTensionOption",
     "OnlyObservableOption",
     "PlanOption",
-    "ReplaceOption",
     "ResponseOption",
     "SampleOption",
     "SeedOption",
@@ -162,14 +161,6 @@ BuildOption = Annotated[
         parser=read_folder,
         metavar="<path>",
         help="Write the controller in C into this folder, where feedback holds; other files there stay.",
-    ),
-]
-ReplaceOption = Annotated[
-    bool,
-    typer.Option(
-        "--overwrite",
-        help="Let --out, --page and --build replace files of the same names that tensegrity-codegen did not "
-        "write, or that were changed since.",
     ),
 ]
 BuiltPrecisionOption = Annotated[

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tensegrity_codegen.cli.command_progress import PLANNING, TIMING
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.errors import ConvergenceError, FormulationError, InfeasibleError, InvalidValueError
 
@@ -43,12 +42,12 @@ def check_motion_times(
     check_times(sample, duration=length, t_end=t_end, last=last)
 
 
-def check_motion_gusts(gusts: Sequence[Gust | RandomGust], t_end: float | None, *, is_held: bool) -> None:
+def check_motion_gusts(gusts: Sequence[Gust | RandomGust], t_end: float | None) -> None:
     """Raise InvalidValueError for a gust after the simulated time, where that is known before the motion."""
-    from tensegrity_codegen.runtime.control.study.study_times import HELD, check_gust_times
+    from tensegrity_codegen.runtime.control.study.study_times import check_gust_times
 
-    if is_held or t_end is not None:
-        check_gust_times(gusts, HELD if t_end is None else t_end)
+    if t_end is not None:
+        check_gust_times(gusts, t_end)
 
 
 def compile_control(
@@ -132,7 +131,7 @@ def find_motion(
         found = find_equilibrium(model, arguments=arguments)
         return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
     try:
-        with output.progress(TIMING.title):
+        with output.progress("putting the plan in time"):
             motion = time_motion(model, path, duration, arguments=arguments)
             if duration is None:
                 motion = time_motion(model, path, SLOWER * motion.duration, arguments=arguments)
@@ -156,7 +155,7 @@ def _find_plan(
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
     from tensegrity_codegen.runtime.planning.plan import plan
 
-    with output.progress(PLANNING.title) as move:
+    with output.progress("planning") as move:
         found = plan(
             model, list(to), actuators=chosen, arguments=arguments, progress=lambda points, done: move(done)
         )

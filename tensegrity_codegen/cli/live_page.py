@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
-from tensegrity_codegen.files import replaced
 
 if TYPE_CHECKING:
     from tensegrity_codegen.cli.picture import ShowOptions
@@ -62,8 +62,7 @@ def show_live(
     start = LiveStart(choices.view, choices.labels, choices.follow)
     shown = build_live_scene(subject, motion, analysis, modes_note=note, start=start, **known)
     text = render_live(replace(shown, warnings=tuple(output.warned)), module, licence)
-    with replaced(out) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, out, overwrite=options.overwrite)
     size = len(text.encode("utf-8"))
     data = {
         "status": "ok",
@@ -79,7 +78,14 @@ def show_live(
 
 
 def play_live(
-    output: Output, scene: Path, out: Path, rtol: float, method: str, settle: bool, three: Path | None
+    output: Output,
+    scene: Path,
+    out: Path,
+    rtol: float,
+    method: str,
+    settle: bool,
+    three: Path | None,
+    overwrite: bool,
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
     from tensegrity_codegen.pipeline import build_library, check_buildable
@@ -100,8 +106,7 @@ def play_live(
     shown = build_live_scene(subject)
     running = add_engine(shown, subject, built.manifest, built.path.read_bytes(), rtol=rtol, method=method)
     text = render_live(replace(running, warnings=tuple(output.warned)), module, licence)
-    with replaced(out) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, out, overwrite=overwrite)
     size = len(text.encode("utf-8"))
     data = {
         "status": "ok",
@@ -141,7 +146,9 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
     kept = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
     offered = (EXPLICIT, STIFF) if method == STIFF or _offers_stiff(subject) else (EXPLICIT,)
     wanted = request.wanting(*shown, integrators=offered, parameters=kept)
-    wanted = replace(wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=())
+    wanted = replace(
+        wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=(), driven=("pull",)
+    )
     try:
         check_buildable(subject, wanted)
     except FormulationError:

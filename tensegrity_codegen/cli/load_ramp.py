@@ -41,17 +41,19 @@ class LoadRamp:
             )
 
 
-def build_ramp(subject: Subject, kind: RampKind, words: list[str]) -> LoadRamp:
+def build_ramp(subject: Subject, kind: RampKind | None, words: list[str]) -> LoadRamp:
     """Return what grows and what stays; words: the values of --load. Raises InvalidValueError for no load.
 
     kind: "load": the added loads; "loads": these and the scene's own; "gravity": gravity alone, while all
-    loads stay; "all": all of them.
+    loads stay; "all": all of them; None: the added loads, without these the scene's own, or its gravity.
     """
     import numpy as np
 
     axes = list(subject.axes)
     own, added = subject.node_load[:, axes], parse_loads(words, subject)[:, axes]
     weight = np.array(subject.gravity, dtype=float)[axes]
+    if kind is None:
+        kind = "load" if words else "loads" if own.any() else "gravity" if weight.any() else "all"
     grows = {"load": added, "loads": own + added, "gravity": 0 * own, "all": own + added}[kind]
     base, pattern = {"node_load": own + added - grows}, {"node_load": grows}
     parameters: dict[str, tuple[int, ...]] = {"node_load": tuple(range(subject.n_nodes))}
@@ -73,7 +75,7 @@ def _no_load(kind: RampKind, words: list[str]) -> InvalidValueError:
             where="--load",
             given=None,
             allowed="NODE=fx,fy,fz",
-            hint="add --load, or increase the scene's own loads: --ramp loads, --ramp gravity or --ramp all",
+            hint="add --load, or omit --ramp load: then the scene's own loads increase",
         )
     if not words:
         also = " and no gravity" if kind == "all" else ""

@@ -27,7 +27,6 @@ __all__ = [
     "OverwriteOption",
     "PeersOption",
     "PrecisionOption",
-    "ReplaceFileOption",
     "SceneArgument",
     "ScenesArgument",
     "parse_loads",
@@ -46,11 +45,7 @@ FreshOption = Annotated[
     bool, typer.Option("--fresh", help="Use nothing of an earlier run, also where it was interrupted.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-OverwriteOption = Annotated[
-    bool,
-    typer.Option("--overwrite", help="Let --out replace files that tensegrity-codegen did not write."),
-]
-ReplaceFileOption = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 BatchWidthOption = Annotated[
     int | None,
     typer.Option(

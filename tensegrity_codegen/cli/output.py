@@ -6,7 +6,7 @@ import json
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import CommandProgress
 from tensegrity_codegen.cli.option_names import name_options, name_options_in_error
-from tensegrity_codegen.cli.progress_bar import ProgressBar
+from tensegrity_codegen.cli.progress_bar import ProgressBar, name_duration
 from tensegrity_codegen.cli.streams import print_aside, print_text
 from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
 from tensegrity_codegen.leftovers import announce_advice
-from tensegrity_codegen.long_work.estimate import Pass, name_duration
-from tensegrity_codegen.passes import work_pass
+from tensegrity_codegen.passes import watched_passes, work_pass
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -43,7 +41,7 @@ class Output:
     def __init__(self, as_json: bool) -> None:
         self.as_json = as_json
         self.started = time.monotonic()
-        self._work: CommandProgress | None = None
+        self._bar: ProgressBar | None = None
         self.warned: list[str] = []
         self.resumed: list[dict[str, Any]] = []
 
@@ -119,15 +117,15 @@ class Output:
         return typer.Exit(error.exit_code)
 
     @contextmanager
-    def guard(self, scene: Path | None = None, passes: Sequence[Pass] = ()) -> Iterator[None]:
+    def guard(self, scene: Path | None = None) -> Iterator[None]:
         """Turn errors made for users, and those of the machine, into a message and an exit code.
 
-        scene: the file that a refused request stands in; passes: the whole work, for its progress on stderr.
-        Defects pass through.
+        scene: the file that a refused request stands in. Defects pass through.
         """
-        self._work = CommandProgress(lambda: self.aside, passes)
+        self._bar = bar = ProgressBar(lambda: self.aside)
+        bar.start()
         try:
-            with self._work.watched(), self._own_warnings():
+            with watched_passes(bar), self._own_warnings():
                 yield
             self._finish()
         except typer.Exit:  # after a result
@@ -147,8 +145,6 @@ class Output:
 
     def _finish(self) -> None:
         """End the bar, and say on stderr how long the verb took."""
-        if self._work is not None:
-            self._work.keep_durations()
         self._end_bar()
         if not self.as_json:
             self._say_time()
@@ -178,7 +174,7 @@ class Output:
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[float], None]]:
-        """Yield a function of the fraction done of a pass, which is a part of the whole work."""
+        """Yield a function of the fraction done of a pass."""
         with work_pass(title) as move:
             yield move
 
@@ -205,12 +201,12 @@ class Output:
 
     def entitle(self, title: str) -> None:
         """Change what the command's bar says of the work."""
-        if self._work is not None:
-            self._work.estimate.title = title
+        if self._bar is not None:
+            self._bar.title = title
 
     def _end_bar(self) -> None:
-        if self._work is not None:
-            self._work.stop()
+        if self._bar is not None:
+            self._bar.stop()
 
 
 def _open_console(*, stderr: bool) -> Console:

@@ -33,6 +33,7 @@ class ShowOptions:
     is_color_given: bool = False
     modes: int | None = None
     three: Path | None = None
+    overwrite: bool = False
 
 
 def check_kind(out: Path, trajectory: Path | None, options: ShowOptions) -> None:
@@ -123,13 +124,15 @@ def _write_motion(
     structure = outline_bodies(subject)
     motion = outline_motion(read_trajectory(trajectory, outline_tendons(subject)), structure)
     if out.suffix.lower() not in ANIMATED:
-        plot_trajectory(structure, motion, out, choices=options.choices, subject=subject)
+        plot_trajectory(
+            structure, motion, out, choices=options.choices, subject=subject, overwrite=options.overwrite
+        )
         return motion
     with output.progress("drawing") as progress:
         write_animation(
             structure, motion, out, fps=USUAL_FPS if options.fps is None else options.fps,
             slow_down=1.0 if options.slow_down is None else options.slow_down,
-            progress=progress, choices=options.choices, subject=subject,
+            progress=progress, choices=options.choices, subject=subject, overwrite=options.overwrite,
         )  # fmt: skip
     return motion
 
@@ -153,7 +156,7 @@ def _write_scene(
     else:
         shot = Shot(subject, rigid=find_rigid(subject, request))
     figure, tension = draw_shot(shot, options.choices, is_vector=suffix != ".png")
-    save_figure(figure, out)
+    save_figure(figure, out, overwrite=options.overwrite)
     return int(np.isnan(tension).sum())
 
 

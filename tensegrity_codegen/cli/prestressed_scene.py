@@ -225,7 +225,7 @@ def _describe(subject: Subject, request: ModelRequest) -> dict[str, Any]:
 
 def _describe_choice(found: Analysis, subject: Subject) -> str:
     """Return which of several self-stresses was written, and what loads do."""
-    count = len(found.rank.selfstress)
+    count = found.n_selfstress
     if count == 1:
         text = "the only self-stress"
     else:

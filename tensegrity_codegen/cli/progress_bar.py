@@ -1,52 +1,48 @@
-"""How far a command has come: one bar on a terminal, else a plain line every ten seconds."""
+"""How far a command has come: a bar on a terminal, else a plain line every ten seconds."""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from tensegrity_codegen.cli.streams import print_aside
-from tensegrity_codegen.long_work.estimate import WorkState, name_duration
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["ProgressBar", "describe_left", "describe_progress"]
+__all__ = ["ProgressBar", "can_draw", "name_duration"]
 
 NARROW = 70  # columns; below, only title, bar and percentage are shown
 WIDEST_TITLE = 0.4  # of the columns
 
 
 class ProgressBar:
-    """The progress of one command, shown on stderr while it runs.
+    """The pass of a command that runs, shown on stderr: its title, how far it is, how long it has taken.
 
-    A thread shows it, so that it appears also while nothing reports. On a terminal it is a bar, from DELAY
-    seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
+    A thread shows it, so that it appears also while nothing reports. On a terminal it is a bar of Rich, from
+    DELAY seconds on, that disappears at the end; elsewhere it is a line every INTERVAL seconds.
 
     Parameters
     ----------
     console : callable
         Returns the console of stderr; called when a bar is drawn.
-    look : callable
-        Returns how far the work is.
-    wake : callable, optional
-        Called once when the command has run for DELAY seconds, in the thread of the bar.
+    clock : callable
+        Time [s].
     """
 
     DELAY = 1.0  # [s]
     INTERVAL = 10.0  # [s]
     REFRESH = 0.1  # [s]
+    IDLE = "working"  # title where no pass runs
 
-    def __init__(
-        self,
-        console: Callable[[], Console],
-        look: Callable[[], WorkState],
-        wake: Callable[[], None] = lambda: None,
-    ) -> None:
-        self._console, self._look, self._wake = console, look, wake
+    def __init__(self, console: Callable[[], Console], clock: Callable[[], float] = time.monotonic) -> None:
+        self.title = self.IDLE
+        self._console, self._clock = console, clock
+        self._fraction, self._began, self._depth = 0.0, clock(), 0
         self._ended = threading.Event()
         self._wait: Callable[[float], bool] = self._ended.wait
         self._thread = threading.Thread(target=self.show, name="progress", daemon=True)
@@ -61,12 +57,32 @@ class ProgressBar:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
 
+    def begin(self, title: str) -> Callable[[float], None]:
+        """Begin a pass; return what is called with the fraction of it that is done, 0 to 1.
+
+        A pass within another is a part of that and is not shown.
+        """
+        self._depth += 1
+        if self._depth > 1:
+            return lambda fraction: None
+        self.title, self._fraction, self._began = title, 0.0, self._clock()
+        return self._move
+
+    def end(self) -> None:
+        """End the pass that runs."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.title, self._fraction, self._began = self.IDLE, 0.0, self._clock()
+
+    def _move(self, fraction: float) -> None:
+        if fraction > self._fraction:  # else it is an earlier report, or NaN
+            self._fraction = min(fraction, 1.0)
+
     def show(self) -> None:
         """Show the progress until `stop` is called."""
         waited = min(self.DELAY, self.INTERVAL)
         if self._wait(waited):  # most commands end before Rich has to be imported
             return
-        self._wake()
         if can_draw():
             self._show_bar(self._console(), self.DELAY - waited)
         else:
@@ -74,7 +90,7 @@ class ProgressBar:
 
     def _show_lines(self, wait: float) -> None:
         while not self._wait(wait):
-            print_aside(describe_progress(self._look()))
+            print_aside(self.describe())
             wait = self.INTERVAL
 
     def _show_bar(self, console: Console, wait: float) -> None:
@@ -93,19 +109,31 @@ class ProgressBar:
         if console.width >= NARROW:
             columns.append(TextColumn("{task.fields[times]}", markup=False, table_column=one_line))
         with Progress(*columns, console=console, transient=True, auto_refresh=False, expand=True) as bar:
-            task = bar.add_task(self._look().title, total=None, times="")
+            task = bar.add_task(self.title, total=None, times="")
             while not self._wait(self.REFRESH):
-                state = self._look()
-                total = 1.0 if state.fraction > 0.0 else None
-                times = ", ".join(filter(None, (_name_whole(state.spent), describe_left(state))))
+                fraction = self._fraction
                 bar.update(
                     task,
-                    description=state.title,
-                    total=total,
-                    completed=state.fraction,
-                    times=times,
+                    description=self.title,
+                    total=1.0 if fraction > 0.0 else None,
+                    completed=fraction,
+                    times=", ".join(self._list_times(fraction)),
                     refresh=True,
                 )
+
+    def describe(self) -> str:
+        """Return one line: "simulating: 40 % after 12 s, about 18 s left"."""
+        fraction = self._fraction
+        spent, *left = self._list_times(fraction)
+        if fraction <= 0.0:
+            return f"{self.title}: {spent} so far"
+        return ", ".join([f"{self.title}: {int(100.0 * fraction)} % after {spent}", *left])
+
+    def _list_times(self, fraction: float) -> list[str]:
+        """Return how long the pass has taken, and about how long the rest of it takes at this speed."""
+        spent = self._clock() - self._began
+        left = [f"about {_name_whole(spent * (1.0 / fraction - 1.0))} left"] if fraction > 0.0 else []
+        return [_name_whole(spent), *left]
 
 
 def can_draw() -> bool:
@@ -117,21 +145,20 @@ def can_draw() -> bool:
     return is_terminal and os.environ.get("TERM", "").lower() not in ("dumb", "unknown")
 
 
-def describe_progress(state: WorkState) -> str:
-    """Return one line: "simulating: 40 % after 12 s, about 18 s left"."""
-    spent = _name_whole(state.spent)
-    if state.fraction <= 0.0:
-        return f"{state.title}: {spent} so far"
-    left = describe_left(state)
-    return f"{state.title}: {int(100.0 * state.fraction)} % after {spent}" + (f", {left}" if left else "")
+def name_duration(seconds: float) -> str:
+    """Return a time as text: "0.3 s", "12 s", "3 min 20 s", "2 h 5 min".
 
-
-def describe_left(state: WorkState) -> str:
-    """Return the estimated rest of the time as text, "" where there is no estimate."""
-    if state.left is None:
-        return ""
-    about = f"about {_name_whole(state.left)}"
-    return f"longer than estimated, {about} more" if state.is_late else f"{about} left"
+    Examples
+    --------
+    >>> name_duration(3.21), name_duration(200.0), name_duration(7500.0)
+    ('3.2 s', '3 min 20 s', '2 h 5 min')
+    """
+    if seconds < 59.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 def _name_whole(seconds: float) -> str:

@@ -79,7 +79,7 @@ def _settle(
     found = find_equilibrium(model, arguments=loads.arguments, raise_on_failure=False, **options)
     with output.progress("checking for snap-through"):
         snap = loads.find_snap(model, found)
-    for text in (*found.warnings, *_describe_snap(snap)):
+    for text in (*found.warnings, *(_describe_snap(snap) if found.is_found else ())):
         output.warn(text)
     found = _move_back(found, structure, loads, offset)
     return found, equilibrium_data(model, found) | snap.as_evidence()
@@ -90,6 +90,7 @@ def _report(
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
     from tensegrity_codegen.report.tables import members_table, nodes_table
+    from tensegrity_codegen.structure.member_limits import describe_tensions, summarise_tensions
     from tensegrity_codegen.structure.outline import outline_tendons
 
     unit = "in the units of the coordinates" if isinstance(structure, BodySystem) else "N/m"
@@ -98,13 +99,16 @@ def _report(
         nodes_table(drawn, found.node_position),
         members_table(drawn, found.member_length, found.member_tension),
     ]
+    tensions = describe_tensions(summarise_tensions(structure, found.member_tension))
+    said = [*([found.message] if found.message else []), *([tensions] if found.is_found else [])]
+    flaws = [] if found.members is None else found.members.describe()
     output.result(
         data,
+        f"{found.status}: {'; but '.join(['; '.join(said), *flaws])}",
         *(tables if found.is_found else []),  # else those of no equilibrium would hide the reason
-        f"{found.status}: {found.message}" if found.message else found.status,
         f"largest residual {found.residual:.3g} N of largest member force {found.largest_force:.6g} N; "
         f"smallest eigenvalue {found.smallest_eigenvalue:.6g} {unit}",
-        *_describe_motion(found),
+        *(_describe_motion(found) if found.is_found else []),
     )
 
 
@@ -183,13 +187,19 @@ def _find_held(structure: Structure | BodySystem, added: NDArray[np.float64]) ->
 
 def _describe_motion(found: Equilibrium) -> list[str]:
     """Return how far nodes moved, and which motions cost nothing, a line each."""
-    lines = [f"node {found.displaced_node} moved farthest, {found.displacement:.6g} m"]
+    lines = ["no node moved"]
+    if found.displacement:
+        lines = [f"node {found.displaced_node} moved farthest, {found.displacement:.6g} m"]
     if found.neutral_motion_names:
-        lines = [
-            f"free to {_join_motions(found.neutral_motion_names)}, without change of energy",
-            f"node {found.changed_node} moved farthest, {found.change:.6g} m, without these motions "
-            f"(with them: node {found.displaced_node}, {found.displacement:.6g} m)",
-        ]
+        free = f"free to {_join_motions(found.neutral_motion_names)}, without change of energy"
+        if found.displacement:
+            is_moved = found.change > 1e-12 * found.extent  # otherwise rounding
+            moved = f"node {found.changed_node} moved farthest, {found.change:.6g} m"
+            lines = [
+                f"{moved if is_moved else 'no node moved'}, without these motions "
+                f"(with them: node {found.displaced_node}, {found.displacement:.6g} m)"
+            ]
+        lines = [free, *lines]
     return lines
 
 

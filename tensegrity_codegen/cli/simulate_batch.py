@@ -21,8 +21,16 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.structure.member_limits import MemberFlaws
 
-__all__ = ["build_for_batch", "build_run_table", "check_no_other", "read_schedule", "simulate_starts"]
+__all__ = [
+    "build_for_batch",
+    "build_run_table",
+    "check_no_other",
+    "describe_extremes",
+    "read_schedule",
+    "simulate_starts",
+]
 
 
 def simulate_starts(
@@ -30,6 +38,7 @@ def simulate_starts(
     built: BuiltLibrary,
     starts: Path,
     out: Path | None,
+    overwrite: bool,
     options: RunOptions,
     values: Mapping[str, float],
     **asked: Any,
@@ -55,14 +64,17 @@ def simulate_starts(
             **given,
         )
     if out is not None:
-        batch.write(out)
+        batch.write(out, overwrite=overwrite)
     data = batch.summary() | {
         "control": options.control,
         "inputs": dict(values),
         "library": str(built.path),
         "out": None if out is None else str(out),
     }
-    output.result(data, lambda: build_run_table(data))
+    finding = describe_extremes(data, batch.find_flaws())
+    output.result(
+        data, f"{data['n_ok']} of {len(batch)} motions ok: {finding}", lambda: build_run_table(data)
+    )
     if not batch.is_ok.all():
         bad = int(batch.is_ok.argmin())
         count = len(batch) - data["n_ok"]
@@ -72,11 +84,26 @@ def simulate_starts(
         raise typer.Exit(3)
 
 
+def describe_extremes(data: Mapping[str, Any], flaws: MemberFlaws) -> str:
+    """Return the largest displacement of a motion, or of many, its tensions, and exceeded limits."""
+    from tensegrity_codegen.structure.member_limits import describe_tensions
+
+    text = "no node moves"
+    if data["largest_displacement"]:
+        text = (
+            f"node {data['displaced_node']} moves farthest, {data['largest_displacement']:.4g} m at "
+            f"{data['displaced_time']:.4g} s"
+        )
+    tensions = [describe_tensions(data)] if "cable_tension" in data else []
+    return "; but ".join(["; ".join([text, *tensions]), *flaws.describe()])
+
+
 def build_run_table(data: Mapping[str, Any]) -> Table:
     """Return what is said of one or many motions, as a table."""
     from tensegrity_codegen.report.tables import run_table  # imports Rich
 
-    return run_table(name_options(data))
+    shown = {key: value for key, value in data.items() if not key.startswith(("displaced", "largest_disp"))}
+    return run_table(name_options(shown))
 
 
 def _check_twice(values: Mapping[str, float], arguments: Mapping[str, Any], starts: Path) -> None:

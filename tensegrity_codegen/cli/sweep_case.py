@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.sweep_summary import SweepArgument
-from tensegrity_codegen.files import check_ending, check_target
+from tensegrity_codegen.files import check_ending, check_output
 
 __all__ = ["case"]
 
@@ -22,7 +22,7 @@ def case(
     file: SweepArgument,
     number: NumberArgument,
     out: OutOption = None,
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Show one case of a sweep, and write its scene.
@@ -40,7 +40,7 @@ def case(
 
         if out is not None:
             check_ending(out, ".toml")
-            check_target(out, overwrite=overwrite)
+            check_output(out, overwrite=overwrite)
         results = read_results(file)
         check_case(results, number)
         keys = dict(zip(results.keys, results.key_values[number].tolist(), strict=True))
@@ -58,7 +58,7 @@ def case(
                 "commands": list(commands),
                 "out": None if out is None else str(out),
             },
-            *(f"{key} = {value!r}" for key, value in keys.items()),
             f"{status}: {message}" if message else status,
+            *(f"{key} = {value!r}" for key, value in keys.items()),
             *([f"wrote {out}"] if out is not None else commands),
         )

@@ -131,7 +131,7 @@ TaskSizeOption = Annotated[
     int | None, typer.Option("--task-size", help="Most cases of a task; default: chosen by their time.")
 ]
 OverwriteOption = Annotated[
-    bool, typer.Option("--overwrite", help="With --format: let the table replace a file of another program.")
+    bool, typer.Option("--overwrite", help="With --format: replace the table if it exists.")
 ]
 FormatOption = Annotated[
     str | None,

@@ -62,10 +62,12 @@ class SweepCall:
         output.aside.print(str(prepared.planned), markup=False, soft_wrap=True)
         with output.progress("sweeping") as move:
             outcome = self._run(output, prepared, move)
+        if outcome.empty:
+            output.warn(outcome.describe_empty())
         table = self._write_table(output)
         data = _describe_outcome(prepared, outcome) | {"table": None if table is None else str(table)}
         written = [] if table is None else [f"wrote {table}"]
-        output.result(data, *_list_lines(outcome, operation.name), *written)
+        output.result(data, *_list_lines(outcome, operation.name, table), *written)
         return outcome.good > 0
 
     def _check(self, dry_run: bool) -> None:
@@ -175,6 +177,8 @@ def _describe_outcome(prepared: PreparedSweep, outcome: SweepOutcome) -> dict[st
         "n_good": outcome.good,
         "n_not_good": outcome.failed,
         "n_computed": outcome.computed,
+        "n_damaged": outcome.damaged,
+        "n_beyond_limits": outcome.beyond,
         "counts": dict(outcome.counts),
         "first_messages": dict(outcome.first_message),
         "stopped": outcome.stopped,
@@ -183,8 +187,10 @@ def _describe_outcome(prepared: PreparedSweep, outcome: SweepOutcome) -> dict[st
     }
 
 
-def _list_lines(outcome: SweepOutcome, operation: str) -> list[str]:
+def _list_lines(outcome: SweepOutcome, operation: str, table: Path | None) -> list[str]:
     """Return how a sweep ended, for people."""
+    from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND
+
     rows = [
         f"  {count:,} {word}{_first(outcome, word)}"
         for word, count in sorted(outcome.counts.items(), key=lambda item: -item[1])
@@ -197,9 +203,14 @@ def _list_lines(outcome: SweepOutcome, operation: str) -> list[str]:
         *rows,
         f"wrote {outcome.path}; see: tensegrity-codegen sweep summary {outcome.path} -o page.html",
     ]
+    if outcome.beyond:
+        lines.insert(1, f"  in {outcome.beyond:,} of them {BEYOND} (limit_use above 1)")
     left = outcome.cases - outcome.finished
+    if outcome.damaged:
+        lines.insert(1, f"  {outcome.damaged:,} of them were damaged in the folder, and were computed again")
     if left:
-        lines.insert(1, f"  {left:,} not computed: the same command goes on")
+        more = " with --overwrite" if table is not None else ""
+        lines.insert(1, f"  {left:,} not computed: the same command{more} goes on")
     return lines
 
 

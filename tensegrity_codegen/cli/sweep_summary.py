@@ -10,8 +10,9 @@ import typer
 from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output, replaced
+from tensegrity_codegen.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.summary import SweepSummary
@@ -59,27 +60,27 @@ def summary(
             check_output(out, overwrite=overwrite)
             require_plot()
         from tensegrity_codegen.cli.sweep_commands import build_commands
+        from tensegrity_codegen.sweeps.summary.finding import describe_finding
         from tensegrity_codegen.sweeps.summary.read_results import read_results
         from tensegrity_codegen.sweeps.summary.summary import summarize
         from tensegrity_codegen.sweeps.summary.tables import list_tables
 
         found = summarize(read_results(file), result or (), over or (), build_commands)
         if out is not None:
-            _write_page(found, out)
+            _write_page(found, out, overwrite)
         written = [] if out is None else [f"wrote {out}"]
         output.result(
             {"status": "ok", **found.as_dict(), "out": None if out is None else str(out)},
+            describe_finding(found),
             *list_tables(found),
             *written,
-            found.headline,
         )
 
 
-def _write_page(found: SweepSummary, path: Path) -> None:
+def _write_page(found: SweepSummary, path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
 
     text = render_page(build_summary_page(found, quote_command()))
-    with replaced(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, path, overwrite=overwrite)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import TIMING
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.files import check_ending, check_output
 
@@ -45,6 +44,7 @@ def time_plan(
     *,
     duration: float | None,
     arguments: Mapping[str, Any],
+    overwrite: bool,
 ) -> Motion | None:
     """Return the motion of a plan that was found, after it is written; None where there is none."""
     from tensegrity_codegen.runtime.control.time_motion import time_motion
@@ -55,11 +55,11 @@ def time_plan(
     if not has_masses:
         output.warn("without masses the inputs of the motion are those of its equilibria")
     kind = "dynamic" if has_masses else "static"
-    with output.progress(TIMING.title):
+    with output.progress("putting the plan in time"):
         motion = time_motion(model, found, duration, feedforward=kind, arguments=arguments)
     for text in motion.warnings:
         output.warn(text)
-    motion.write(path)
+    motion.write(path, overwrite=overwrite)
     return motion
 
 

@@ -13,6 +13,17 @@ from tensegrity_codegen.cli.option_names import VerbCommand
 __all__ = ["Verb", "find_verb", "find_verbs"]
 
 PACKAGE = "tensegrity_codegen.cli.verbs"
+# Groups of verbs in `--help`, and the least `order` of each.
+GROUPS = {
+    "Scenes": 0,
+    "Structures at rest": 100,
+    "Motions and pictures": 200,
+    "Plans and control": 300,
+    "Many cases": 400,
+    "Libraries in C, other programs": 500,
+    "Installation": 600,
+    "Comparisons and papers": 700,
+}
 
 
 @dataclass(frozen=True)
@@ -24,7 +35,7 @@ class Verb:
     run : Callable
         Does the work. Typer makes the arguments and options from its signature, the help from its docstring.
     order : int
-        Place in the list of `--help`.
+        Place in the list of `--help`; decides the group, see GROUPS.
     name : str
         The word on the command line; empty: the name of `run` with `-` for `_`.
     command : type
@@ -40,6 +51,11 @@ class Verb:
     def word(self) -> str:
         """The word on the command line."""
         return self.name or self.run.__name__.replace("_", "-")
+
+    @property
+    def group(self) -> str:
+        """The heading in `--help` under which the verb stands."""
+        return [name for name, least in GROUPS.items() if least <= self.order][-1]
 
 
 def find_verbs() -> list[Verb]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -45,9 +46,13 @@ class VerbGroup(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the verbs with the first sentence of their help; options would take most of the time."""
         verbs = find_verbs()
-        limit = formatter.width - 6 - max(len(verb.word) for verb in verbs)
-        with formatter.section("Commands"):
-            formatter.write_dl([(verb.word, _first_sentence(verb, limit)) for verb in verbs])
+        widest = max(len(verb.word) for verb in verbs)
+        limit = formatter.width - 6 - widest
+        for group, members in itertools.groupby(verbs, key=lambda verb: verb.group):
+            with formatter.section(group):
+                formatter.write_dl(
+                    [(verb.word.ljust(widest), _first_sentence(verb, limit)) for verb in members]
+                )
 
 
 @functools.cache

@@ -16,6 +16,7 @@ from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.subject import Subject
 
 __all__ = [
@@ -60,23 +61,25 @@ class EmitterChoice:
 def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     """Return the emitter for these facts."""
     count = facts.n_members
+    members = describe_count(count, "member")
     is_open = not facts.lacking or count > facts.most_members  # which unrolled would refuse all the same
     emitters = find_formulation(facts.formulation).emitters
     if "table" in emitters and "lanes" not in emitters and count > MOST_STRAIGHT and is_open:
-        return EmitterChoice("table", f"{count} members, more than {MOST_STRAIGHT}: loops, for statics")
+        return EmitterChoice("table", f"{members}, more than {MOST_STRAIGHT}: loops, for statics")
     if "lanes" not in emitters:
         return EmitterChoice("unrolled", f"the only emitter for the formulation {facts.formulation!r}")
     if count <= MOST_STRAIGHT and facts.has_vectors:
-        why = f"{count} members, forces or stiffness requested: four members at a time are fastest"
+        why = f"{members}, forces or stiffness requested: four members at a time are fastest"
         return EmitterChoice("lanes", why)
     if count <= MOST_STRAIGHT:
-        why = f"{count} members, nothing to do four members at a time: straight-line code is fastest"
+        why = f"{members}, nothing to do four members at a time: straight-line code is fastest"
         return EmitterChoice("unrolled", why)
     if facts.lacking and count <= facts.most_members:
-        why = f"{count} members, and loops over tables do not serve {', '.join(facts.lacking)}"
+        why = f"{members}, and loops over tables do not serve {', '.join(facts.lacking)}"
         return EmitterChoice("unrolled", why)
     return EmitterChoice(
-        "table", f"{count} members, more than {MOST_STRAIGHT}: loops whose code does not grow"
+        "table",
+        f"{members}, more than {MOST_STRAIGHT}: loops whose code does not grow",
     )
 
 

@@ -49,7 +49,7 @@ def describe(
     used = {name for function in functions for name in function.arguments}
     used |= {"coordinate", "velocity", "input"}
     frame = model.frame
-    driven = find_driven(model, specs) if request.integrators else ()
+    driven = find_driven(model, specs, request) if request.integrators else ()
     integrators = tuple(_integrator_spec(model, name, specs, request, driven) for name in request.integrators)
     return Manifest(
         abi_version=ABI_VERSION,

@@ -10,6 +10,7 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     Derivatives,
     build_derivatives,
     list_derivative_parts,
+    with_stiffness,
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
@@ -105,7 +106,7 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     _check_names(structure)
     _check_precision(structure, request)
     request, why = settle_emitter(structure, request)
-    request = _with_integrator_needs(structure, request)
+    request = _with_integrator_needs(structure, with_stiffness(structure, request))
     functions, model = _prune(structure, request)
     EMITTERS[request.emitter].check(model, functions)
     describe(model, request, functions, ())

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.checks import check_instance, check_path, check_switch, check_whole
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -119,7 +119,7 @@ def build_controller(
     compiler : str, optional
         ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
     overwrite : bool
-        Whether files may be replaced that this package did not write, or that were changed since.
+        Whether files may be replaced that are not as SHA256SUMS in the folder says.
     inputs : iterable of Path
         Files that are never replaced.
 
@@ -162,7 +162,15 @@ def build_controller(
     >>> controller.step_state(0.0, [*found.coordinate, 0.0])[0]
     'ok'
     """
+    check_instance(precision, str, "precision", '"double" or "single"')
     real = find_precision(precision, "precision")
+    check_path(out, "out")
+    for switch, where in ((library, "library"), (overwrite, "overwrite")):
+        check_switch(switch, where)
+    check_instance(inputs, Iterable, "inputs", "a list of paths")
+    read = tuple(inputs)
+    for path in read:
+        check_path(path, "inputs")
     check_folder(out)
     described, request = find_described(scene, motion)
     way = find_motion(described, motion, arguments)
@@ -181,7 +189,7 @@ def build_controller(
         contents[artifact.file_name] = artifact.library
         description = replace(description, library=artifact.file_name)
     contents["manifest.json"] = description.to_json().encode("utf-8")
-    taken = [*inputs, *([Path(scene)] if isinstance(scene, str | Path) else [])]
+    taken = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
     folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)
 

@@ -9,8 +9,9 @@ import cffi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_path
 from tensegrity_codegen.controller.description import ControllerDescription
-from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.errors import InvalidValueError, LibraryError, UnknownNameError
 from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.runtime.model.arrays import to_sized
 
@@ -99,8 +100,11 @@ class LoadedController:
         ``"distribution.iterations"``: most iterations of the solver in one program of the last step, ().
         """
         found = self._memory
-        for part in field.split("."):
-            found = getattr(found, part)
+        for part in str(field).split("."):
+            found = getattr(found, part, None)
+        if found is None:
+            names = ", ".join(dir(self._memory))
+            raise UnknownNameError("no such field", where="field", given=field, allowed=names)
         is_array = isinstance(found, self._ffi.CData)
         return np.array(self._ffi.unpack(found, len(found)) if is_array else found)
 
@@ -114,7 +118,12 @@ class LoadedController:
         call, values = self._call(name), self._ffi.NULL
         if given is not None:
             values = self._pointer(to_sized(given, (size,), where))
-        status = call(self._memory, *before, values, self._pointer(self._command))
+        try:
+            status = call(self._memory, *map(float, before), values, self._pointer(self._command))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InvalidValueError(
+                "not a time", where="time", given=before[0], allowed="a number [s]"
+            ) from error
         return self._word(status), self._command.copy()
 
     def _pointer(self, values: FloatArray) -> Any:
@@ -164,4 +173,5 @@ def load_controller(folder: str | Path) -> LoadedController:
     >>> controller.init(), controller.step_state(0.0, [0.0] * 36)[0]
     ('ok', 'ok')
     """
+    check_path(folder, "folder")
     return LoadedController(Path(folder))

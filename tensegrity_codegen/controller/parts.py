@@ -13,6 +13,7 @@ from tensegrity_codegen.controller.daqp_archive import find_daqp_archive
 from tensegrity_codegen.controller.distribution_tables import QP_ITERATIONS
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.runtime.control.design.delays import split_delays
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
@@ -88,6 +89,11 @@ class ControllerParts:
     def disturbed(self) -> NDArray[np.int64]:
         """Coordinates with a disturbance force."""
         return np.zeros(0, dtype=np.int64) if self.estimator is None else self.estimator.disturbed
+
+    @property
+    def n_past(self) -> int:
+        """Number of commands on their way that the gains know."""
+        return 0 if self.gains is None else int(split_delays(self.gains.delay, self.sample)[2].sum())
 
     def delays(self) -> DelayedInputs:
         """Return the delays of the actuators in samples."""

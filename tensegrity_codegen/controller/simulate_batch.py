@@ -5,24 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.checks import check_instance, check_positive, check_switch, check_whole
 from tensegrity_codegen.controller.closed_loop import CompiledLoop, LoopDraw
 from tensegrity_codegen.controller.parts import ControllerParts, collect_parts
 from tensegrity_codegen.controller.subject import find_described
 from tensegrity_codegen.controller.write import write_files
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.runtime.control.closed_loop import simulate_control
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.runtime.control.loop.compare_runs import compare_with_open_loop
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, bind_gust
+from tensegrity_codegen.runtime.control.loop.loop_parts import describe_unknown_delays
 from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
@@ -53,6 +58,7 @@ def simulate_control_batch(
     threads: int | None = None,
     daqp_sdist: str | Path | None = None,
     compiler: str | None = None,
+    compare: bool = True,
 ) -> tuple[ControlRun, ...]:
     """Simulate a motion with sampled feedback many times, controller and model in one loop in C.
 
@@ -85,6 +91,8 @@ def simulate_control_batch(
         Source package of DAQP for a distribution, as of `build_controller`.
     compiler : str, optional
         As of `build_controller`.
+    compare : bool
+        As of `simulate_control`, which simulates the open loops.
 
     Returns
     -------
@@ -126,9 +134,13 @@ def simulate_control_batch(
     require_model(model)
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
+    check_switch(compare, "compare")
+    check_instance(compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
+    check_instance(draws, Sequence, "draws", "a list of dictionaries")
+    held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
     workers = _check_threads(threads)
     described, request = find_described(model, motion)
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0)
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
     parts = collect_parts(
         described, way, name=NAME, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
         sample=sample, rate=rate, range=range, delay=delay, daqp_sdist=daqp_sdist,
@@ -139,20 +151,34 @@ def simulate_control_batch(
         return ()
     loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), compiler)
     with ThreadPoolExecutor(workers) as pool:
-        return tuple(pool.map(lambda draw: loop.run(draw, count), ready))
+        runs = list(pool.map(lambda draw: loop.run(draw, count), ready))
+    late = describe_unknown_delays(gains, parts.bounds)
+    runs = [replace(run, warnings=(late,) if late else ()) for run in runs]
+    if gains is None or not compare:
+        return tuple(runs)
+    open_loop = partial(
+        simulate_control, model, way, t_end=count * parts.sample, sample=parts.sample, rate=rate, range=range,
+        delay=delay,
+    )  # fmt: skip
+    return tuple(
+        compare_with_open_loop(model, way, run, partial(open_loop, **draw))
+        for run, draw in zip(runs, draws, strict=True)
+    )
 
 
 def _read_draw(
     model: CompiledModel, parts: ControllerParts, k: int, draw: Mapping[str, Any], count: int
 ) -> LoopDraw:
     """Return a draw after the checks of `simulate_control`."""
+    check_instance(draw, Mapping, f"draws[{k}]", "a dictionary")
     for key in draw:
         check_choice(key, OF_DRAWS, "key of a draw", f"draws[{k}]")
     given = find_given(model, draw.get("arguments"), draw.get("axial_stiffness"))
     noise = np.zeros((0, 0))
+    seed = check_whole(draw.get("seed", 0), f"draws[{k}].seed", 0)
     if parts.estimator is not None:
         size = parts.estimator.sensing.noise
-        noise = size * np.random.default_rng(draw.get("seed", 0)).normal(size=(count, len(size)))
+        noise = size * np.random.default_rng(seed).normal(size=(count, len(size)))
     return LoopDraw(
         start=find_start(parts.motion, draw.get("coordinate_error"), draw.get("velocity_error")),
         given=given,

@@ -117,6 +117,8 @@ def _settings(parts: ControllerParts, precision: str) -> dict[str, bool]:
         "WITH_ESTIMATOR": parts.estimator is not None,
         "WITH_GAINS": parts.gains is not None,
         "WITH_SUMS": parts.gains is not None and len(parts.gains.integral_action) > 0,
+        "WITH_DELAY": parts.n_past > 0 or bool(parts.bounds.delay.any()),
+        "WITH_PAST": parts.n_past > 0,
         "WITH_DISTURBANCE": len(parts.disturbed) > 0,
         "WITH_DISTRIBUTION": parts.distribution is not None,
     }
@@ -133,6 +135,7 @@ def find_sizes(parts: ControllerParts, calls: Calls) -> dict[str, int]:
         "N_SUMS": 0 if parts.gains is None else len(parts.gains.integral_action),
         "N_SENSORS": 0 if parts.estimator is None else len(parts.estimator.sensing.noise),
         "N_DISTURBANCES": len(parts.disturbed),
+        "N_PAST": parts.n_past,
         "N_SENT": len(parts.delays().commands),
         "SIZE_MEASURED": calls.size_measured,
         "SIZE_MASS": 1 if calls.envelope is None else calls.envelope.size,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 __all__ = ["CONTROL_STATUS"]
 
-# Word: sentence, in the order of the numbers. The first ones are those of the steps of simulated loops.
+# Word: sentence, in the order of the numbers. Simulated loops have the first six and the last one.
 CONTROL_STATUS: Mapping[str, str] = {
     "ok": "the command is what feedback asks for, or gives the same forces",
     "rate_limited": "the command was cut to the rate of an actuator",
@@ -21,4 +21,5 @@ CONTROL_STATUS: Mapping[str, str] = {
     "estimate_lost": "the estimate was not finite and starts again from the motion; the last command holds",
     "null_pointer": "a pointer that is needed is NULL; the last command holds",
     "not_initialised": "init was not called with this memory; the command is that of the start",
+    "outlier": "a measurement is too far from its prediction and is not used; the last command holds",
 }

@@ -11,6 +11,7 @@ from tensegrity_codegen.controller.knots import tabulate_gains, tabulate_inputs,
 from tensegrity_codegen.controller.parts import ControllerParts
 from tensegrity_codegen.controller.table_printer import Table, TablePrinter
 from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.runtime.control.design.delays import split_delays
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 
@@ -37,6 +38,10 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     if parts.gains is not None:
         knots = tabulate_gains(parts.gains.time, parts.gains.K, parts.sample)
         tables += printer.knots("GAIN_TIME", "GAIN", knots, "gains: rows of actuators at each knot")
+        if parts.n_past:
+            count = split_delays(parts.gains.delay, parts.sample)[2]
+            starts = np.concatenate([[0], np.cumsum(count)])
+            tables.append(printer.whole("PAST_START", starts, "where commands on their way begin, of each"))
         if len(parts.gains.integral_action):
             tables.append(printer.real("SUM_OUTPUT", parts.gains.integral_action, "what is summed of errors"))
     if parts.estimator is not None:
@@ -44,6 +49,9 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
         stretches = sorted({0.0, *(float(time) for time in parts.delays().offset if time > 0.0)})
         tables.append(printer.real("STRETCH_START", stretches, "times in a sample when commands arrive [s]"))
         tables += printer.knots("FILTER_TIME", "FILTER_GAIN", knots, "gains of the estimator at each knot")
+        weight = tabulate_gains(parts.estimator.time, 1.0 / parts.estimator.innovation, parts.sample).row
+        text = "1 over the standard deviations of measurements minus their predictions"
+        tables.append(printer.real("FILTER_WEIGHT", weight, text))
         if len(parts.disturbed):
             tables.append(printer.whole("DISTURBED", parts.disturbed, "coordinates with a disturbance force"))
     return tables

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.checks import (
+    check_instance,
+    check_names,
+    check_path,
+    check_positive,
+    check_switch,
+    is_number,
+)
 from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
@@ -106,12 +113,16 @@ def export_fmu(
     >>> exported.facts["n_states"], exported.facts["method"]
     (6, 'rk853')
     """
+    check_path(out, "out")
+    check_switch(overwrite, "overwrite")
+    if compiler is not None:
+        check_instance(compiler, str, "compiler", "a name or command, or None")
     structure, request = load_scene(scene)
     path = Path(scene) if isinstance(scene, str | os.PathLike) else Path(f"{structure.name}.toml")
     source = ExportSource(path, structure, request)
     options: dict[str, Any] = {"fmi": fmi, "kind": kind, "method": method, "t_end": t_end, "rtol": rtol}
-    options |= {"outputs": tuple(outputs), "sources_only": sources_only, "compiler": compiler}
-    options["targets"] = tuple(targets)
+    options |= {"outputs": check_names(outputs, "outputs"), "targets": check_names(targets, "targets")}
+    options |= {"sources_only": check_switch(sources_only, "sources_only"), "compiler": compiler}
     return write_export("fmu", source, Path(out), overwrite=overwrite, **options)
 
 
@@ -179,9 +190,8 @@ def _write(
 def _check_options(fmi: str, kind: str, t_end: float, rtol: float) -> None:
     check_choice(fmi, VERSIONS, "version of FMI", "fmi")
     check_choice(kind, KINDS, "kind of interface", "kind")
-    if not (math.isfinite(t_end) and t_end > 0.0):
-        raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
-    if not 0.0 < rtol < 1.0:
+    check_positive(t_end, "t_end", "[s]")
+    if not (is_number(rtol) and 0.0 < rtol < 1.0):
         raise InvalidValueError(
             "the relative tolerance is out of range", where="rtol", given=rtol, allowed="a number > 0 and < 1"
         )

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.scene.formats.import_scene_json import SCENE_FORMAT
 from tensegrity_codegen.scene.read import read_scene
 
@@ -16,8 +15,7 @@ __all__ = ["EXPORTER"]
 def write_json(source: ExportSource, path: Path) -> Exported:
     """Write the scene file of `source` as JSON: numbers by their shortest text that reads back bit-equal."""
     document = read_scene(source.path).to_document()
-    head = {"format": SCENE_FORMAT, "comment": MARK}
-    text = json.dumps({**head, **document}, indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps({"format": SCENE_FORMAT, **document}, indent=1, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
     structure = source.structure
     return Exported(

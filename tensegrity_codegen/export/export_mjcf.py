@@ -11,7 +11,6 @@ from tensegrity_codegen.errors import FormulationError, InvalidValueError, check
 from tensegrity_codegen.export.elements import add, number, numbers, write_elements
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_parts
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["EXPORTER", "build_mjcf"]
@@ -33,7 +32,7 @@ def build_mjcf(
         raise InvalidValueError("the step is out of range", where="step", given=step, allowed="above 0 s")
     parts = build_parts(structure)
     root = Element("mujoco", model=structure.name)
-    root.append(Comment(f" {MARK}; SI units "))
+    root.append(Comment(" written by tensegrity_codegen; SI units "))
     gravity = numbers(structure.gravity)
     option = add(root, "option", timestep=number(step), integrator=integrator, gravity=gravity)
     add(option, "flag", contact="disable")

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.export.elements import add, number, numbers, write_elements
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.rigid_parts import WORLD, RigidPart, find_parts
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 
@@ -29,7 +28,7 @@ def build_urdf(subject: Subject) -> tuple[Element, list[str]]:
     """Return the robot of a structure, and what it does not have; raises what find_parts raises."""
     parts, fixed = find_parts(subject)
     root = Element("robot", name=subject.name)
-    root.append(Comment(f" {MARK}; SI units "))
+    root.append(Comment(" written by tensegrity_codegen; SI units "))
     add(root, "link", name=WORLD)
     poses = {WORLD: (np.zeros(3), np.eye(3))}
     for name, place in fixed.items():

@@ -13,7 +13,7 @@ from pkgutil import iter_modules
 from typing import Any
 
 from tensegrity_codegen.errors import InvalidValueError, check_choice
-from tensegrity_codegen.files import check_ending, check_target, replaced
+from tensegrity_codegen.files import check_ending, check_output, replaced
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 
@@ -113,7 +113,7 @@ def check_export(
                 allowed=f"with {', '.join(having)} only",
             )
     check_ending(out, *chosen.endings)
-    check_target(out, overwrite=overwrite, inputs=inputs)
+    check_output(out, overwrite=overwrite, inputs=inputs)
     return chosen
 
 

@@ -85,15 +85,15 @@ class BuiltLibrary:
         self,
         folder: str | Path,
         *,
-        overwrite: bool = True,
+        overwrite: bool = False,
         inputs: Iterable[Path] = (),
         wheel: bool = False,
     ) -> Path:
         """Copy sources, example, build files, manifest and library into a folder: all of them, or none.
 
-        SHA256SUMS lists what was written. Without `overwrite`, files in the folder that this package did not
-        write, or that were changed since, are an OutputError, as everything that cannot be written; files of
-        `inputs` are never replaced. wheel: whether to add a Python package of the library, which needs NumPy
+        SHA256SUMS lists what was written. Without `overwrite`, files in the folder that are not as its
+        SHA256SUMS says are an OutputError, as everything that cannot be written; files of `inputs` are never
+        replaced. wheel: whether to add a Python package of the library, which needs NumPy
         alone; FormulationError where Python cannot load it, InvalidNameError for a scene named "codegen".
         """
         from tensegrity_codegen.codegen.bundle.bundle import emit_bundle

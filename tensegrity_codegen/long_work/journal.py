@@ -7,6 +7,7 @@ import json
 import math
 import time
 import types
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
@@ -24,8 +25,8 @@ class Journal:
     """A file of named results that belong to a key.
 
     The key says what a result depends on: code, scene, options, machine. Results under another key are not
-    used. A line that is cut off, as the last one after `kill -9`, or that is no JSON is not used either: what
-    it held is computed again.
+    used. A line that is cut off, as the last one after `kill -9`, or whose checksum is wrong is not used
+    either: what it held is computed again.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ class Journal:
         if self.path is None:
             return
         data = {"key": self.key, "name": name, "time": round(time.time(), 3), "value": value}
-        line = json.dumps(data, allow_nan=False) + "\n"
+        line = json.dumps(data | {"crc32": _compute_checksum(data)}, allow_nan=False) + "\n"
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab+") as file:
             if file.tell() > 0:
@@ -119,7 +120,7 @@ class Journal:
         self._times.clear()
         lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
         others = [line for line in lines if (found := _read_line(line)) is not None and found[0] != self.key]
-        with replaced(path) as temporary:
+        with replaced(path, overwrite=True) as temporary:
             temporary.write_text("".join(f"{line}\n" for line in others), encoding="utf-8", newline="\n")
 
 
@@ -128,11 +129,17 @@ def _read_line(line: str) -> tuple[str, str, Any, float | None] | None:
     try:
         data = json.loads(line, parse_constant=_refuse)
         key, name, value, written = data["key"], data["name"], data["value"], data.get("time")
+        if data.pop("crc32") != _compute_checksum(data):
+            return None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
     if not isinstance(key, str) or not isinstance(name, str):
         return None
     return key, name, value, float(written) if _is_of(float, written) else None
+
+
+def _compute_checksum(data: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(data, sort_keys=True).encode())
 
 
 def read_record(kind: type[Record], data: Any) -> Record | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +13,18 @@ import numpy as np
 
 from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import replaced
 from tensegrity_codegen.long_work.identity import hash_run
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import ProgressFunction, part_of
 from tensegrity_codegen.long_work.provenance import describe_provenance
 from tensegrity_codegen.long_work.resumption import Resumption
-from tensegrity_codegen.marks import MARK
-from tensegrity_codegen.output_folder import write_folder
+from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.papers.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.papers.lin.chapter import build_lin_chapter
 from tensegrity_codegen.papers.scs.chapter import build_scs_chapter
 from tensegrity_codegen.papers.sk.chapter import build_sk_chapter
-from tensegrity_codegen.report.pages.page import Chapter, Page
+from tensegrity_codegen.report.number_text import format_number
+from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Page, Section
 from tensegrity_codegen.report.pages.render_page import render_page
 
 __all__ = [
@@ -48,6 +48,13 @@ WORDS = {
     "unstated": ("{} is a curve without printed numbers", "{} are curves without printed numbers"),
     "new": ("{} is not given in print", "{} are not given in print"),
 }
+# Unit -> format of the largest errors.
+ERROR_FORMATS = {"mm": ".2f", "%": ".2f", "N": ".4f"}
+KINDS = (
+    "A difference is marked “paper wrong” where a printed formula or count does not hold, “data missing” "
+    "where what was computed with is not printed, and “we differ” where our model leaves out what was "
+    "measured; an agreement is marked “ours corrected” where it needs data that were corrected here."
+)
 
 
 @dataclass(frozen=True)
@@ -78,9 +85,11 @@ class Reproduction:
         return {
             "html": str(self.html),
             "data": str(self.data),
+            "finding": self.page.title,
             "papers": {
                 chapter.anchor: [
-                    {"source": s.source, "title": s.title, "verdict": s.verdict, "result": s.result}
+                    {"source": s.source, "title": s.title, "verdict": s.verdict, "cause": s.cause}
+                    | {"result": s.result}
                     for s in chapter.sections
                 ]
                 for chapter in self.page.chapters
@@ -95,6 +104,7 @@ def reproduce(
     quick: bool = False,
     progress: ProgressFunction | None = None,
     fresh: bool = False,
+    overwrite: bool = False,
     notice: Callable[[Resumption], None] | None = None,
 ) -> Reproduction:
     """Compute the chapters of the papers and write reproduce.html and reproduce.json into `folder`.
@@ -103,21 +113,20 @@ def reproduce(
     fraction done. Both files are written after all studies are done, or neither. Sections go into a journal
     in the folder as soon as they are done; the same call again, with the same code on the same machine, takes
     them from there, unless `fresh`; `notice` is called with what is taken. Raises UnknownNameError,
-    OutputError for a folder that cannot be written, MissingExtraError without matplotlib, and what a study
-    raises, with its name.
+    OutputError for a folder that cannot be written or, without `overwrite`, holds these files,
+    MissingExtraError without matplotlib, and what a study raises, with its name.
     """
     names = choose_papers(papers)
     require_plot()
+    check_folder(folder, [PAGE_NAME, DATA_NAME], overwrite=overwrite)
     target = write_folder(folder, {})  # before the long work: that the result has a place
     key = hash_run("reproduce", str(quick))
     journal = Journal(target / JOURNAL_NAME, key, fresh=fresh, notice=notice)
     page = build_page(names, quick=quick, progress=progress, journal=journal)
-    html, data = target / PAGE_NAME, target / DATA_NAME
-    text = json.dumps({"made_by": MARK} | page.as_dict(), ensure_ascii=False, allow_nan=False, default=_plain)
-    with replaced(html) as new_html, replaced(data) as new_data:
-        new_html.write_text(render_page(page), encoding="utf-8")
-        new_data.write_text(text + "\n", encoding="utf-8")
-    return Reproduction(html, data, page)
+    text = json.dumps(page.as_dict(), ensure_ascii=False, allow_nan=False, default=_plain)
+    files = {PAGE_NAME: render_page(page).encode("utf-8"), DATA_NAME: f"{text}\n".encode()}
+    write_folder(target, files, overwrite=overwrite)
+    return Reproduction(target / PAGE_NAME, target / DATA_NAME, page)
 
 
 def choose_papers(papers: Sequence[str]) -> tuple[str, ...]:
@@ -162,17 +171,44 @@ def build_page(
 
 
 def _describe_finding(chapters: Sequence[Chapter]) -> str:
-    """Return how many of the results with printed numbers agree, and how many differ."""
-    verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
+    """Return how many of the results with printed numbers agree, how many differ and why, and by how much."""
+    sections = [section for chapter in chapters for section in chapter.sections]
+    verdicts = [section.verdict for section in sections]
     agree, differ = verdicts.count("agrees"), verdicts.count("differs")
     if not agree + differ:
         return f"{len(verdicts)} results, none of them with numbers in print"
     word = "result agrees" if agree + differ == 1 else "results agree"
-    return f"{agree} of {agree + differ} printed {word}, {differ} differ{'s' if differ == 1 else ''}"
+    errors = ", ".join(_largest_errors(sections))
+    return (
+        f"{agree} of {agree + differ} printed {word}{_count_causes(sections, 'agrees')}, "
+        f"{differ} differ{'s' if differ == 1 else ''}{_count_causes(sections, 'differs')}"
+        f"{f'; largest errors {errors}' if errors else ''}"
+    )
+
+
+def _count_causes(sections: Sequence[Section], verdict: str) -> str:
+    """Return the causes of the sections with this verdict, counted, in brackets; empty without any."""
+    found: Counter[str] = Counter(section.cause for section in sections if section.verdict == verdict)
+    words = ", ".join(f"{text} {found[cause]}" for cause, text in CAUSES.items() if cause in found)
+    return f" ({words})" if words else ""
+
+
+def _largest_errors(sections: Sequence[Section]) -> dict[str, str]:
+    """Return the largest error in each unit -> where it stands."""
+    largest: dict[str, tuple[float, str]] = {}
+    for section in sections:
+        for value, unit in section.errors:
+            largest[unit] = max(largest.get(unit, (0.0, "")), (value, section.source))
+    return {
+        f"{format_number(value, ERROR_FORMATS[unit])} {unit}": source
+        for unit, (value, source) in largest.items()
+    }
 
 
 def _lead(chapters: Sequence[Chapter]) -> str:
-    verdicts = [section.verdict for chapter in chapters for section in chapter.sections]
+    sections = [section for chapter in chapters for section in chapter.sections]
+    verdicts = [section.verdict for section in sections]
+    errors = ", ".join(f"{error} ({source})" for error, source in _largest_errors(sections).items())
     counts = [
         WORDS[kind][verdicts.count(kind) > 1].format(verdicts.count(kind))
         for kind in WORDS
@@ -181,7 +217,8 @@ def _lead(chapters: Sequence[Chapter]) -> str:
     return (
         "Every table and figure that the text of the papers defines, computed by the same general models "
         f"that serve any other scene, beside what was printed. Of {len(verdicts)} results "
-        f"{', '.join(counts)}. Where one differs, the page says where and why."
+        f"{', '.join(counts)}. Where one differs, the page says where and why. {KINDS}"
+        + (f" Largest errors: {errors}." if errors else "")
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.checks import check_switch
+from tensegrity_codegen.checks import check_instance, check_switch
 from tensegrity_codegen.pictures.settled import check_follow, settle_drawable
 from tensegrity_codegen.report.pictures.choices import (
     Labels,
@@ -92,6 +92,8 @@ def draw(
     >>> figure = draw("prism.toml", labels=True)
     >>> figure.savefig("prism.png")
     """
+    if title is not None:
+        check_instance(title, str, "title", "a text, or None")
     check_follow(follow is not None and check_switch(follow, "follow"), subject)
     choices = PictureChoices(
         view=read_view(view), size=read_size(size), labels=read_labels(labels), color=color,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.checks import check_switch
+from tensegrity_codegen.checks import check_path, check_switch, check_whole
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.pictures.modes import find_modes
@@ -59,20 +59,22 @@ class LivePage:
             f'style="width:100%;height:{self.height}px;border:1px solid #8884;border-radius:6px"></iframe>'
         )
 
-    def write(self, path: str | Path) -> None:
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the page to a file, whole or not at all.
 
         Parameters
         ----------
         path : str or Path
             Name of the file.
+        overwrite : bool
+            Whether a file that exists is replaced.
 
         Raises
         ------
         OutputError
-            The file cannot be written.
+            The file cannot be written, or exists already.
         """
-        with replaced(Path(path)) as temporary:
+        with replaced(path, overwrite=overwrite) as temporary:
             temporary.write_text(self.html, encoding="utf-8", newline="\n")
 
 
@@ -137,12 +139,14 @@ def view(
         allowed = f"a whole number of pixels from {HEIGHTS[0]} to {HEIGHTS[1]}"
         raise InvalidValueError("the height is out of range", where="height", given=height, allowed=allowed)
     start = LiveStart(read_view(view), read_labels(labels), check_switch(follow, "follow"))
+    if three is not None:
+        check_path(three, "three")
     is_settled = check_switch(settle, "settle")
     check_follow(follow, subject)
     module, licence = find_three(three)
     shown, motion, more = _find_shown(subject, is_settled)
     analysis, note = None, ""
-    if modes:
+    if check_whole(modes, "modes", 0):
         _, request = find_request(shown)
         analysis, note = find_modes(shown, request, modes, lambda text: warnings.warn(text, stacklevel=3))
     scene = build_live_scene(shown, motion, analysis, modes_note=note, start=start, **more)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 
 __all__ = ["describe_analysis", "write_analysis"]
 
@@ -28,9 +28,9 @@ def describe_analysis(
         "status": found.status,
         "message": found.message,
         "rank": _describe_rank(found),
-        "n_selfstress": len(found.rank.selfstress),
-        "n_rigid_motions": found.rigid_motion.shape[2],
-        "n_mechanisms": found.mechanism.shape[2],
+        "n_selfstress": found.n_selfstress,
+        "n_rigid_motions": found.n_rigid_motions,
+        "n_mechanisms": found.n_mechanisms,
         "parts": found.parts,
         "prestress": _describe_prestress(found.prestress, member_name),
         "load_prestress": _describe_prestress(found.load_prestress, member_name),
@@ -60,7 +60,14 @@ def describe_analysis(
     }
 
 
-def write_analysis(found: Analysis, path: Path, member_name: Sequence[str], node_name: Sequence[str]) -> None:
+def write_analysis(
+    found: Analysis,
+    path: Path,
+    member_name: Sequence[str],
+    node_name: Sequence[str],
+    *,
+    overwrite: bool,
+) -> None:
     """Write the arrays of an analysis to an .npz file, whole or not at all; OutputError."""
     arrays: dict[str, Any] = {
         "node_name": np.array(node_name, dtype=str),
@@ -92,7 +99,7 @@ def write_analysis(found: Analysis, path: Path, member_name: Sequence[str], node
             "growth_rate": found.modes.growth_rate,
             "mode_shape": found.modes.shape,
         }
-    write_arrays(path, arrays)
+    write_arrays(path, arrays, overwrite=overwrite)
 
 
 def _describe_rank(found: Analysis) -> dict[str, Any]:
@@ -100,8 +107,8 @@ def _describe_rank(found: Analysis) -> dict[str, Any]:
     return {
         "rank": rank.rank,
         "largest_rank": rank.largest_rank,
-        "n_coordinates": len(rank.free_motion),
-        "n_members": rank.selfstress.shape[1],
+        "n_coordinates": rank.n_coordinates,
+        "n_members": rank.n_members,
         "above_gap": rank.above,
         "below_gap": rank.below,
         "gap": rank.gap,
@@ -161,10 +168,7 @@ def _describe_limits(found: Analysis, member_name: Sequence[str]) -> dict[str, A
     return {
         "is_met": not members.exceeded,
         "worst": None if worst is None else dict(zip(("member", "limit", "use"), worst, strict=True)),
-        "exceeded": [
-            {"member": item.member, "limit": item.limit, "value": item.value, "allowed": item.allowed}
-            for item in members.exceeded
-        ],
+        **members.as_evidence(),
         "use": {limit: _name(member_name, members.use[limit]) for limit in MEMBER_CHECKS},
         "member_stress": _name(member_name, members.stress),
         "buckling_load": _name(member_name, members.buckling_load),

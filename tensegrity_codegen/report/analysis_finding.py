@@ -10,13 +10,6 @@ from tensegrity_codegen.runtime.analysis.analysis import Analysis
 __all__ = ["describe_analysis_finding", "describe_modes"]
 
 NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
-# Limits of members, as words in a sentence.
-LIMITS = {
-    "least_tension": "least tension",
-    "most_tension": "largest tension",
-    "yield_stress": "yield stress",
-    "buckling": "buckling load",
-}
 
 
 def describe_analysis_finding(found: Analysis) -> str:
@@ -26,15 +19,12 @@ def describe_analysis_finding(found: Analysis) -> str:
     if found.status == "undecided":
         return (
             "Undecided: within rounding neither a prestress with every cable in tension is found nor a proof "
-            f"that there is none ({_count(len(found.rank.selfstress), 'self-stress', 'es')}, rank "
+            f"that there is none ({_count(found.n_selfstress, 'self-stress', 'es')}, rank "
             f"{found.rank.rank} of {found.rank.largest_rank})"
         )
     parts = [_describe_unstable(found) if found.status == "unstable" else _describe_stable(found)]
     parts += [describe_modes(found)] if found.modes is not None and len(found.modes.frequency) else []
-    worst = found.members.worst
-    if worst is not None and worst[2] > 1.0:
-        member, limit, use = worst
-        parts.append(f"{member} at {format_short(100 * use)} % of its {LIMITS.get(limit, limit)}")
+    parts += found.members.describe()
     return "; ".join(parts)
 
 
@@ -56,13 +46,13 @@ def describe_modes(found: Analysis) -> str:
 
 def _describe_stable(found: Analysis) -> str:
     """Return what keeps the shape: self-stress or loads, and mechanisms that they stiffen."""
-    count = found.mechanism.shape[2]
+    count = found.n_mechanisms
     stiffened = f"{_count(count, 'mechanism', 's')}, stiffened by tensions" if count else "no mechanism"
     own, loaded = found.prestress, found.load_prestress
     if not len(own.tension) or math.isinf(own.least_tension):
         return f"Stable without cables that need tension: {stiffened}"
     if own.is_found:
-        kinds = _count(len(found.rank.selfstress), "self-stress", "es")
+        kinds = _count(found.n_selfstress, "self-stress", "es")
         part = format_short(100 * own.least_tension / own.largest_force)
         return (
             f"Stable: {kinds}, every cable in tension (at least {part} % of the largest force); {stiffened}"
@@ -95,7 +85,7 @@ def _describe_proof(found: Analysis) -> str:
 
 
 def _of_mechanisms(found: Analysis) -> str:
-    count = found.mechanism.shape[2]
+    count = found.n_mechanisms
     return "the only mechanism" if count == 1 else f"one of {count:,} mechanisms"
 
 

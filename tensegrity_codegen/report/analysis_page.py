@@ -25,8 +25,9 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
-from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.version import VERSION
 
@@ -73,7 +74,9 @@ def build_analysis_page(
         _members(found, member_name),
         *_again(command),
     )
-    counts = f"{len(structure.node_name)} nodes, {len(member_name)} members"
+    counts = ", ".join(
+        (describe_count(len(structure.node_name), "node"), describe_count(len(member_name), "member"))
+    )
     return Page(
         subject=f"Analysis of {structure.name}",
         title=describe_analysis_finding(found),
@@ -172,7 +175,7 @@ def _proof(found: Analysis, structure: Structure, member_name: tuple[str, ...]) 
 
 
 def _mechanisms(found: Analysis, structure: Structure) -> Iterator[Section]:
-    count = found.mechanism.shape[2]
+    count = found.n_mechanisms
     if count:
         text = f"{count} motion{'s' * (count > 1)} that change{'s' * (count == 1)} no length to first order"
         figures = tuple(

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
-from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["analysis_members_table", "analysis_table", "certificate_table", "describe_counts", "modes_table"]
@@ -44,13 +44,13 @@ def describe_counts(found: Analysis) -> tuple[tuple[str, str], ...]:
     if found.stiffness.is_neutral and found.is_balanced:
         stiffness = f"0 within rounding ({stiffness})"
     return (
-        ("coordinates, members", f"{len(rank.free_motion)}, {rank.selfstress.shape[1]}"),
+        ("coordinates, members", f"{rank.n_coordinates}, {rank.n_members}"),
         ("rank of the equilibrium matrix", f"{rank.rank} of {rank.largest_rank}"),
         ("singular values at the gap", f"{rank.above:.3g} | {below}"),
         ("gap; tolerance, times the largest", f"{rank.gap:.3g}; {rank.tolerance:g}"),
-        ("self-stresses", str(len(rank.selfstress))),
-        ("rigid motions", str(found.rigid_motion.shape[2])),
-        ("mechanisms", str(found.mechanism.shape[2])),
+        ("self-stresses", str(found.n_selfstress)),
+        ("rigid motions", str(found.n_rigid_motions)),
+        ("mechanisms", str(found.n_mechanisms)),
         ("all cables in tension", _describe_prestress(found)),
         ("stiffness of mechanisms by tensions", _describe_stability(found)),
         ("smallest eigenvalue of the stiffness", stiffness),

@@ -18,8 +18,9 @@ from tensegrity_codegen.report.pages.page_film import draw_film
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.motion_picture import draw_tensions
+from tensegrity_codegen.runtime.control.loop.compare_runs import find_displacement
 from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
-from tensegrity_codegen.runtime.control.study.run_measures import find_cables, find_displacement
+from tensegrity_codegen.runtime.control.study.run_measures import find_cables
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure
@@ -72,10 +73,7 @@ def build_motion(study: ControlStudy, model: CompiledModel, structure: Structure
 def build_errors(study: ControlStudy, model: CompiledModel) -> Section:
     """Return diagrams of the errors of all loops over time."""
     marks = _marks(study)
-    away = {
-        name: find_displacement(model, loop.run, study.motion).max(axis=1)
-        for name, loop in study.loops.items()
-    }
+    away = {name: find_displacement(model, loop.run).max(axis=1) for name, loop in study.loops.items()}
     series = _draw_loops(study, {name: 1000 * values for name, values in away.items()})
     caption = "Largest distance of a node from the motion."
     diagram = Diagram(TIME, "distance [mm]", series, log_y=_is_positive(series), vertical=marks)

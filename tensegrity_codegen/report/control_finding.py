@@ -9,9 +9,11 @@ import numpy as np
 from tensegrity_codegen.report.control_studies import LIMIT_NAMES, LOOP_NAMES
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
-from tensegrity_codegen.runtime.control.study.control_study import OPEN, ControlStudy, LoopResult
+from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+from tensegrity_codegen.runtime.control.study.loop_result import OPEN, LoopResult
+from tensegrity_codegen.runtime.control.study.study_warnings import count_worse
 
-__all__ = ["describe_control_finding", "describe_low_tensions", "find_least_bound"]
+__all__ = ["describe_control_finding", "find_least_bound"]
 
 
 SAME = 0.95  # of the smallest tension at the end: less before it is stated too
@@ -46,6 +48,8 @@ def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf
         f"Feedback with the {LOOP_NAMES[name]} keeps the {thing} within {_error(study, loop)} at the end, "
         f"{_without(study)}"
     )
+    worse = count_worse(study.loops, name)
+    text += f", worse than that in {worse} of {len(study.drawn)} draws" if worse else ""
     return f"{text}{_describe_limits(loop, least_bound)}"
 
 
@@ -53,23 +57,6 @@ def find_least_bound(limits: np.ndarray[tuple[int], np.dtype[np.float64]]) -> fl
     """Return the largest of the least tensions (n,) that are stated [N], -infinity where none is."""
     finite = limits[np.isfinite(limits)]
     return float(finite.max()) if len(finite) else -math.inf
-
-
-def describe_low_tensions(study: ControlStudy, least_bound: float) -> list[str]:
-    """Return a sentence for each loop with feedback whose cables are below their limit before the end."""
-    found = []
-    for name, loop in study.loops.items():
-        values = loop.least_tension
-        if name == OPEN or not np.isfinite(values).any() or "least_tension" in loop.broken:
-            continue
-        draw = int(np.nanargmin(values))
-        if values[draw] < least_bound:
-            found.append(
-                f"on the way, before the end, {loop.measures[draw].least_member} falls to "
-                f"{format_short(float(values[draw]))} N with the {LOOP_NAMES[name]}, below the least tension "
-                f"of {format_short(least_bound)} N"
-            )
-    return found
 
 
 def _without(study: ControlStudy) -> str:

@@ -12,21 +12,20 @@ from tensegrity_codegen.report.control_figures import (
     build_motion,
     build_tensions,
 )
-from tensegrity_codegen.report.control_finding import (
-    describe_control_finding,
-    describe_low_tensions,
-    find_least_bound,
-)
+from tensegrity_codegen.report.control_finding import describe_control_finding, find_least_bound
 from tensegrity_codegen.report.control_studies import (
     LIMIT_NAMES,
     LOOP_NAMES,
     STEP_NAMES,
     describe_facts,
+    has_limits,
 )
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Page, Paragraph, Remark, Section
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
-from tensegrity_codegen.runtime.control.study.control_study import ControlStudy, LoopResult
+from tensegrity_codegen.results.summaries import describe_count
+from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+from tensegrity_codegen.runtime.control.study.loop_result import LoopResult
 from tensegrity_codegen.runtime.control.study.run_measures import find_cables
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
@@ -62,7 +61,7 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
     if model.structure is not None:
         bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
     sections = (
-        _outcome(study, bound),
+        _outcome(study),
         build_motion(study, model, structure),
         build_errors(study, model),
         build_commands(study),
@@ -90,8 +89,9 @@ def _count(study: ControlStudy) -> str:
     estimator = study.estimator
     measured = "no sensors" if estimator is None else f"{len(estimator.sensing.names)} numbers measured"
     return (
-        f"{len(run.coordinate_name)} coordinates, {len(run.member_name)} members, "
-        f"{len(run.actuators)} actuators, {measured}."
+        f"{describe_count(len(run.coordinate_name), 'coordinate')}, "
+        f"{describe_count(len(run.member_name), 'member')}, "
+        f"{describe_count(len(run.actuators), 'actuator')}, {measured}."
     )
 
 
@@ -100,7 +100,7 @@ def _draw_count(study: ControlStudy) -> str:
     return f"{count} draw{'s' * (count != 1)} of the disturbances"
 
 
-def _outcome(study: ControlStudy, least_bound: float) -> Section:
+def _outcome(study: ControlStudy) -> Section:
     columns = [
         Column("loop", numeric=False), Column("error at the end", "mm"), Column("largest error", "mm"),
         Column("angle at the end", "deg"), Column("least tension at the end", "N"),
@@ -113,8 +113,7 @@ def _outcome(study: ControlStudy, least_bound: float) -> Section:
         "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
     )
     blocks: list[Block] = [table]
-    texts = (*study.warnings, *describe_low_tensions(study, least_bound))
-    blocks += [Remark("differs", _sentence(text)) for text in texts]
+    blocks += [Remark("differs", _sentence(text)) for text in study.warnings]
     blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
     return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
 
@@ -147,6 +146,8 @@ def _limits(study: ControlStudy) -> Section:
     )
     bad = [LOOP_NAMES[name] for name, loop in study.loops.items() if loop.broken]
     text = f"exceeded at the end: {', '.join(bad)}" if bad else "none is exceeded at the end, in any loop"
+    if not has_limits(study):
+        text = "the scene states no limits of tensions or clearance"
     blocks: list[Block] = [Table("Limits of the scene", columns, rows)] if rows else []
     heads = (
         Column("loop", numeric=False),
@@ -201,10 +202,18 @@ def _design(study: ControlStudy) -> Section:
         ("response time", 1000 * tuning.response_time, "ms", ".4g"),
         ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
         ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
+        ("largest delay of an actuator", 1000 * float(study.bounds.delay.max(initial=0.0)), "ms", ".4g"),
         ("time in which the slowest error falls to 1/e", study.time_constant, "s", ".3g"),
         ("integrals of errors", float(len(gains.integral_name)), "", ".0f"),
         ("residual of the Riccati equation", gains.residual, "", ".1e"),
     ]
+    for name, margins in study.margins.items():
+        if np.isfinite(margins.delay):
+            what = f"further delay that makes the {LOOP_NAMES[name]} loop unstable"
+            facts.append((what, 1000 * margins.delay, "ms", ".3g"))
+        if np.isfinite(margins.gain):
+            what = f"factor of the actuators' effect that makes the {LOOP_NAMES[name]} loop unstable"
+            facts.append((what, margins.gain, "", ".3g"))
     if study.estimator is not None:
         facts.append(("states of the estimator", float(len(study.estimator.state_name)), "", ".0f"))
         facts.append(("residual of the estimator's equation", study.estimator.residual, "", ".1e"))

@@ -8,17 +8,22 @@ import numpy as np
 from rich.table import Table
 
 from tensegrity_codegen.report.tables import add_row, new_table
-from tensegrity_codegen.runtime.control.study.control_study import ControlStudy, LoopResult
+from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+from tensegrity_codegen.runtime.control.study.linear_loop import MOST_SAMPLES, Margins
+from tensegrity_codegen.runtime.control.study.loop_result import LoopResult
+from tensegrity_codegen.runtime.control.study.study_warnings import count_worse
 
 __all__ = [
     "LIMIT_NAMES",
     "LOOP_NAMES",
     "STEP_NAMES",
     "actuators_table",
+    "describe_delays",
     "describe_facts",
     "describe_study",
     "errors_table",
     "find_actuator_use",
+    "has_limits",
 ]
 
 LOOP_NAMES = {"open": "open loop", "true_state": "true state", "estimator": "estimator"}
@@ -30,6 +35,7 @@ STEP_NAMES = {
     "tension_limited": "least tensions prevent the forces",
     "least_tension": "a least tension yields",
     "not_solved": "not solved",
+    "outlier": "measurements not used",
 }
 
 
@@ -65,10 +71,14 @@ def describe_study(study: ControlStudy) -> dict[str, Any]:
             "spectral_radius": float(np.abs(gains.E).max(initial=0.0)),
             "time_constant": study.time_constant,
         },
+        "margins": {name: _describe_margins(margins) for name, margins in study.margins.items()},
         "estimator": _describe_estimator(study),
         "least_tension": _describe_distribution(study),
         "errors": _describe_errors(study),
-        "loops": {name: _describe_loop(loop) for name, loop in study.loops.items()},
+        "loops": {
+            name: _describe_loop(loop) | {"worse": count_worse(study.loops, name)}
+            for name, loop in study.loops.items()
+        },
         "actuators": find_actuator_use(study),
         "warnings": study.warnings,
     }
@@ -87,7 +97,7 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     if not all(np.isnan(loop.end_tension).all() for loop in loops.values()):
         least = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
         add_row(table, "least tension [N]", *least)
-    add_row(table, "limits", *(_judge(loop) for loop in loops.values()))
+    add_row(table, "limits", *(_judge(study, loop) for loop in loops.values()))
     table.add_section()
     add_row(table, "whole time", *("" for _ in loops))
     add_row(table, "error [mm]", *(_range(1000 * loop.peak_error) for loop in loops.values()))
@@ -126,6 +136,7 @@ def describe_facts(study: ControlStudy) -> list[str]:
         f"{1000 * tuning.response_time:.4g} ms; {len(gains.integral_name)} integrals of errors; slowest "
         f"error falls to 1/e in {study.time_constant:.3g} s"
     )
+    lines.append(describe_delays(study))
     lines.append(f"disturbances: {_describe_words(study)}")
     if study.estimator is None:
         lines.append("no estimator: feedback acts on the true state")
@@ -140,6 +151,28 @@ def describe_facts(study: ControlStudy) -> list[str]:
             f"tensions distributed above {finite.min():.4g} N" if len(finite) else "tensions distributed"
         )
     return lines
+
+
+def describe_delays(study: ControlStudy) -> str:
+    """Return when commands act, and with what further delay the linear loops become unstable."""
+    delay, sample = study.bounds.delay, study.gains.sample
+    late = float(delay.max(initial=0.0))
+    text = "commands act at once"
+    if late:
+        rest = "up to " if float(delay.min()) < late else ""
+        text = f"commands act {rest}{1000 * late:.3g} ms ({_count_samples(late / sample)}) later"
+        text += ", which the gains predict" if np.allclose(study.gains.delay, delay) else ""
+    stood = []
+    for name, margins in study.margins.items():
+        is_known = np.isfinite(margins.delay)
+        more = margins.delay if is_known else MOST_SAMPLES * sample
+        size = f"{'' if is_known else 'more than '}{1000 * more:.3g} ms ({_count_samples(more / sample)})"
+        stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
+    return f"{text}; linear loops become unstable: {', '.join(stood)}"
+
+
+def _count_samples(count: float) -> str:
+    return f"{count:.3g} sample{'s' * (abs(count - 1.0) > 1e-9)}"
 
 
 def find_actuator_use(study: ControlStudy) -> dict[str, dict[str, Any]]:
@@ -183,6 +216,12 @@ def _describe_loop(loop: LoopResult) -> dict[str, Any]:
         "broken": {name: list(who) for name, who in loop.broken.items()},
         "unstable": loop.unstable,
     }
+
+
+def _describe_margins(margins: Margins) -> dict[str, Any]:
+    values = {"delay": margins.delay, "gain": margins.gain}
+    found = {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
+    return {"is_stable": margins.is_stable, **found}
 
 
 def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:
@@ -241,12 +280,19 @@ def _cut(loop: LoopResult) -> str:
     return f"{1.0 - steps.get('ok', 0) / max(sum(steps.values()), 1):.1%}"
 
 
-def _judge(loop: LoopResult) -> str:
+def has_limits(study: ControlStudy) -> bool:
+    """Return whether the scene states limits of what loops are judged by: tensions, clearance."""
+    limits = study.limits
+    of_members = np.isfinite([*limits.least_tension, *limits.most_tension])
+    return bool(of_members.any()) or limits.clearance > -np.inf
+
+
+def _judge(study: ControlStudy, loop: LoopResult) -> str:
     """Return the limits that are exceeded at the end, in words."""
     if loop.unstable:
         return f"unstable in {loop.unstable} draws" if loop.unstable > 1 else "unstable in 1 draw"
     broken = [f"{LIMIT_NAMES[name]} not kept" for name in loop.broken]
-    return ", ".join(broken) or "kept"
+    return ", ".join(broken) or ("kept" if has_limits(study) else "none stated")
 
 
 def _range(values: Any) -> str:

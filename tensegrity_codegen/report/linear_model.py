@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-__all__ = ["modes_table", "say_spectrum"]
+from tensegrity_codegen.results.summaries import describe_count
+
+__all__ = ["modes_table", "say_finding", "say_spectrum"]
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +48,17 @@ def modes_table(frequency: FloatArray, damping: FloatArray, most: int) -> Table:
     return table
 
 
+def say_finding(frequency: FloatArray, spectrum: Eigenvalues) -> str:
+    """Return whether motions grow, and the lowest natural frequency [Hz], as a sentence."""
+    finding = "no motion grows exponentially"
+    if spectrum.growing:
+        growing = describe_count(spectrum.growing, "eigenvalue has", "eigenvalues have")
+        finding = f"unstable: {growing} a positive real part"
+    if not len(frequency):
+        return f"{finding}; no mode oscillates"
+    return f"{finding}; lowest natural frequency {frequency.min():.6g} Hz of {len(frequency)}"
+
+
 def say_spectrum(spectrum: Eigenvalues, most: int) -> list[str]:
     """Return what the table of oscillating modes does not show, a sentence each."""
     value, zeros = spectrum.eigenvalue, spectrum.zero_eigenvalues
@@ -53,9 +66,7 @@ def say_spectrum(spectrum: Eigenvalues, most: int) -> list[str]:
     real = np.sort(moving[np.abs(moving.imag) <= REAL * np.abs(moving)].real)
     count = int(np.sum(moving.imag > REAL * np.abs(moving)))
     said = []
-    if not count:
-        said.append("no mode oscillates")
-    elif count > most:
+    if count > most:
         said.append(f"{count - most} more modes: see `json`")
     if not spectrum.is_complete:
         said.append("only the slowest modes were computed")
@@ -63,7 +74,6 @@ def say_spectrum(spectrum: Eigenvalues, most: int) -> list[str]:
         listed = ", ".join(f"{x:.6g}" for x in real[:most]) + (" ..." if len(real) > most else "")
         said.append(f"real eigenvalues [1/s] (motions that decay or grow without oscillation): {listed}")
     if zeros:
-        said.append(f"{zeros} eigenvalues are zero: rigid motions and mechanisms, two each")
-    if spectrum.growing:
-        said.append(f"unstable: {spectrum.growing} eigenvalues have a positive real part")
+        are = describe_count(zeros, "eigenvalue is", "eigenvalues are")
+        said.append(f"{are} zero: rigid motions and mechanisms, two each")
     return said

@@ -12,7 +12,7 @@ from rich import box
 from rich.table import Table
 
 from tensegrity_codegen.files import check_ending, replaced
-from tensegrity_codegen.marks import MARK
+from tensegrity_codegen.results.table_files import write_csv
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 
@@ -46,22 +46,17 @@ def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
     return columns
 
 
-def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path) -> None:
+def write_path(columns: dict[str, FloatArray], path: LoadPath, file: Path, *, overwrite: bool) -> None:
     """Write a table of points, and to .json the events too, whole or not at all; OutputError if it fails."""
     check_ending(file, ".csv", ".json")
-    with replaced(file) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        if file.suffix.lower() == ".json":
-            data = (
-                {"made_by": MARK}
-                | path.as_evidence()
-                | {"points": {name: values.tolist() for name, values in columns.items()}}
-            )
-            json.dump(_without_infinity(data), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        else:
-            stream.write(",".join(columns) + "\n")
-            for row in zip(*columns.values(), strict=True):
-                stream.write(",".join(repr(float(value)) for value in row) + "\n")
+    if file.suffix.lower() == ".csv":
+        rows = np.column_stack(list(columns.values())).tolist()
+        write_csv(file, list(columns), rows, overwrite=overwrite)
+        return
+    data = path.as_evidence() | {"points": {name: values.tolist() for name, values in columns.items()}}
+    with replaced(file, overwrite=overwrite) as temporary:
+        text = json.dumps(_without_infinity(data), indent=1, allow_nan=False) + "\n"
+        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def events_table(events: Sequence[PathEvent]) -> Table:

@@ -26,6 +26,7 @@ from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_
 from tensegrity_codegen.report.plan_finding import describe_plan_finding
 from tensegrity_codegen.report.plan_limits import PROGRESS, build_limit_sections
 from tensegrity_codegen.report.plans import describe_extremes
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
 from tensegrity_codegen.structure.limits import Limits
@@ -41,7 +42,7 @@ MOST_LINES = 6  # in a diagram
 LEAD = {
     "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
     "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
-    "until its limits leave no further step. Another path may exist: this one proves nothing about others.",
+    "until it is blocked. Another path may exist: this one proves nothing about others.",
     "infeasible": "There is no path to show: the target itself is impossible within the limits.",
 }
 POINTS = " Every point is an equilibrium within all limits. Tensions are positive, compressions negative."
@@ -61,8 +62,9 @@ def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, com
         *_again(command),
     )
     counts = (
-        f"{len(found.node_name)} nodes, {len(found.member_name)} members, "
-        f"{len(found.actuator_name)} actuators"
+        f"{describe_count(len(found.node_name), 'node')}, "
+        f"{describe_count(len(found.member_name), 'member')}, "
+        f"{describe_count(len(found.actuator_name), 'actuator')}"
     )
     return Page(
         subject=f"Plan of {structure.name}",

@@ -131,7 +131,7 @@ def _extremes(found: PlanResult) -> dict[str, Any]:
     data: dict[str, Any] = dict.fromkeys(
         ("least_tension", "largest_tension", "least_distance", "smallest_eigenvalue", "largest_residual")
     )
-    if not len(found.progress):
+    if found.status == "infeasible":  # there is no path
         return data
     cables = np.flatnonzero(np.array(found.is_cable))
     if len(cables):

@@ -56,8 +56,8 @@ def count_names(names: Sequence[str]) -> str:
 
 
 def describe_count(count: int, word: str, plural: str = "") -> str:
-    """Return a number of things in words: "1 bar", "3 bars"; plural: where it is not the word and an s."""
-    return f"{count} {word if count == 1 else plural or word + 's'}"
+    """Return a number of things in words: "1 bar", "3,000 bars"; plural: where it is not word + "s"."""
+    return f"{count:,} {word if count == 1 else plural or word + 's'}"
 
 
 def describe_number(value: float | None, unit: str = "") -> str:
@@ -66,12 +66,13 @@ def describe_number(value: float | None, unit: str = "") -> str:
 
 
 def describe_range(values: Any, unit: str = "") -> str:
-    """Return the smallest and the largest finite number: "0 to 23.4 N"."""
+    """Return the smallest and the largest finite number: "0 to 23.4 N", or both at once: "23.4 N"."""
     array = np.asarray(values, dtype=float)
     array = array[np.isfinite(array)]
     if not array.size:
         return "-"
-    return f"{array.min():.6g} to {array.max():.6g} {unit}".rstrip()
+    ends = dict.fromkeys(f"{value:.6g}" for value in (array.min(), array.max()))
+    return f"{' to '.join(ends)} {unit}".rstrip()
 
 
 def _describe(value: Any) -> str:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import TABLES, import_extra
 from tensegrity_codegen.files import check_ending, replaced
-from tensegrity_codegen.marks import MARK
 
 __all__ = ["require_packages", "write_csv", "write_mat", "write_parquet"]
 
@@ -28,39 +27,43 @@ def require_packages(path: str | Path) -> None:
         import_extra("pyarrow.parquet", TABLES)
 
 
-def write_csv(path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+def write_csv(
+    path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]], *, overwrite: bool
+) -> None:
     """Write a table as CSV, numbers by their shortest text that reads back bit-equal.
 
-    `marks.TABLE_HEADS` must have the first columns of the header, since the text has no place for a mark.
-    Raises OutputError if it cannot be written.
+    Raises OutputError if it cannot be written, or exists (without `overwrite`).
     """
-    with replaced(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (
+        replaced(path, overwrite=overwrite) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
         writer.writerows(rows)
 
 
 def write_parquet(
-    path: str | Path, columns: Mapping[str, NDArray[Any]], facts: Mapping[str, str] | None = None
+    path: str | Path, columns: Mapping[str, NDArray[Any]], facts: Mapping[str, str], *, overwrite: bool
 ) -> None:
     """Write columns of one length as Parquet, `facts` as its metadata.
 
-    Raises MissingExtraError without pyarrow, OutputError if it cannot be written.
+    Raises MissingExtraError without pyarrow, OutputError if it cannot be written, or exists (without
+    `overwrite`).
     """
     check_ending(path, PARQUET)
     pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
-    table = pyarrow.table(dict(columns))
-    known = {key: value.encode("utf-8") for key, value in (facts or {}).items()}
-    table = table.replace_schema_metadata({**known, "comment": MARK.encode("ascii")})
-    with replaced(path) as temporary:
+    known = {key: value.encode("utf-8") for key, value in facts.items()}
+    table = pyarrow.table(dict(columns)).replace_schema_metadata(known)
+    with replaced(path, overwrite=overwrite) as temporary:
         parquet.write_table(table, temporary)
 
 
-def write_mat(path: str | Path, variables: Mapping[str, Any]) -> None:
+def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool) -> None:
     """Write variables as a MATLAB file (level 5): arrays, sparse matrices, texts; lists of texts are cells.
 
     Vectors become columns. Raises InvalidValueError for an array that the format cannot hold, OutputError if
-    it cannot be written.
+    it cannot be written, or exists (without `overwrite`).
     """
     from scipy.io import savemat
 
@@ -75,11 +78,11 @@ def write_mat(path: str | Path, variables: Mapping[str, Any]) -> None:
                 allowed=f"up to {MOST_MAT >> 20} MB",
                 hint="write an .npz file",
             )
-    with replaced(path) as temporary:
+    with replaced(path, overwrite=overwrite) as temporary:
         known = {name: _to_matlab(value) for name, value in variables.items()}
         savemat(str(temporary), known, appendmat=False, oned_as="column")
         with temporary.open("r+b") as file:
-            file.write(f"MATLAB 5.0 MAT-file, {MARK}".ljust(MAT_HEADER).encode("ascii"))
+            file.write("MATLAB 5.0 MAT-file, written by tensegrity_codegen".ljust(MAT_HEADER).encode("ascii"))
 
 
 def _to_matlab(value: Any) -> Any:

@@ -19,6 +19,7 @@ __all__ = [
     "check_name",
     "check_names",
     "check_scene_name",
+    "describe_pieces",
     "is_name",
     "is_scene_name",
     "key_path",
@@ -122,7 +123,13 @@ def key_path(where: str, *parts: str | int) -> str:
         elif part:
             shown = part if _BARE.fullmatch(part) else json.dumps(part if len(part) < 64 else part[:60] + "…")
             path += f".{shown}" if path else shown
-    return ": ".join(text for text in (where, path) if text)
+    return ": ".join(text for text in (str(where), path) if text)
+
+
+def describe_pieces(first_nodes: Sequence[str]) -> str:
+    """Return the warning of pieces that no members join, by the first node of each."""
+    count, names = len(first_nodes), name_list(first_nodes)
+    return f"the structure is in {count} unconnected pieces, that begin at nodes {names}"
 
 
 def name_list(names: Iterable[str], most: int = 5) -> str:

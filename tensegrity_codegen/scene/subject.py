@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.assemble.assemble import SCENE, assemble
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -21,4 +22,5 @@ def assemble_scene(scene: Scene, where: str = "scene") -> tuple[Subject, ModelRe
 
     Raises what `assemble` and `assemble_bodies` raise.
     """
+    check_instance(scene, Scene, "scene", SCENE)
     return assemble_bodies(scene, where) if scene.bodies else assemble(scene, where)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.checks import check_instance, check_path, check_switch
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import replaced
 from tensegrity_codegen.scene.checks.limits import LARGEST_FILE
@@ -21,6 +22,11 @@ def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: boo
     Raises OutputError where the file exists (without `overwrite`) or cannot be written, and what
     `format_scene` raises.
     """
+    check_path(path, "path")
+    check_switch(overwrite, "overwrite")
+    check_instance(document, Mapping, "document", "a dictionary, as Scene.to_document() returns it")
+    for key in document:
+        check_instance(key, str, "document", "names of sections, as texts")
     text = format_scene(document)
     if len(text) > LARGEST_FILE:
         raise InvalidValueError(

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.pickling import reduce_fields
 from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
@@ -158,6 +159,8 @@ class Structure(WithMemberLaws, Summarised):
         ]
 
     def __post_init__(self) -> None:
+        check_instance(self.member_name, (tuple, list), "member_name", "a tuple of names")
+        check_instance(self.limits, Limits, "limits", "Limits")
         object.__setattr__(self, "limits", self.limits.for_members(len(self.member_name)))
         freeze_fields(self)
 
@@ -193,6 +196,16 @@ class Structure(WithMemberLaws, Summarised):
         """(n_members,): members without any stiffness, which keep their length exactly."""
         rigid: NDArray[np.bool_] = (self.spring_constant == 0) & (self.axial_stiffness == 0)
         return rigid
+
+    @property
+    def has_much_damping(self) -> NDArray[np.bool_]:
+        """(n_members,): cables with half of critical damping or more, c >= sqrt(mu m), m: lighter end."""
+        mass = self.node_mass.copy()
+        np.add.at(mass, self.connectivity.ravel(), np.repeat(self.member_mass / 6, 2))
+        mass[self.node_anchored[:, list(self.axes)].all(axis=1)] = np.inf
+        lighter = mass[self.connectivity].min(axis=1)
+        much: NDArray[np.bool_] = (self.damping > 0) & (self.damping**2 >= self.mu * lighter)
+        return self.tension_only & much
 
     @property
     def n_bar_pairs(self) -> int:

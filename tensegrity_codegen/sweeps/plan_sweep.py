@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
@@ -99,19 +100,21 @@ class PlannedSweep:
     def _lines(self) -> Iterator[str]:
         plan = self.work.plan
         sizes = " x ".join(f"{size:,}" for size in plan.cases.shape)
-        yield f"{plan.cases.count:,} cases ({sizes}), {plan.cases.method}: {', '.join(plan.cases.keys)}"
+        cases = describe_count(plan.cases.count, "case")
+        yield f"{cases} ({sizes}), {plan.cases.method}: {', '.join(plan.cases.keys)}"
         yield f"{self.work.operation.name}: {', '.join(output.name for output in self.work.outputs)}"
         count = len(plan.groups)
-        yield f"{count} {'library' if count == 1 else 'libraries'}"
+        yield describe_count(count, "library", "libraries")
         for group in plan.groups[:5]:
             sizes = ", ".join(
                 f"{name} ({size})" for name, size in _describe_group(group)["parameters"].items()
             )
-            yield f"  {len(group.rows):,} cases; run-time parameters: {sizes or 'none'}"
+            yield f"  {describe_count(len(group.rows), 'case')}; run-time parameters: {sizes or 'none'}"
         if count > 5:
             yield f"  and {count - 5} more"
-        yield f"{len(plan.tasks)} tasks of up to {plan.layout.task_size:,} cases"
-        workers = f"{self.workers} worker{'s' if self.workers > 1 else ''}"
+        size = describe_count(plan.layout.task_size, "case")
+        yield f"{describe_count(len(plan.tasks), 'task')} of up to {size}"
+        workers = describe_count(self.workers, "worker")
         yield (
             f"about {format_seconds(self.seconds)} of computing with {workers} "
             f"({format_seconds(self.case_seconds)} a case and core), "

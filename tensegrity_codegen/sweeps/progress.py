@@ -72,8 +72,14 @@ class SweepOutcome:
         How many cases this run has computed.
     seconds : float
         Time that this run took [s].
+    damaged : int
+        How many of these were in the folder before, but damaged or incomplete.
     stopped : bool
         Whether it ended before all cases were finished, since as many failed as `stop_after` says.
+    beyond : int
+        Number of cases whose members buckle or exceed a limit: `limit_use` above 1, where it is kept.
+    empty : tuple of str
+        Results that were asked for by `keep` and are NaN in every finished case.
     """
 
     path: Path
@@ -82,7 +88,15 @@ class SweepOutcome:
     first_message: Mapping[str, str]
     computed: int
     seconds: float
+    damaged: int = 0
     stopped: bool = False
+    beyond: int = 0
+    empty: tuple[str, ...] = ()
+
+    def describe_empty(self) -> str:
+        """Return a warning of results that are NaN in every finished case, "" where there are none."""
+        names = ", ".join(self.empty)
+        return f"every value of {names} is NaN: these cases do not have what `keep` asks for" if names else ""
 
     @property
     def finished(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,11 @@ from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome, SweepProgress
 from tensegrity_codegen.sweeps.statuses import STATUSES
 from tensegrity_codegen.sweeps.store.contents import StoreContents
-from tensegrity_codegen.sweeps.store.create import create_store
+from tensegrity_codegen.sweeps.store.create import create_store, restore_coordinates
 from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_finished, locked_store
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.store.store import SweepStore
+from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE
 
 __all__ = ["check_zarr", "run_sweep"]
 
@@ -79,12 +80,17 @@ def run_sweep(
         todo = [task for task in work.plan.tasks if task.number not in finished]
         # Processes are forked before Zarr is loaded, which starts threads.
         with engine.run(work, todo) as stream:
+            contents = StoreContents(work.plan.cases, work.plan.layout, work.outputs, identity, facts)
             if stored is None:
-                layout = work.plan.layout
-                create_store(out, StoreContents(work.plan.cases, layout, work.outputs, identity, facts))
-            run = _Run(work.plan.cases.count, SweepStore(out), stop_after, on_progress)
+                create_store(out, contents)
+            else:
+                restore_coordinates(stored, contents)
+            run = _Run(work.plan.cases.count, SweepStore(out), finished, stop_after, on_progress)
             run.consume(stream)
-    return run.outcome(Path(out), time.monotonic() - started)
+    outcome = run.outcome(Path(out), time.monotonic() - started)
+    names = [output.name for output in work.outputs if outcome.good and work.operation.keep]
+    empty = tuple(name for name in names if run.store.is_empty(name))
+    return replace(outcome, beyond=run.store.count_above(LIMIT_USE), empty=empty)
 
 
 @dataclass(eq=False)
@@ -93,15 +99,17 @@ class _Run:
 
     cases: int
     store: SweepStore
+    earlier: frozenset[int]
     stop_after: int | None
     on_progress: ShowProgress | None
     counts: Counter[str] = field(default_factory=Counter)
     first_message: dict[str, str] = field(default_factory=dict)
     computed: int = 0
+    damaged: int = 0
     stopped: bool = False
 
     def __post_init__(self) -> None:
-        for code, count in self.store.count_statuses().items():
+        for code, count in self.store.count_statuses(self.earlier).items():
             self.counts[STATUSES[code]] += count
 
     def consume(self, stream: Iterator[FinishedTask]) -> None:
@@ -120,11 +128,12 @@ class _Run:
         """Return how the run ended."""
         counts = dict(sorted(self.counts.items()))
         return SweepOutcome(
-            path, self.cases, counts, self.first_message, self.computed, seconds, self.stopped
+            path, self.cases, counts, self.first_message, self.computed, seconds, self.damaged, self.stopped
         )
 
     def _store(self, item: FinishedTask) -> None:
         result = item.result
+        self.damaged += item.task.count if self.store.has_record(item.task.number) else 0
         self.store.write(item.task.number, result, {"seconds": item.seconds, **item.facts})
         self.computed += item.task.count
         codes, places, numbers = np.unique(result.status, return_index=True, return_counts=True)

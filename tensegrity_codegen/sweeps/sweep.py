@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -269,12 +270,19 @@ def sweep(
     }
     if out is not None:
         try:
-            return open_sweep(prepared.run(out, **rest).path)
+            return _open_outcome(prepared.run(out, **rest))
         except KeyboardInterrupt as error:
             error.add_note(f"{out} keeps what is finished; the same call goes on where it stopped")
             raise
     with tempfile.TemporaryDirectory(prefix="tensegrity_codegen-") as folder:
-        return open_sweep(prepared.run(Path(folder) / "sweep.zarr", **rest).path).load()
+        return _open_outcome(prepared.run(Path(folder) / "sweep.zarr", **rest)).load()
+
+
+def _open_outcome(outcome: SweepOutcome) -> Any:
+    """Return the results of a run; warns of those that are NaN in every case."""
+    if outcome.empty:
+        warnings.warn(outcome.describe_empty(), stacklevel=3)
+    return open_sweep(outcome.path)
 
 
 def _check_workers(workers: int | None) -> int:

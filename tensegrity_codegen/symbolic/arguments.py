@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.errors import FormulationError, suggest
 from tensegrity_codegen.laws import LAW_PARAMETERS
 from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
@@ -100,6 +101,7 @@ class SymbolicArguments:
         if name in self.parameters:
             symbol = self._symbol(name, len(self.parameters[name]))
             for position, index in enumerate(self.parameters[name]):
+                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
                 result[index] = symbol[position]
         return result
 
@@ -109,6 +111,7 @@ class SymbolicArguments:
             # Columns are nodes, so that the bytes are those of a C-ordered (k, n_axes) array.
             symbol = self._symbol(name, len(self.structure.axes), len(self.parameters[name]))
             for position, index in enumerate(self.parameters[name]):
+                check_whole(index, f"parameters.{name}", 0, len(result) - 1)
                 result[index] = [symbol[row, position] for row in range(len(self.structure.axes))]
         return result
 

@@ -102,8 +102,16 @@ STATUS_ERRORS: tuple[type[StatusError], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class SparseMatrix:
+class _Short:
+    """A result whose `repr` has the shapes of arrays instead of their numbers."""
+
+    def __repr__(self) -> str:
+        values = ((name, getattr(value, "shape", value)) for name, value in vars(self).items())
+        return f"{type(self).__name__}({', '.join(f'{name}={value}' for name, value in values)})"
+
+
+@dataclass(frozen=True, repr=False)
+class SparseMatrix(_Short):
     """A matrix in compressed columns.
 
     Attributes
@@ -130,8 +138,8 @@ class SparseMatrix:
         return matrix
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(_Short):
     """A motion at sample times.
 
     Attributes
@@ -151,8 +159,8 @@ class Motion:
     n_rejected: int
 
 
-@dataclass(frozen=True)
-class Equilibrium:
+@dataclass(frozen=True, repr=False)
+class Equilibrium(_Short):
     """A stable equilibrium.
 
     Attributes

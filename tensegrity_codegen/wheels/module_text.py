@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from tensegrity_codegen.errors import InvalidNameError
 from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest, SolverSpec
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.wheels import bundled
 
 __all__ = ["format_module"]
@@ -73,7 +74,8 @@ NOMINAL = [
 
 def _format_head(manifest: Manifest, public: Sequence[str]) -> list[str]:
     counts = (
-        f"{len(manifest.node_name)} nodes, {len(manifest.member_name)} members, "
+        f"{describe_count(len(manifest.node_name), 'node')}, "
+        f"{describe_count(len(manifest.member_name), 'member')}, "
         f"{len(manifest.coordinate_name)} free coordinates"
     )
     made_by = ", ".join(f"{what} {release}" for what, release in manifest.made_by.items())

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from tensegrity_codegen.errors import FormulationError, InvalidNameError
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.targets import TARGETS, Target, find_target
 from tensegrity_codegen.version import VERSION
 from tensegrity_codegen.wheels import bundled
@@ -119,7 +120,8 @@ def _tag(manifest: Manifest) -> str:
 
 
 def _format_metadata(manifest: Manifest, package: str, name: str, version: str) -> str:
-    counts = f"{len(manifest.node_name)} nodes and {len(manifest.member_name)} members"
+    nodes, members = len(manifest.node_name), len(manifest.member_name)
+    counts = f"{describe_count(nodes, 'node')} and {describe_count(members, 'member')}"
     functions = "\n".join(f"- `{package}.compute_{spec.quantity}`" for spec in manifest.functions)
     return (
         "Metadata-Version: 2.1\n"

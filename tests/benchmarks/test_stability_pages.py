@@ -31,7 +31,7 @@ FOUND = {
 
 def test_every_verdict_that_was_given_has_its_count() -> None:
     lines = write_figures(FOUND).splitlines()
-    assert "| scene | survived | wrong | not run | stated bound | positions |" in lines
+    assert "| scene | right | wrong | not run | stated bound | positions |" in lines
     assert "| prism | 1 | 1 | 1 | 1 | 0 |" in lines
     assert "| CVODES | 1 |" in lines
     assert "| prism | damping: 10 | rk54 | 12 |" in lines  # wrong ones of ours are listed

@@ -38,7 +38,7 @@ def test_it_says_where_how_many_and_how_large(run: Run, place: Path, two_nodes: 
     data = run("cache", "--json").data
     assert data["entries"] == 1
     assert size < data["bytes"] < data["limit_bytes"]
-    assert "1 libraries" in run("cache").out
+    assert "1 library," in run("cache").out
 
 
 @pytest.mark.thorough

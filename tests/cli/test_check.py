@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import GOOD, write
 
@@ -24,13 +26,34 @@ def test_a_planar_scene_has_its_axes(run: Run, folder: Path) -> None:
 
 
 def test_one_thing_is_in_the_singular(run: Run, two_nodes: Path) -> None:
-    assert run("check", two_nodes).out.startswith("two_nodes: 2 nodes, 0 bars, 1 cable, 3 free coordinates\n")
+    assert run("check", two_nodes).out.startswith(
+        "two_nodes: no mistake found; 2 nodes, 0 bars, 1 cable, 3 free coordinates\n"
+    )
 
 
 def test_nothing_is_written(run: Run, folder: Path, prism: Path) -> None:
     ended = run("check", prism)
-    assert ended.out.startswith("prism: 6 nodes, 3 bars, 9 cables, 15 free coordinates\n")
+    assert ended.out.startswith("prism: no mistake found; 6 nodes, 3 bars, 9 cables, 15 free coordinates\n")
     assert list(folder.iterdir()) == [prism]
+
+
+def test_a_sound_scene_is_described(run: Run, prism: Path) -> None:
+    data, text = run("check", prism, "--json").data, run("check", prism).out
+    assert (data["n_selfstress"], data["n_mechanisms"], data["n_rigid_motions"]) == (1, 1, 3)
+    assert "1 self-stress, 1 mechanism, 3 rigid motions" in text
+    assert data["mass"] == pytest.approx(0.347215, abs=1e-6)
+    assert data["cable_tension"] == pytest.approx([3.87858, 10], abs=1e-5)
+    assert data["size"][2] == pytest.approx(0.3)
+
+
+def test_a_scene_without_prestress_is_told_how_to_find_one(run: Run, prism: Path) -> None:
+    text = "\n".join(line for line in prism.read_text().splitlines() if "prestress" not in line)
+    slack = write(prism.with_name("slack.toml"), text)
+    ended = run("check", slack)
+    assert ended.code == 0
+    assert ended.out.startswith("prism: 1 probable mistake; 6 nodes")
+    assert "none of the 9 cables starts in tension" in ended.err
+    assert "--prestress FORCE" in ended.err
 
 
 def test_a_doubt_is_a_warning_and_no_error(run: Run, folder: Path) -> None:
@@ -73,7 +96,7 @@ def test_actuators_sensors_and_limits_are_reported(run: Run, folder: Path) -> No
     assert data["limits"] == {"least_tension": 12.0}
     assert data["warnings"] == [
         "the range of actuators does not contain the rest length of the scene: winch (s1: 0.9 m, by 0.1 m)",
-        "members start below their least tension: s1 (10 N against 12 N, by 2 N)",
+        "at the start s1 has a tension of 10 N, allowed is at least 12 N",
     ]
     assert "actuators: winch\nsensors: member_length (1)\nlimits: least_tension\n" in run("check", path).out
 

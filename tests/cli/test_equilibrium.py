@@ -288,3 +288,32 @@ def test_without_an_equilibrium_the_reason_is_the_text(run: Run, folder: Path) -
     assert ended.out.lstrip().startswith("no_equilibrium: nothing is anchored along z")
     found = run("equilibrium", write(folder / "held.toml", HANGING.replace('"small"', '"held"')))
     assert "converged\n" in found.out or re.search(r"converged: \S", found.out)
+
+
+PAIRS = """\
+name = "pairs"
+[nodes]
+a = { position = [0, 0, 0], anchored = true }
+b = { position = [1, 0, 0], mass = 1 }
+d = { position = [5, 0, 0], mass = 1 }
+e = { position = [6, 0, 0], mass = 1 }
+[members]
+c = { kind = "cable", nodes = ["a", "b"], spring_constant = 10, rest_length = 0.3 }
+f = { kind = "cable", nodes = ["d", "e"], spring_constant = 10, rest_length = 1.3 }
+"""
+
+
+def test_a_move_of_no_length_has_no_node(run: Run, folder: Path) -> None:
+    result = run("equilibrium", write(folder / "pairs.toml", PAIRS))
+    assert "farthest, 0 m" not in result.out
+    assert "no node moved, without these motions (with them: node " in result.out
+
+
+def test_pieces_are_said_once_and_no_snap_without_equilibrium(run: Run, folder: Path) -> None:
+    result = run("analyse", write(folder / "pairs.toml", PAIRS))
+    assert result.err.count("unconnected pieces") == 1
+    assert "no members join" not in result.err
+    loose = PAIRS.replace("anchored = true", "mass = 1") + '[[loads]]\nnode = "b"\nforce = [5, 0, 0]\n'
+    result = run("equilibrium", write(folder / "loose.toml", loose))
+    assert result.code == 3
+    assert "snapped" not in result.err

@@ -139,6 +139,8 @@ OWN = '[[loads]]\nnode = "c"\nforce = [0, -2]\n'
     [
         (0, "", ("--load", "c=0,-5"), 5.0, 0.0),
         (-10, "", ("--ramp", "gravity"), 5.0, 0.0),
+        (-10, "", (), 5.0, 0.0),
+        (0, OWN, (), 2.0, 0.0),
         (-10, OWN, ("--ramp", "all"), 7.0, 0.0),
         (-1, OWN, ("--ramp", "loads", "--load", "c=0,-3"), 5.0, 0.5),
         (-8, OWN, ("--ramp", "gravity", "--load", "c=0,1"), 4.0, 1.0),
@@ -171,7 +173,8 @@ def test_a_path_may_begin_without_any_stiffness(run: Run, folder: Path) -> None:
     [
         (("--ramp", "gravity"), "no gravity"),
         (("--ramp", "loads"), "the scene has no loads"),
-        ((), "no load is given"),
+        ((), "no loads and no gravity"),
+        (("--ramp", "load"), "no load is given"),
         (("--load", "c=0,-1", "--floor", "0.5"), "--floor"),
     ],
 )
@@ -207,8 +210,7 @@ def test_a_scene_of_one_cable(run: Run, folder: Path) -> None:
         (("--load", "t1=0,0,1", "--most", "5", "--step", "0"), "the step is out of range"),
         (("--load", "t1=0,0,1", "--most", "5", "--out", "path.txt"), "unknown file ending"),
         (("--load", "t1=0,0,1", "--most", "5", "--out", "none/path.csv"), "no folder"),
-        (("--most", "5"), "--load"),
-        (("--load", "t1=0,0,1"), "--most"),
+        (("--most", "5", "--ramp", "load"), "--load"),
     ],
 )
 def test_wrong_usage_is_refused(run: Run, prism: Path, words: tuple[str, ...], said: str) -> None:
@@ -233,6 +235,29 @@ def test_a_load_factor_that_cannot_be_reached_is_refused_by_its_option(
     assert ended.code == 2
     assert ended.data["where"] == "--most"
     assert ended.data["given"] == str(float(most))
+
+
+def test_by_default_the_loads_of_the_scene_grow_to_their_full_size(run: Run, prism: Path) -> None:
+    ended = run("load-path", prism, "--json")
+    assert (ended.code, ended.data["load_factor_end"]) == (0, 1.0)
+    settled = run("equilibrium", prism, "--json").data
+    assert ended.data["smallest_eigenvalue_end"] == pytest.approx(settled["smallest_eigenvalue"], rel=1e-6)
+    assert ended.data["limits"] == {"exceeded": [], "doubtful": []}
+
+
+def test_members_that_buckle_are_events_and_belong_to_the_finding(run: Run, prism: Path) -> None:
+    thin = write(
+        prism.with_name("thin.toml"),
+        prism.read_text().replace("0.004", "0.0026").replace("0.003\n", "0.0022\n"),
+    )
+    ended = run("load-path", thin, "--json")
+    (event,) = ended.data["events"]
+    assert event["kind"] == "exceeded"
+    assert event["names"] == ["bar3 (buckling)"]
+    assert 0 < event["load_factor"] < 1
+    assert ended.data["limits"]["doubtful"][0]["member"] == "bar3"
+    assert "; but bar3 buckles: its compression is" in run("load-path", thin).out.splitlines()[0]
+    assert "; but bar3 buckles: its compression is" in run("equilibrium", thin).out.splitlines()[0]
 
 
 def test_a_scene_without_loads_of_its_own_names_the_ramp(run: Run, folder: Path) -> None:

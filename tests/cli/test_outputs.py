@@ -1,4 +1,4 @@
-"""No verb replaces an input, or a file that this program did not write, without --overwrite."""
+"""No verb replaces an input, and without --overwrite none replaces a file that exists."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ QUICK = ("show", "load-path-csv")
 
 
 @pytest.mark.parametrize("kind", [*QUICK, *thorough(*(kind for kind in FILES if kind not in QUICK))])
-def test_a_result_replaces_a_result_but_no_other_file(kind: str, run: Run, prism: Path, folder: Path) -> None:
+def test_a_file_that_exists_is_replaced_with_overwrite_only(
+    kind: str, run: Run, prism: Path, folder: Path
+) -> None:
     words, name = FILES[kind]
     path = folder / name
-    for _ in range(2):
-        ended = run(*words, "--out", name)
-        assert ended.code == 0, ended.err
+    ended = run(*words, "--out", name)
+    assert ended.code == 0, ended.err
+    assert run(*words, "--out", name).code == 2  # a result of the same command too
     path.write_bytes(b"precious")
     ended = run(*words, "--out", name, "--json")
     assert ended.code == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,12 @@ def test_a_page_is_written(run: Run, folder: Path, prism12: Path) -> None:
     data = run("plan", prism12, "--to", "twist=156", "--steps", 2, "--page", "plan.html", "--json").data
     assert data["page"] == "plan.html"
     assert "<svg" in (folder / "plan.html").read_text(encoding="utf-8")
+
+
+def test_linear_algebra_uses_one_thread(run: Run, prism12: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    assert run("plan", prism12, "--to", "height=-1", "--json").code == 3
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
 
 
 def test_text_names_targets_rest_lengths_and_the_outcome(run: Run, prism12: Path) -> None:

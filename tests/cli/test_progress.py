@@ -8,14 +8,11 @@ import re
 import sys
 import threading
 from contextlib import redirect_stderr
-from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.cli import durations
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.cli.progress_bar import ProgressBar, describe_progress
-from tensegrity_codegen.long_work.estimate import Pass, WorkEstimate, WorkState
+from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tests.cases import thorough
 from tests.cli.conftest import Run
 from tests.cli.terminal import CONTROL, TerminalRun
@@ -77,7 +74,7 @@ def test_where_stderr_is_no_terminal_lines_say_how_far_the_work_is(
         wait_until(lambda: is_shown(r"working: \d+ s so far"), "a line is shown")
         with output.progress("measuring") as move:
             move(0.25)
-            wait_until(lambda: is_shown(r"measuring: 25 % after \d+ s"), "it says 25 %")
+            wait_until(lambda: is_shown(r"measuring: 25 % after \d+ s, about \d+ s left"), "it says 25 %")
         output.result({"status": "ok"})
         assert "progress" not in {thread.name for thread in threading.enumerate()}  # a result ends them
 
@@ -97,16 +94,15 @@ class FakeTime:
 def show_lines(seconds: float) -> list[str]:
     """Return the lines of work of so many seconds whose stderr is a file, and that advances evenly."""
     time = FakeTime(seconds)
-    work = WorkEstimate([Pass("simulating", 1.0)], clock=lambda: time.now)
-    move = work.begin("simulating")
-    move(0.0)
+    bar = ProgressBar(lambda: pytest.fail("a console is not needed"), lambda: time.now)
+    move = bar.begin("simulating")
 
-    def look() -> WorkState:
+    def wait(duration: float) -> bool:
+        ended = time.wait(duration)
         move(time.now / seconds)
-        return work.look()
+        return ended
 
-    bar = ProgressBar(lambda: pytest.fail("a console is not needed"), look)
-    bar._wait = time.wait
+    bar._wait = wait
     with redirect_stderr(io.StringIO()) as shown:
         bar.show()
     return shown.getvalue().splitlines()
@@ -124,13 +120,24 @@ def test_there_is_a_line_every_ten_seconds_and_none_for_shorter_work() -> None:
     assert long[5] == "simulating: 0 % after 1 min 0 s, about 1 h 59 min left"
 
 
-def test_lines_without_estimate_and_of_late_work() -> None:
-    assert describe_progress(WorkState("working", 0.0, 20.4)) == "working: 20 s so far"
-    assert describe_progress(WorkState("compiling", 0.5, 20.4)) == "compiling: 50 % after 20 s"
-    late = WorkState("compiling", 0.999, 20.4, 80.0, is_late=True)
-    assert describe_progress(late) == (
-        "compiling: 99 % after 20 s, longer than estimated, about 1 min 20 s more"
-    )
+def test_lines_name_the_outermost_pass_that_runs() -> None:
+    time = FakeTime(1.0)
+    bar = ProgressBar(lambda: pytest.fail("a console is not needed"), lambda: time.now)
+    time.wait(3.0)
+    assert bar.describe() == "working: 3 s so far"
+    bar.begin("compiling")
+    time.wait(20.4)
+    bar.begin("a part of it")(0.5)
+    assert bar.describe() == "compiling: 20 s so far"
+    bar.end()
+    bar.end()
+    move = bar.begin("simulating")
+    time.wait(2.0)
+    for fraction in (0.25, 0.1, float("nan"), -1.0):  # it does not go back
+        move(fraction)
+        assert bar.describe() == "simulating: 25 % after 2 s, about 6 s left"
+    move(1.5)
+    assert bar.describe() == "simulating: 100 % after 2 s, about 0 s left"
 
 
 def draw(columns: int, *words: str, is_piped: bool = False, **variables: str) -> tuple[str, str]:
@@ -205,36 +212,3 @@ def test_a_file_gets_lines_even_where_colours_are_forced(monkeypatch: pytest.Mon
 
 def test_quick_commands_show_no_progress(run: Run) -> None:
     assert re.fullmatch(r"took \d+\.\d s\n", run("new", "fresh.toml").err)
-
-
-def test_the_same_command_knows_what_it_took_before(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Run, two_nodes: object
-) -> None:
-    monkeypatch.setenv("TENSEGRITY_CODEGEN_CACHE", str(tmp_path / "cache"))
-    assert durations.read_durations() == {}
-    durations.write_durations({"compiling": 3.0})  # the folder is not there: nothing is made
-    assert durations.read_durations() == {}
-    monkeypatch.setattr(ProgressBar, "DELAY", 0.0)
-    words = ("equilibrium", "two_nodes.toml", "--json")
-    assert run(*words).code == 0
-    known = durations.read_durations()
-    assert {"generating C", "compiling", "finding the equilibrium"} <= set(known)
-    assert run(*words).code == 0  # from the cache: what is not needed now keeps its time
-    again = durations.read_durations()
-    assert again["compiling"] == known["compiling"]
-    assert again["finding the equilibrium"] != known["finding the equilibrium"]
-    assert run("check", "two_nodes.toml").code == 0
-    assert "compiling" not in durations.read_durations()  # of another command
-
-
-@pytest.mark.parametrize("text", ["", "[1]", '{"a": 3}', "[" * 100_000, '{"x": {"compiling": "soon"}}'])
-def test_a_damaged_file_of_durations_is_as_good_as_none(
-    text: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    root = tmp_path / "cache"
-    root.mkdir(mode=0o700)
-    (root / "durations.json").write_text(text, encoding="utf-8")
-    monkeypatch.setenv("TENSEGRITY_CODEGEN_CACHE", str(root))
-    assert durations.read_durations() == {}
-    durations.write_durations({"compiling": 3.0})
-    assert durations.read_durations() == {"compiling": 3.0}

@@ -121,11 +121,12 @@ def test_an_interrupted_verb_says_how_to_go_on_and_goes_on(run: Run, monkeypatch
     assert (resumed["taken"], resumed["total"], resumed["what"]) == (2, 6, "sections")
     assert "S&K: 2 of 6 sections taken from the unfinished run of" in ended.err
     assert built == list(SECTIONS[2:])
-    ended = run(*words)
+    assert run(*words).code == 2  # the result files exist
+    ended = run(*words, "--overwrite")
     assert "all 6 sections taken from the run of" in ended.err
     assert "; --fresh computes them again" in ended.err
     built = patch_sections(monkeypatch, "")
-    assert run(*words, "--fresh", "--json").data["resumed"] == []
+    assert run(*words, "--fresh", "--overwrite", "--json").data["resumed"] == []
     assert built == list(SECTIONS)
 
 
@@ -180,7 +181,7 @@ def test_results_of_another_scene_or_code_are_not_used(
 ) -> None:
     generate = all_cases.generate_cases
     monkeypatch.setattr(all_cases, "generate_cases", lambda *given: list(generate(*given))[:1])
-    words = ("stability", two_nodes, "--t-end", "0.1", "--no-peers", "--limit", "60", "--json")
+    words = ("stability", two_nodes, "--t-end", "0.1", "--no-peers", "--limit", "60", "--overwrite", "--json")
     assert run(*words).data["resumed"] == []
     assert [item["taken"] for item in run(*words).data["resumed"]] == [1]
     assert run(*words, "--fresh").data["resumed"] == []

@@ -46,7 +46,7 @@ def test_a_motion_becomes_a_live_page(modes: int, run: Run, two_nodes: Path, mot
     assert ended.facts["n_frames"] == 4
     assert ended.facts["n_modes"] == min(modes, 1)
     assert ended.facts["bytes"] == Path("a.html").stat().st_size
-    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--json").code == 0  # its own file
+    assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--overwrite").code == 0
     Path("a.html").write_text("<html>mine</html>", encoding="utf-8")
     assert run("show", two_nodes, "--out", "a.html", "--modes", 0, "--json").code == 2
 
@@ -64,7 +64,7 @@ def test_another_file_than_three_js_is_refused(run: Run, folder: Path, two_nodes
 def test_choices_reach_pictures_and_films(run: Run, two_nodes: Path, motion: Path) -> None:
     options = ("--view", "front", "--size", "400x300", "--color", "force_density", "--no-forces", "--json")
     for more in (("--settle", "--labels", "nodes"), ("--trajectory", motion, "--follow")):
-        assert run("show", two_nodes, *more, *options, "--out", "a.png").code == 0
+        assert run("show", two_nodes, *more, *options, "--out", "a.png", "--overwrite").code == 0
         assert png_size(Path("a.png")) == (400, 300)
     film = ("--trajectory", motion, "--fps", 10, "--size", "301x200", "--out", "a.gif")
     assert run("show", two_nodes, *film, "--json").code == 0

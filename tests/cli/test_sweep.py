@@ -53,6 +53,29 @@ def test_a_grid_of_equilibria_is_stored_and_goes_on(run: Run, two_nodes: Path, f
         assert run(*shlex.split(command)[1:]).code == 0
 
 
+@pytest.mark.parametrize(
+    "text", ["case,status,mine\n0,ok,1\n", "matrix,row,column,value\n", "scene,t_end,mine\n", ""]
+)
+def test_a_table_that_exists_is_kept(text: str, run: Run, two_nodes: Path, folder: Path) -> None:
+    (folder / "t.csv").write_text(text, encoding="utf-8")
+    words = (
+        "sweep",
+        two_nodes,
+        *EVALUATE,
+        "--over",
+        "gravity[2]=-2,-1",
+        "--out",
+        "t.zarr",
+        "--format",
+        "csv",
+    )
+    ended = run(*words, "--json")
+    assert (ended.code, ended.data["where"]) == (2, "t.csv")
+    assert "--overwrite" in ended.data["hint"]
+    assert (folder / "t.csv").read_text(encoding="utf-8") == text
+    assert not (folder / "t.zarr").exists()
+
+
 def test_the_plan_is_shown_and_nothing_done(run: Run, two_nodes: Path, folder: Path) -> None:
     before = sorted(folder.iterdir())
     text = run("sweep", two_nodes, *SETTLE, *GRID, "--dry-run")

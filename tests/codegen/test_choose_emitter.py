@@ -104,3 +104,7 @@ def test_the_manifest_and_the_files_are_those_of_the_emitter_by_name() -> None:
         by_name = emit(structure, replace(AUTO, emitter=name))
         assert source.files == by_name.files
         assert by_name.why_emitter == "asked for by name"
+
+
+def test_one_member_is_counted_in_the_singular() -> None:
+    assert choose_emitter(find_facts(chain(1), AUTO)).why.startswith("1 member, ")

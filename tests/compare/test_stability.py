@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,9 +16,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.compare.stability import all_cases, peers
-from tensegrity_codegen.compare.stability.cases import Case, generate_cases
+from tensegrity_codegen.compare.stability.cases import Case, generate_cases, is_essential
 from tensegrity_codegen.compare.stability.changes import as_springs
-from tensegrity_codegen.compare.stability.judge import certify_case, is_agreed, judge
+from tensegrity_codegen.compare.stability.judge import certify_case, is_agreed, judge, judge_peer
 from tensegrity_codegen.compare.stability.models import CaseModels, values_of
 from tensegrity_codegen.compare.stability.neighbours import find_snap
 from tensegrity_codegen.compare.stability.outcome import Limits
@@ -129,6 +130,53 @@ def test_a_result_called_good_is_held_to_ten_times_its_tolerance() -> None:
     assert judge(case(), ending(1.0), None).verdict == "unchecked"
 
 
+def test_other_programs_are_held_to_their_tolerance_or_a_hundredth_of_the_length() -> None:
+    length = float(prism().member_length().mean())
+
+    def find(rtol: float, off: float) -> str:
+        truth = certify_case(case(rtol=rtol), [lambda rtol: ending(1.0), lambda rtol: ending(1.0)])
+        state = along_x(1.0 + off, 0.0)[:, :18]
+        return judge_peer(case(rtol=rtol), replace(ending(1.0), state=state), truth).verdict
+
+    assert find(1.0, 5.0) == find(1e-6, 0.9e-2 * length) == "survived"
+    assert find(1.0, 20.0) == find(1e-6, 1.1e-2 * length) == "wrong"
+
+
+def test_essential_cases_are_run_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[Case] = []
+
+    def record(work: Any, cases: Any, **more: Any) -> Iterator[Any]:
+        order.extend(cases)
+        yield from ()
+
+    monkeypatch.setattr(all_cases, "run_pieces", record)
+    write_stability(
+        [prism()], tmp_path, t_end=0.1, limits=Limits(peers=False), compiler=None, flags="reference"
+    )
+    first = [f"{item.group}: {item.name}" for item in order if is_essential(item)]
+    assert first == [f"{item.group}: {item.name}" for item in order[: len(first)]]
+    wanted = ("stiffness ratio: 1e+06", "stiffness ratio: rigid", "slack: every cable slack")
+    assert set(first) > set(wanted)
+    assert {item.group for item in order[: len(first)]} >= {"impact", "snap-through"}
+    assert "tolerance: rtol 1e-300" not in first
+
+
+def test_the_method_auto_has_the_integrators_that_simulate_would_compile() -> None:
+    """For bars ten times as stiff as cables that is rk853, for a thousand times radau too."""
+    compiled = models(prism())
+    for name, rtol, wanted in (
+        ("1e+01", 1e-6, {"rk853"}),
+        ("1e+03", 1e-6, {"rk853", "radau"}),
+        ("1e+01", 1.0, {"rk54"}),
+        ("rigid", 1e-6, {"rk853"}),
+    ):
+        (item,) = (item for item in generate_cases(prism(), 0.1) if item.name == name)
+        model = compiled.of(replace(item, rtol=rtol), "auto")
+        assert {spec.name for spec in model.manifest.integrators} == wanted
+        everything = {spec.name for spec in compiled.of(item, "rk54").manifest.integrators}
+        assert everything >= {"rk853", "rk54", "rk4"}
+
+
 def test_velocities_are_held_to_what_the_run_says_and_positions_never() -> None:
     truth = certify_case(case(), [lambda rtol: ending(1.0), lambda rtol: ending(1.0)])
     state = along_x(1.0, 1.05)
@@ -184,8 +232,8 @@ def test_a_reference_needs_two_methods_that_agree() -> None:
 
 
 def test_a_run_ends_when_its_time_is_up() -> None:
-    model = models(prism()).springs
     stiff = [item for item in generate_cases(prism(), 2.0) if item.name == "1e+08"]
+    model = models(prism()).of(stiff[0])
     ended = run_own(model, stiff[0], "rk54", 1e-6, 0.5)
     assert ended.status == "over time"
 
@@ -264,12 +312,16 @@ def test_wrong_times_are_refused(tmp_path: Path) -> None:
             )
 
 
-def write_few(folder: Path, monkeypatch: pytest.MonkeyPatch, **limits: Any) -> StabilityReport:
+def write_few(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, *, overwrite: bool = False, **limits: Any
+) -> StabilityReport:
     """Write the page of three cases of the smallest scene."""
     structure = load_nodes(EXAMPLES / "two_nodes.toml")
     monkeypatch.setattr(all_cases, "generate_cases", lambda *words: list(generate_cases(*words))[:3])
     given = Limits(run=5.0, reference=5.0, peers=False, **limits)
-    return write_stability([structure], folder, t_end=0.1, limits=given, compiler=None, flags="reference")
+    return write_stability(
+        [structure], folder, t_end=0.1, limits=given, compiler=None, flags="reference", overwrite=overwrite
+    )
 
 
 def test_what_the_budget_does_not_allow_is_listed_as_not_run(
@@ -281,7 +333,7 @@ def test_what_the_budget_does_not_allow_is_listed_as_not_run(
     assert "budget" in data["scenes"]["two_nodes"][0]["message"]
     assert len(data["not_run"]) == len(made.cases_not_run) == 3
     assert "Not run" in made.html.read_text()
-    made = write_few(tmp_path, monkeypatch)  # the same command runs them
+    made = write_few(tmp_path, monkeypatch, overwrite=True)  # the same command runs them
     assert made.cases_not_run == ()
 
 
@@ -301,7 +353,7 @@ def test_finished_cases_are_taken_from_the_journal(tmp_path: Path, monkeypatch: 
         return run_case(models, item, limits)
 
     monkeypatch.setattr(all_cases, "_run", count)
-    second = write_few(tmp_path, monkeypatch)
+    second = write_few(tmp_path, monkeypatch, overwrite=True)
     again = (tmp_path / "ran").read_text().splitlines()
     assert sorted(again) == sorted(json.loads(line)["name"] for line in lines[1:])
     kept = json.loads(lines[0])["name"]

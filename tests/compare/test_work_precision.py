@@ -12,15 +12,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tensegrity_codegen.cli import main
 from tensegrity_codegen.compare.work_precision import scene_report
 from tensegrity_codegen.compare.work_precision.certify import Reference, certify
 from tensegrity_codegen.compare.work_precision.contender import Contender, Run, measure
-from tensegrity_codegen.compare.work_precision.peers import mujoco_tendons, sundials
+from tensegrity_codegen.compare.work_precision.own import VARIANTS, describe_simulation, own_contenders
+from tensegrity_codegen.compare.work_precision.peers import (
+    mujoco_tendons,
+    peer_contenders,
+    scipy_ivp,
+    sundials,
+)
 from tensegrity_codegen.compare.work_precision.problem import set_problem
 from tensegrity_codegen.compare.work_precision.report import write_report
 from tensegrity_codegen.compare.work_precision.row import Row, find_front, recommend
 from tensegrity_codegen.compare.work_precision.scene_report import Options
-from tensegrity_codegen.errors import ConvergenceError, FormulationError, InvalidValueError
+from tensegrity_codegen.errors import ConvergenceError, FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.pipeline import build_library, load_nodes
 from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -146,13 +154,112 @@ def test_mujoco_moves_rigid_bars_as_bodies() -> None:
     assert np.abs(place[-1] - POSITION[-1].reshape(6, 3)).max() < 1e-6
 
 
-def test_sundials_moves_as_our_model_does() -> None:
+def test_sundials_moves_as_our_model_does_with_every_setting() -> None:
     structure = sprung()
     problem = set_problem(structure, 0.2, 3)
-    for name, make in sundials.contenders(problem):
+    makers = {**dict(sundials.contenders(problem)), **dict(sundials.usual_contenders(problem))}
+    assert {name.split()[0] for name in makers} == {"CVODES", "IDAS"}
+    for words in (
+        "Adams, functional",
+        "BDF, functional",
+        "Adams, Newton",
+        "BDF, Newton, dense",
+        "IDAS (CasADi; sp",
+    ):
+        assert any(words in name for name in makers), words
+    place = still_going(structure)
+    for name, make in makers.items():
         made = make()
         made.prepare(1e-9)
-        assert np.abs(made.run(1e-9)().node_position - still_going(structure)).max() < 1e-6, name
+        assert np.abs(made.run(1e-9)().node_position - place).max() < 1e-6, name
+
+
+def test_other_programs_move_scenes_with_actuators() -> None:
+    structure = load_nodes(EXAMPLES / "prism12.toml")
+    assert structure.inputs
+    problem = set_problem(structure, 0.01, 3)
+    for usual, names in (
+        (True, ("CVODES (CasADi)", "SciPy DOP853")),
+        (
+            False,
+            ("CVODES (CasADi; Adams, functional iteration)", "IDAS (CasADi; sparse QR)", "SciPy VODE (BDF)"),
+        ),
+    ):
+        makers = dict(peer_contenders(problem, usual=usual))
+        found = []
+        for name in names:
+            made = makers[name]()
+            made.prepare(1e-7)
+            found.append(made.run(1e-7)().node_position)
+        assert np.ptp(found, axis=0).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", scipy_ivp.SOLVERS)
+def test_scipy_stops_where_accelerations_are_not_finite(name: str) -> None:
+    def derivative(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        if t > 0.1:
+            raise NonFiniteError("not finite", where="acceleration")
+        return -x
+
+    with pytest.raises(NonFiniteError):
+        scipy_ivp.SOLVERS[name](derivative, np.ones(2), np.linspace(0.0, 1.0, 3), 1e-6)
+
+
+def test_settings_of_a_program_that_are_clearly_slower_are_given_up(tmp_path: Path) -> None:
+    """After three tolerances one ends that takes twice the time of another setting for no less error."""
+    structure = load_nodes(EXAMPLES / "two_nodes.toml")
+    problem = set_problem(structure, 0.1, 2)
+    reference = Reference(np.zeros((2, 2, 3)), "a", "b", 0.0)
+
+    def made(name: str, seconds: float, group: str = "peer") -> Contender:
+        return replace(contender(name, dict.fromkeys((0.1, 0.01, 1e-3, 1e-4, 1e-5), seconds)), group=group)
+
+    contenders = [
+        made("CVODES (a)", 1.0),
+        made("CVODES (b)", 3.0),
+        made("IDAS (a)", 3.0),
+        made("ours", 9.0, "own"),
+    ]
+    journal = Journal(tmp_path / "journal.jsonl", "key")
+    measured = scene_report._Measured(
+        problem, Options(longest=99.0), reference, journal, lambda fraction: None
+    )
+
+    def take(problem: object, contender: Contender, setting: float, reference: Reference) -> Row:
+        seconds = float(contender.run(setting)().node_position.max())
+        return row(contender.name, 1e-6, seconds, group=contender.group, setting=setting)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene_report, "_measure", take)
+        rows = measured.measure_all(contenders)
+    counts = {name: sum(item.contender == name for item in rows) for name in (c.name for c in contenders)}
+    assert counts == {"CVODES (a)": 5, "CVODES (b)": 3, "IDAS (a)": 5, "ours": 5}
+
+
+@pytest.mark.parametrize("name", ["node_position, rk853", "rigid_bar, corrected, rk54", "node_distance, rk4"])
+def test_simulate_repeats_a_recommended_run(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run with the options and keys that a report states has the same positions."""
+    structure = load_nodes(EXAMPLES / "prism.toml")
+    problem = set_problem(structure, 0.05, 3)
+    made = dict(own_contenders(problem, flags="reference", compiler=None))[name]()
+    setting = sorted(made.settings)[len(made.settings) // 2]
+    measured = row(made.name, 0.0, 1.0, formulation=made.formulation, method=made.method)
+    text = describe_simulation(replace(measured, kind=made.kind, setting=setting), problem.t_end, "reference")
+    words, _, keys = text.removesuffix(" under [model]").partition(", with ")
+    scene = tmp_path / "prism.toml"
+    first, *rest = (EXAMPLES / "prism.toml").read_text(encoding="utf-8").split("[model]", 1)
+    lines = keys.replace(", options", "\noptions").replace(", emitter", "\nemitter")
+    scene.write_text(f"{first}[model]\n{lines}\n{rest[0]}", encoding="utf-8")
+    verb, *options = words.split()
+    out = tmp_path / "motion.npz"
+    with pytest.raises(SystemExit) as caught:
+        main([verb, str(scene), *options, "--samples", "3", "--out", str(out)])
+    assert not caught.value.code, capsys.readouterr().err
+    with np.load(out) as data:
+        assert np.abs(data["node_position"] - made.run(setting)().node_position).max() < 1e-13
+    assert set(VARIANTS) >= {made.formulation}
 
 
 def test_short_runs_are_repeated_and_failed_ones_are_not() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.controller.build_controller import build_controller
 from tensegrity_codegen.libraries import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.control.design.delays import split_delays
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.sensing import find_sensing
@@ -43,7 +44,13 @@ class MadeUp:
     estimator: Estimator
 
 
-def make_up(subject: Subject, request: ModelRequest, sensors: list[Sensor], seed: int = 0) -> MadeUp:
+def make_up(
+    subject: Subject,
+    request: ModelRequest,
+    sensors: list[Sensor],
+    seed: int = 0,
+    delay: Array | float = 0.0,
+) -> MadeUp:
     """Return parts whose numbers are random, around the coordinates of the scene."""
     rng = np.random.default_rng(seed)
     in_bodies = request.formulation == "bodies"
@@ -57,11 +64,13 @@ def make_up(subject: Subject, request: ModelRequest, sensors: list[Sensor], seed
     disturbed = np.flatnonzero(rng.random(n) < 0.7)
     size = 2 * n + len(disturbed)
     times, names = np.array([0.0, 0.02, 0.05]), name_states(model.manifest)
+    late = np.broadcast_to(delay, m).astype(float)
+    past = int(split_delays(late, SAMPLE)[2].sum())
     gains = Gains(
-        time=times, K=1e-3 * rng.normal(size=(3, m, 2 * n + 2)), S=np.zeros((3, 2 * n + 2, 2 * n + 2)),
+        time=times, K=1e-3 * rng.normal(size=(3, m, 2 * n + 2 + past)), S=np.zeros((3, 2 * n + 2, 2 * n + 2)),
         E=np.zeros(2 * n + 2, complex), A=np.eye(2 * n), B=np.zeros((2 * n, m)),
-        integral_action=rng.normal(size=(2, 2 * n)), sample=SAMPLE, residual=0.0, actuators=motion.actuators,
-        state_name=names, integral_name=("a", "b"),
+        integral_action=rng.normal(size=(2, 2 * n)), delay=late, sample=SAMPLE, residual=0.0,
+        actuators=motion.actuators, state_name=names, integral_name=("a", "b"),
     )  # fmt: skip
     slopes = sensing.slopes(_at(motion, 0.0))
     pull = (
@@ -70,7 +79,7 @@ def make_up(subject: Subject, request: ModelRequest, sensors: list[Sensor], seed
     force = 1e-3 * rng.normal(size=(len(disturbed), len(slopes)))
     table = np.vstack([pull, force]) * (1.0 + 0.2 * rng.normal(size=(3, 1, len(slopes))))
     estimator = Estimator(
-        time=times, L=table, P=np.zeros((3, size, size)),
+        time=times, L=table, P=np.zeros((3, size, size)), innovation=np.ones((3, len(slopes))),
         E=np.zeros(size, complex), sample=SAMPLE, residual=0.0, substeps=2, disturbed=disturbed,
         sensing=sensing, state_name=(*names, *(f"force {k}" for k in disturbed)),
     )  # fmt: skip
@@ -102,10 +111,11 @@ def _at(motion: Motion, time: float) -> dict[str, Array]:
     return {"coordinate": point.coordinate, "velocity": point.velocity, "input": point.input}
 
 
-def check_made_up(parts: MadeUp, folder: Path, delay: Array | float = 0.0, tolerance: float = 1e-12) -> None:
+def check_made_up(parts: MadeUp, folder: Path, tolerance: float = 1e-12) -> None:
     """Check that C and Python compute the same from noisy measurements along the motion."""
     sensing, rng = parts.estimator.sensing, np.random.default_rng(1)
     rows = [sensing.measure(_at(parts.motion, k * SAMPLE)) for k in range(STEPS)]
+    delay = parts.gains.delay
     measured = np.array(rows) + 1e-4 * rng.normal(size=(STEPS, len(rows[0])))
     with without_optimisation():
         bundle = build_controller(
@@ -124,9 +134,7 @@ def check_made_up(parts: MadeUp, folder: Path, delay: Array | float = 0.0, toler
         assert gap <= 10 * tolerance * np.abs(estimate).max()
 
 
-def _run_python(
-    parts: MadeUp, measured: Array, delay: Array | float
-) -> list[tuple[Array, str, Array, Array]]:
+def _run_python(parts: MadeUp, measured: Array, delay: Array) -> list[tuple[Array, str, Array, Array]]:
     """Return command, status, estimate and rest lengths of each step."""
     bounds = find_bounds(parts.model, parts.motion, delay=delay)
     controller = Controller(parts.motion, parts.gains, bounds, SAMPLE)

@@ -25,9 +25,11 @@ def read_example(name: str) -> dict[str, Any]:
     return document
 
 
-def check(document: dict[str, Any], sensors: list[Sensor], folder: Path, **options: Any) -> None:
+def check(
+    document: dict[str, Any], sensors: list[Sensor], folder: Path, delay: Any = 0.0, **options: Any
+) -> None:
     subject, request = assemble_scene(parse_scene(document), "scene")
-    check_made_up(make_up(subject, request, sensors), folder, **options)
+    check_made_up(make_up(subject, request, sensors, delay=delay), folder, **options)
 
 
 def test_bodies_of_all_kinds(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def test_an_early_step_moves_by_the_rate_for_its_time_only(
     controller: LoadedController, measured: Callable[[int], Array]
 ) -> None:
     before = go(controller, measured, 0, 10)
-    far = measured(10) + 0.02
+    far = measured(10) + 0.003
     status, rest = controller.step(9.1 * SAMPLE, far)
     assert status == "rate_limited"
     assert (np.abs(rest - before) <= 0.1 * RATE * SAMPLE * (1 + 1e-9)).all()
@@ -178,12 +178,47 @@ def test_an_early_step_moves_by_the_rate_for_its_time_only(
 def test_an_estimate_that_is_lost_starts_again_from_the_motion(
     controller: LoadedController, measured: Callable[[int], Array], motion: Motion
 ) -> None:
-    before = go(controller, measured, 0, 10)
-    status, rest = controller.step(10 * SAMPLE, np.full(9, 1e308))
+    """From a state with velocities that no prediction survives."""
+    go(controller, measured, 0, 10)
+    _, before = controller.step_state(10 * SAMPLE, np.full(12, 1e300))
+    status, rest = controller.step(11 * SAMPLE, measured(11))
     assert status == "estimate_lost"
     np.testing.assert_array_equal(rest, before)
-    assert controller.read("estimate")[:6] == pytest.approx(motion.at(10 * SAMPLE).coordinate, rel=1e-12)
-    assert controller.step(11 * SAMPLE, measured(11))[0] in ("ok", "rate_limited")
+    assert controller.read("estimate")[:6] == pytest.approx(motion.at(11 * SAMPLE).coordinate, rel=1e-12)
+    assert controller.step(12 * SAMPLE, measured(12))[0] in ("ok", "rate_limited")
+
+
+@pytest.mark.parametrize("off", [1e300, 0.03])
+def test_outliers_are_predicted_and_leave_the_estimate(
+    bundle: ControllerBundle, measured: Callable[[int], Array], estimator: Estimator, off: float
+) -> None:
+    """A length that cannot be, or is 30 mm off, three times in a row; then the loop goes on."""
+    one, other = bundle.load(), bundle.load()
+    for controller in (one, other):
+        controller.init()
+        before = go(controller, measured, 0, 30)
+    for k in range(30, 33):
+        status, rest = one.step(k * SAMPLE, spoil(measured(k), 4, measured(k)[4] + off))
+        assert status == "outlier"
+        np.testing.assert_array_equal(rest, before)
+        assert other.step(k * SAMPLE, measured(k))[0] == "ok"
+        apart = np.abs(one.read("estimate")[:6] - other.read("estimate")[:6]).max()
+        assert apart < 1e-3  # [rad]; the measurements alone would move it by far more
+    assert one.step(33 * SAMPLE, measured(33))[0] in ("ok", "rate_limited")
+    assert np.linalg.norm(estimator.at(0.15)[:6, 4]) * 0.03 > 2e-3
+
+
+def test_what_stays_far_from_its_prediction_is_accepted_in_the_end(
+    controller: LoadedController, measured: Callable[[int], Array], estimator: Estimator
+) -> None:
+    """A structure that stands elsewhere is no outlier for good; each one doubles what is accepted."""
+    go(controller, measured, 0, 30)
+    size = 30.0 * float(estimator.innovation[0, 4])
+    words = [
+        controller.step(k * SAMPLE, spoil(measured(k), 4, measured(k)[4] + size))[0] for k in range(30, 34)
+    ]
+    assert words[:3] == ["outlier"] * 3
+    assert words[3] in ("ok", "rate_limited")
 
 
 def test_memory_without_init_and_null_pointers(bundle: ControllerBundle, motion: Motion) -> None:
@@ -250,4 +285,5 @@ def test_a_fuzz_of_inputs_never_leaves_rate_and_range(
         assert (now <= 0.5 + 1e-12).all()
         assert (np.abs(now - rest) <= RATE * SAMPLE * (1 + 1e-9)).all()
         rest, _ = now, seen.add(status)
-    assert {"ok", "rate_limited", "late", "repeated_time", "non_finite_input", "invalid_length"} <= seen
+    words = {"late", "repeated_time", "non_finite_input", "invalid_length", "outlier"}
+    assert {"ok", "rate_limited", *words} <= seen

@@ -55,7 +55,7 @@ def test_files_of_others_are_kept(
     bundle: ControllerBundle, model: CompiledModel, motion: Motion, gains: Gains, tmp_path: Path
 ) -> None:
     (tmp_path / "example.c").write_text("int mine;\n", encoding="utf-8")
-    with pytest.raises(OutputError, match="not written by"):
+    with pytest.raises(OutputError, match="of these names already"):
         build_controller(model, motion, gains, out=tmp_path, library=False)
     assert [path.name for path in tmp_path.iterdir()] == ["example.c"]
     assert set(bundle.files) | {"SHA256SUMS"} <= {path.name for path in bundle.folder.iterdir()}

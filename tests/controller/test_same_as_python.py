@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tests.codegen.quickly import without_optimisation
 from tests.controller.replay import check_same, replay, replay_states
-from tests.runtime.control.pinned_prism import draw_errors
+from tests.runtime.control.pinned_prism import design_gains, draw_errors
 from tests.runtime.control.tower_motion import (
     build_tower,
     design_tower_estimator,
@@ -39,10 +39,13 @@ def test_a_noisy_loop_of_the_prism(
     np.testing.assert_allclose(done.rest_length, structure.rest_length[first] + done.command, rtol=1e-14)
 
 
+@pytest.mark.parametrize("known", [True, False])
 def test_delays_within_and_beyond_a_sample(
-    model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator, tmp_path: Path
+    model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator, known: bool, tmp_path: Path
 ) -> None:
     delay = [0.0, 0.002, 0.005, 0.008, 0.0, 0.002, 0.005, 0.0, 0.0]
+    if known:
+        gains = design_gains(model, motion, delay=delay)
     with without_optimisation():
         bundle = build_controller(
             model, motion, gains, estimator=estimator, delay=delay, out=tmp_path / "ctl"

@@ -112,6 +112,19 @@ def test_a_loop_that_goes_wrong_ends_with_a_status(
     assert fine.status == "ok"
 
 
+def test_a_loop_that_is_worse_than_the_open_one_has_the_same_status(
+    model: CompiledModel, motion: Motion, gains: Gains
+) -> None:
+    """Gains that know nothing of a delay of 30 ms."""
+    options: dict[str, Any] = {"t_end": 0.8, "delay": 0.03}
+    draw = draw_errors(model, 1)
+    (found,) = simulate_control_batch(model, motion, gains, draws=[draw], **options)
+    expected = simulate_control(model, motion, gains.at_knots(), **options, **draw)
+    assert found.status == expected.status == "does_not_hold"
+    assert found.warnings == expected.warnings
+    assert "without feedback" in found.message
+
+
 def test_lost_estimates_end_the_run(
     model: CompiledModel, motion: Motion, gains: Gains, estimator: Estimator
 ) -> None:

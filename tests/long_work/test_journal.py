@@ -44,6 +44,18 @@ def test_a_last_line_that_is_cut_off_costs_only_itself(tmp_path: Path, cut: int)
     assert (healed.find("x"), healed.find("z")) == (1, 3)
 
 
+def test_a_line_of_which_a_bit_changed_is_not_used(tmp_path: Path) -> None:
+    file = tmp_path / "a.jsonl"
+    Journal(file, "one").store("x", 31.25)
+    line = file.read_bytes()
+    for place in range(len(line) - 1):
+        for bit in range(8):
+            changed = bytearray(line)
+            changed[place] ^= 1 << bit
+            file.write_bytes(changed)
+            assert Journal(file, "one").find("x") in (None, 31.25)
+
+
 @pytest.mark.parametrize(
     "text",
     [

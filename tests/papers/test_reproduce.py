@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
@@ -17,9 +18,16 @@ pytest.importorskip("matplotlib")
 from tensegrity_codegen.errors import ConvergenceError, OutputError, UnknownNameError
 from tensegrity_codegen.papers import reproduce as module
 from tensegrity_codegen.papers.errata import ERRATA
+from tensegrity_codegen.papers.lin.lin_tables import error_section, extension_section, measured_section
+from tensegrity_codegen.papers.lin.tables import compare_tables
 from tensegrity_codegen.papers.reproduce import PAPERS, build_page, choose_papers, reproduce
+from tensegrity_codegen.papers.scs.figures import load_paper_tower
+from tensegrity_codegen.papers.scs.scs_equilibria import equilibrium_section
+from tensegrity_codegen.papers.scs.scs_map import map_section
 from tensegrity_codegen.papers.sk import chapter as sk
-from tensegrity_codegen.report.pages.page import Chapter, Page, Remark, Section, Verdict
+from tensegrity_codegen.papers.sk import sk_inverse
+from tensegrity_codegen.papers.sk.inverse_time import METHODS
+from tensegrity_codegen.report.pages.page import Cause, Chapter, Page, Remark, Section, Verdict
 from tensegrity_codegen.report.pages.page_json import read_section, section_as_json
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
@@ -83,7 +91,7 @@ def test_a_study_that_fails_is_named_and_leaves_nothing_behind(
     monkeypatch.setattr(sk, "pattern_section", fail)
     monkeypatch.setattr(sk, "inverse_section", lambda nodes: make_plain("first"))
     with pytest.raises(ConvergenceError, match="no equilibrium") as caught:
-        reproduce(["sk"], tmp_path, quick=True)
+        reproduce(["sk"], tmp_path, quick=True, overwrite=True)
     assert caught.value.where == "study S&K Fig. 3: lin_prism"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["journal", "reproduce.html"]
     assert (tmp_path / "reproduce.html").read_text("utf-8") == "the last one"
@@ -109,7 +117,7 @@ def test_finished_sections_are_taken_from_the_journal(
             reproduce(["sk"], tmp_path, quick=True)
     assert built == ["inverse", "pattern", "storage", "storage", "trajectory", "drift", "offset"]
     assert (tmp_path / "reproduce.html").exists()
-    reproduce(["sk"], tmp_path)  # in full size nothing of it is used
+    reproduce(["sk"], tmp_path, overwrite=True)  # in full size nothing of it is used
     assert built[7:] == list(names)
 
 
@@ -169,6 +177,65 @@ def test_lin_table_2_is_off_by_what_the_parameters_explain(page: Page) -> None:
     assert max(abs(value["difference"]) for value in cells) == pytest.approx(1.9385, abs=1e-3)
     assert cells[0]["paper"] == 31.3242
     assert values(table(page, "lin-table-2", 1), "mean error to Table 1")[0] == pytest.approx(2.495, abs=1e-3)
+
+
+def test_the_difference_to_table_2_grows_at_three_springs() -> None:
+    # LIN Table 2: ours less print, at 0 and at 10 N; three columns grow by more than a third.
+    data = compare_tables()
+    first, last = np.abs(data["ours_minus_paper"])[[0, -1]]
+    growth = dict(zip(data["columns"], 100 * (last / first - 1), strict=True))
+    assert {name for name in growth if growth[name] > 20} == {"B1B2", "B3B1", "A3B1"}
+    (remark,) = [block for block in extension_section(data).blocks if isinstance(block, Remark)]
+    for name, percent in (("B₃B₁", 67), ("A₃B₁", 62), ("B₁B₂", 38)):
+        assert f"{name} by {percent} %" in remark.text
+    assert "by −14 to 12 %" in remark.text
+
+
+def test_results_state_their_largest_errors_and_causes() -> None:
+    data = compare_tables()
+    measured, table_2, table_3 = measured_section(data), extension_section(data), error_section(data)
+    assert measured.outcome == "differs: we differ"
+    assert measured.errors[0][0] == pytest.approx(3.6913, abs=1e-4)
+    assert (table_2.outcome, table_3.outcome) == ("differs: data missing", "agrees")
+    assert table_3.errors[0][0] == pytest.approx(10.9906, abs=1e-4)
+    assert "10.99 %" in table_3.result
+
+
+def test_the_height_behind_the_printed_tensions_is_stated() -> None:
+    # SCS (45): T_D is 43.0058 N at Z = 1.1106553 m and 43.0117 N at 1.11066 m.
+    section = equilibrium_section(load_paper_tower())
+    (remark,) = [block for block in section.blocks if isinstance(block, Remark)]
+    assert section.outcome == "agrees: ours corrected"
+    assert "Z = 1.1106553 m" in section.result
+    assert "Z = 1.11066 m, two digits less, T_D of (45) is 43.0117 N" in remark.text
+
+
+def test_the_share_of_taut_configurations_is_of_all_azimuths() -> None:
+    # 262 and 1042 of 360 x 89 angles, in steps of a degree, all with azimuths below 120 deg.
+    result = map_section(load_paper_tower(), 1.0).result
+    assert "0.82 % of all angles" in result
+    assert "3.25 %" in result
+    assert "from 0 to 120° at 2.5 and 9.8 %" in result
+
+
+def test_the_time_to_apply_an_inverse_is_stated_beside_the_time_to_form_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def times(**last: float) -> dict[str, list[float]]:
+        return {name: [0.5 * seconds, seconds] for name, seconds in last.items()}
+
+    measured = {
+        "n_nodes": [12, 24],
+        "form": times(pseudo_inverse=0.4, dense=3e-3, sparse=4e-4, factored=1e-6),
+        "apply": times(pseudo_inverse=8e-5, dense=8e-5, sparse=3.8e-5, factored=7.9e-5),
+        "form_exponent": dict.fromkeys(METHODS, 1.0),
+        "apply_exponent": dict.fromkeys(METHODS, 1.0),
+        "largest_difference": 1e-14,
+    }
+    monkeypatch.setattr(sk_inverse, "measure_inverse_times", lambda nodes: measured)
+    result = sk_inverse.inverse_section([12, 24]).result
+    assert "400 times less to form" in result
+    assert "79 µs to apply for 38 µs" in result
 
 
 @pytest.mark.thorough
@@ -250,6 +317,26 @@ def test_the_heading_counts_what_agrees(
     assert page.title == title
     numbers = [word for word in title.replace(",", "").split() if word.isdigit()]
     check_static(render_page(page), numbers)
+
+
+def test_the_heading_counts_causes_and_names_the_largest_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[tuple[Verdict, Cause, float]] = [
+        ("agrees", "", 0.5), ("agrees", "ours_corrected", 1.25), ("differs", "paper_wrong", 3.691),
+        ("differs", "data_missing", 1.9), ("differs", "data_missing", 0.2), ("differs", "we_differ", 0.1),
+    ]  # fmt: skip
+    sections = tuple(
+        Section(f"s{k}", f"Fig. {k}", "T", verdict, "r", (), cause, ((error, "mm"),))
+        for k, (verdict, cause, error) in enumerate(found)
+    )
+    chapter = Chapter("sk", "S&K", "a paper", "Somewhere.", sections)
+    monkeypatch.setitem(PAPERS, "sk", replace(PAPERS["sk"], build=lambda *_: chapter))
+    page = build_page(("sk",))
+    assert page.title == (
+        "2 of 6 printed results agree (ours corrected 1), 4 differ (paper wrong 1, data missing 2, "
+        "we differ 1); largest errors 3.69 mm"
+    )
+    assert "3.69 mm (Fig. 2)" in page.lead
+    assert "differs: paper wrong" in render_page(page)
 
 
 @pytest.mark.thorough

@@ -51,7 +51,7 @@ def test_a_page_shows_itself_in_a_frame_and_is_written(tmp_path: Path) -> None:
     assert len(repr(page)) < 200
     data = data_of(page)
     assert data["start"] == {"labels": "nodes", "follow": True}
-    assert data["view"] == pytest.approx([0.0, -1e-3, 1.0], abs=1e-12)
+    assert data["view"] == pytest.approx([0.0, -1e-4, 1.0], abs=1e-12)
     assert data_of(view(PRISM))["start"] == {"labels": "none", "follow": False}
 
 

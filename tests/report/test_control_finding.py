@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.control_finding import (
-    describe_control_finding,
-    describe_low_tensions,
-    find_least_bound,
-)
-from tensegrity_codegen.runtime.control.study.control_study import LoopResult
+from tensegrity_codegen.report.control_finding import describe_control_finding, find_least_bound
+from tensegrity_codegen.runtime.control.study.loop_result import LoopResult
 from tensegrity_codegen.runtime.control.study.run_measures import RunMeasures
+from tensegrity_codegen.runtime.control.study.study_warnings import find_low_tensions
+from tensegrity_codegen.structure.limits import Limits
 
 
 def measure(error: float, **changes: Any) -> RunMeasures:
@@ -38,6 +36,10 @@ def study_of(status: str, *, moves: bool = True, angles: bool = False, **rows: A
 OPEN = (measure(6.4), measure(5.0))
 
 
+def limit(least: float) -> Limits:
+    return Limits(least_tension=np.array([least, -np.inf]))
+
+
 def test_a_motion_that_is_kept() -> None:
     study = study_of("holds", open=OPEN, true_state=(measure(0.01),) * 2, estimator=(measure(0.4),) * 2)
     assert describe_control_finding(study, 2.0) == (
@@ -49,6 +51,11 @@ def test_a_motion_that_is_kept() -> None:
         "Feedback with the true state keeps the equilibrium within 0.01 mm at the end"
     )
     assert "limit" not in describe_control_finding(rest)
+
+
+def test_draws_that_end_worse_are_counted() -> None:
+    study = study_of("holds", open=OPEN, true_state=(measure(1.0), measure(5.5)))
+    assert "6.4 mm without feedback, worse than that in 1 of 2 draws;" in describe_control_finding(study)
 
 
 def test_angles_are_stated_in_degrees() -> None:
@@ -82,28 +89,31 @@ def test_feedback_that_does_harm_is_stated() -> None:
 def test_limits_that_are_exceeded_are_in_the_headline() -> None:
     broken = {"least_tension": ("c1", "c2"), "clearance": ("bar1_bar2",)}
     slack = (measure(0.4, end_tension=0.0, least_tension=0.0, broken=broken),)
-    study = study_of("holds", open=OPEN, true_state=slack)
+    study = study_of("holds", open=OPEN[:1], true_state=slack)
     assert describe_control_finding(study, 2.0).endswith(
         "; smallest cable tension 0 N, limit 2 N; least tension not kept by c1, c2; clearance not kept by "
         "bar1_bar2"
     )
-    assert describe_low_tensions(study, 2.0) == []  # it is among the limits that are not kept
+    assert find_low_tensions(study.loops, limit(2.0)) == ()  # it is among the limits that are not kept
 
 
 def test_tensions_below_their_limit_on_the_way_are_stated() -> None:
     early = (measure(0.4, least_tension=0.25), measure(0.3))
     study = study_of("holds", open=OPEN, estimator=early)
     assert "12.5 N at the end, 0.25 N on the way, limit 2 N" in describe_control_finding(study, 2.0)
-    (text,) = describe_low_tensions(study, 2.0)
-    assert "c1 falls to 0.25 N with the estimator, below the least tension of 2 N" in text
-    assert describe_low_tensions(study, 0.2) == []
+    (text,) = find_low_tensions(study.loops, limit(2.0))
+    assert text == "estimator: c1 falls to 0.25 N on the way, below the least tension of 2 N"
+    assert find_low_tensions(study.loops, limit(0.2)) == ()
+    slack = study_of("holds", open=OPEN, estimator=(measure(0.4, least_tension=0.0),))
+    (text,) = find_low_tensions(slack.loops, Limits())
+    assert text == "estimator: c1 goes slack on the way"
 
 
 def test_structures_without_cables_have_no_tension() -> None:
     bare = {"least_tension": math.nan, "end_tension": math.nan, "least_member": ""}
-    study = study_of("holds", open=OPEN, true_state=(measure(0.4, **bare),))
+    study = study_of("holds", open=OPEN[:1], true_state=(measure(0.4, **bare),))
     assert describe_control_finding(study).endswith("6.4 mm without feedback")
-    assert describe_low_tensions(study, 2.0) == []
+    assert find_low_tensions(study.loops, limit(2.0)) == ()
 
 
 def test_the_largest_of_the_least_tensions_is_the_limit() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from rich.console import Console
 
-from tensegrity_codegen.report.linear_model import modes_table, say_spectrum
+from tensegrity_codegen.report.linear_model import modes_table, say_finding, say_spectrum
 from tensegrity_codegen.runtime.linear.spectrum import find_spectrum
 
 
@@ -25,8 +25,9 @@ def test_every_mode_has_its_frequency_and_damping_ratio() -> None:
 
 def test_what_does_not_oscillate_is_said_in_words() -> None:
     matrix = np.array([[0.0, 1.0], [-1.0, -2.5]])  # roots -0.5 and -2
-    assert say_spectrum(find_spectrum(matrix, 20), 20) == [
-        "no mode oscillates",
+    spectrum = find_spectrum(matrix, 20)
+    assert say_finding(np.zeros(0), spectrum) == "no motion grows exponentially; no mode oscillates"
+    assert say_spectrum(spectrum, 20) == [
         "real eigenvalues [1/s] (motions that decay or grow without oscillation): -2, -0.5",
     ]
     matrix = np.zeros((4, 4))
@@ -34,4 +35,7 @@ def test_what_does_not_oscillate_is_said_in_words() -> None:
     matrix[2, 0] = 4.0  # one grows by 2/s, one is free
     said = " ".join(say_spectrum(find_spectrum(matrix, 20), 20))
     assert "2 eigenvalues are zero" in said
-    assert "unstable: 1" in said
+    finding = say_finding(np.array([2.5]), find_spectrum(matrix, 20))
+    assert finding.startswith(
+        "unstable: 1 eigenvalue has a positive real part; lowest natural frequency 2.5 Hz"
+    )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import pytest
 
+from tensegrity_codegen.passes import watched_passes, work_pass
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.statics.methods import follow_residual
 
@@ -35,13 +37,27 @@ def test_without_progress_nothing_is_called() -> None:
     assert join_runs(None) is None
 
 
-def test_a_search_is_as_far_as_its_residual_has_fallen() -> None:
-    seen: list[float] = []
+class Watcher:
+    """What is shown: the title of what runs."""
+
+    title = "working"
+
+    def begin(self, title: str) -> Callable[[float], None]:
+        self.title = title
+        return lambda fraction: None
+
+    def end(self) -> None:
+        self.title = "ended"
+
+
+def test_a_search_says_its_iteration_and_residual_where_no_part_is_known_to_be_done() -> None:
     told: list[tuple[int, float]] = []
-    progress = follow_residual(
-        seen.append, 1e-8, lambda iteration, residual: told.append((iteration, residual))
-    )
-    for iteration, residual in enumerate((100.0, 1.0, 1000.0, 1e-6, 0.0, float("nan"))):
-        progress(iteration, residual)
-    assert seen == pytest.approx([0.0, 0.25, 0.0, 1.0])  # decades of eight; zero and NaN say nothing
-    assert len(told) == 6
+    progress = follow_residual(lambda iteration, residual: told.append((iteration, residual)))
+    watcher = Watcher()
+    with watched_passes(watcher), work_pass("outer"):
+        with work_pass("finding the equilibrium"):
+            progress(4120, 2e-5)
+            assert watcher.title == "finding the equilibrium: iteration 4,120, residual 2e-05 N"
+        assert watcher.title == "outer"
+    progress(4121, float("nan"))
+    assert [row[0] for row in told] == [4120, 4121]

@@ -119,6 +119,39 @@ def test_a_live_page_is_due_where_scene_code_or_command_changed(tmp_path: Path) 
     assert len(set(marks)) == 4
 
 
+TABLE = """
+
+| scene | x | right | wrong |
+|---|---|---|---|
+| a | u | 1,500 | 500 |
+| b & c | v | 1000 | 0 |
+"""
+
+
+def test_a_table_becomes_bars() -> None:
+    text = expand_page(f"<!-- site: bars scene, x: right, wrong -->{TABLE}", "docs/x.md")
+    chart, _, table = text.partition("</div>\n\n\n")
+    assert table in TABLE
+    assert re.findall(r'<span class="name">(.*?)</span>', chart) == ["a u", "b &amp; c v"]
+    widths = re.findall(r'part-(\d)" style="width:([\d.]+)%" title="(.*?)"', chart)
+    assert widths == [
+        ("0", "75.00", "right: 1500"),
+        ("1", "25.00", "wrong: 500"),
+        ("0", "50.00", "right: 1000"),
+    ]
+    with pytest.raises(ValueError, match="no column missed; it has scene, x, right, wrong"):
+        expand_page(f"<!-- site: bars scene: missed -->{TABLE}", "docs/x.md")
+
+
+@pytest.mark.parametrize("page", ["stability.md", "benchmarks.md"])
+def test_pages_of_measurements_open_with_finding_and_chart(page: str, expanded: dict[str, str]) -> None:
+    title, finding, chart, _ = expanded[page].split("\n\n", 3)
+    assert title.startswith("# ")
+    assert re.search(r"\*\*[^*]*\d[^*]*\*\*", finding)
+    assert '<div class="bars"' in chart
+    assert chart.count('class="line"') >= 6
+
+
 def test_an_unknown_mark_or_text_is_an_error() -> None:
     with pytest.raises(ValueError, match="no mark of the site"):
         expand_page("<!-- site: everything -->", "docs/x.md")

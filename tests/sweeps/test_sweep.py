@@ -76,6 +76,19 @@ def test_cases_with_other_members_share_arrays_by_their_names() -> None:
         assert np.isnan(row.sel(member=others).values).all()
 
 
+def test_a_result_that_is_nan_in_every_case_is_named() -> None:
+    """No cable reaches 1e9 N in these motions."""
+    wanted = {"do": "simulate", "t_end": 0.01, "workers": 1}
+    over = {"classes.cable.spring_constant": [200.0, 300.0]}
+    with pytest.warns(UserWarning, match=r"every value of torn is NaN") as caught:
+        found = sweep(
+            RING, over=over, keep=["torn = first(max(member_tension) > 1e9)", "energy_drift"], **wanted
+        )
+    assert np.isnan(found["torn"]).all()
+    assert np.isfinite(found["energy_drift"]).all()
+    assert len(caught) == 1
+
+
 @pytest.mark.parametrize("sampling", ["sobol", *thorough("random", "latin_hypercube")])
 def test_the_same_seed_gives_the_same_bits_on_any_number_of_workers(sampling: str) -> None:
     options: dict[str, Any] = {

@@ -57,6 +57,7 @@ found["rk4"] = [motion.time.tolist(), motion.coordinate.tolist(), motion.n_steps
 motion = made.integrate_rk853(0.01, rtol=1e-9, atol=1e-11, sample_time=[0.0, 0.01], coordinate=q)
 found["rk853"] = motion.coordinate[-1].tolist()
 motion = made.integrate_radau(0.01, rtol=1e-9, atol=1e-11, sample_time=[0.0, 0.01], coordinate=q)
+found["repr"] = repr(motion)
 found["radau"] = motion.coordinate[-1].tolist()
 start = made.nominal("coordinate")
 found["names"] = [made.NODE_NAMES, made.MEMBER_NAMES, made.CONNECTIVITY.tolist()]

@@ -72,10 +72,30 @@ static inline void actuators_arrive(real since, scene_control *c)
   }
 }
 
+#if WITH_PAST
+/* Take the command among those on their way, which the gains know. */
+static inline void actuators_remember(scene_control *c)
+{
+  real *past = c->deviation + N_X + N_Z;
+  int u, k;
+  for (u = 0; u < N_U; ++u) {
+    for (k = PAST_START[u + 1] - 1; k > PAST_START[u]; --k) {
+      past[k] = past[k - 1];
+    }
+    if (PAST_START[u] < PAST_START[u + 1]) {
+      past[PAST_START[u]] = c->command[u] - c->work.planned[u];
+    }
+  }
+}
+#endif
+
 /* Send the command to the actuators; c->input: inputs of the motion, of which those of the actuators are replaced. */
 static inline void actuators_send(scene_control *c)
 {
   int u;
+#if WITH_PAST
+  actuators_remember(c);
+#endif
   c->newest = c->newest + 1 < N_SENT ? c->newest + 1 : 0;
   for (u = 0; u < N_U; ++u) {
     c->sent[c->newest * N_U + u] = c->command[u];

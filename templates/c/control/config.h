@@ -17,6 +17,8 @@
 #endif
 #define WITH_DISTURBANCE WITH_ESTIMATOR /* the estimator has disturbance forces */
 #define WITH_SUMS WITH_GAINS            /* feedback of sums of errors */
+#define WITH_DELAY 1                    /* commands act after delays */
+#define WITH_PAST WITH_GAINS            /* feedback of commands on their way */
 #ifndef WITH_DISTRIBUTION
 #define WITH_DISTRIBUTION 0 /* tensions are distributed by a quadratic program */
 #endif
@@ -28,6 +30,7 @@ enum {
   SCENE_CONTROL_N_ACTUATORS = 1,
   SCENE_CONTROL_N_INPUTS = 1,
   SCENE_CONTROL_N_SUMS = WITH_SUMS,
+  SCENE_CONTROL_N_PAST = 2 * WITH_PAST, /* commands on their way that gains know */
   SCENE_CONTROL_N_SENSORS = 1,
   SCENE_CONTROL_N_DISTURBANCES = WITH_DISTURBANCE,
   SCENE_CONTROL_N_SENT = 3,        /* commands that are kept, for delays */
@@ -42,7 +45,8 @@ enum {
   N_U = SCENE_CONTROL_N_ACTUATORS,
   N_IN = SCENE_CONTROL_N_INPUTS,         /* inputs of the model, those of the actuators among them */
   N_Z = SCENE_CONTROL_N_SUMS,            /* sums of errors */
-  N_K = N_X + N_Z,                       /* columns of the gains */
+  N_PAST = SCENE_CONTROL_N_PAST,         /* commands on their way */
+  N_K = N_X + N_Z + N_PAST,              /* columns of the gains */
   N_Y = SCENE_CONTROL_N_SENSORS,         /* measured numbers */
   N_D = SCENE_CONTROL_N_DISTURBANCES,    /* disturbance forces */
   N_E = N_X + N_D,                       /* rows of the gains of the estimator */
@@ -77,7 +81,8 @@ static const int REST_INPUT[1] = {0};
 #if WITH_GAINS
 static const real GAIN_TIME[N_GAIN] = {(real)0.0, (real)1.0};
 static const real GAIN[N_GAIN * N_U * N_K] = {
-    (real)0.5, (real)0.1, (real)0.01, (real)0.6, (real)0.1, (real)0.01};
+    (real)0.5, (real)0.1, (real)0.01, (real)0.2, (real)0.1, (real)0.6, (real)0.1, (real)0.01, (real)0.2, (real)0.1};
+static const int PAST_START[N_U + 1] = {0, N_PAST}; /* where the commands of each actuator begin */
 #if WITH_SUMS
 static const real SUM_OUTPUT[N_Z * N_X] = {(real)1.0, (real)0.0}; /* what is summed, of the errors of the state */
 #endif
@@ -88,6 +93,7 @@ static const real STRETCH_START[N_STRETCH] = {(real)0.0, (real)0.004}; /* [s] */
 static const real FILTER_TIME[N_FILTER] = {(real)0.0, (real)1.0};
 static const real FILTER_GAIN[N_FILTER * N_E * N_Y] = {
     (real)0.5, (real)5.0, (real)10.0, (real)0.5, (real)5.0, (real)10.0};
+static const real FILTER_WEIGHT[N_FILTER * N_Y] = {(real)1000.0, (real)1000.0}; /* 1 over standard deviations */
 static const unsigned char IS_LENGTH[N_Y] = {1}; /* measured numbers that are lengths, above 0 */
 
 /* Accelerations of the model; returns 0, or another number where they are not finite. */

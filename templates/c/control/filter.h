@@ -100,6 +100,39 @@ static inline int filter_predict(real span, scene_control *c)
   return control_all_finite(c->estimate, N_X);
 }
 
+enum { FILTER_DOUBLINGS = 30 }; /* of the largest distance that is accepted, at most */
+
+/* Accept distances up to 200 standard deviations at first, for the estimate may begin with an error. */
+static inline void filter_open(scene_control *c)
+{
+  c->innovation = (real)100.0;
+  c->n_outliers = 0;
+}
+
+/* Whether measurements, so far (N_Y,) from their predictions, can be used: up to six standard deviations, or twice what
+ * was accepted lately, which decays; twice as far after each one in a row that was not used. */
+static inline int filter_accept(const real *from, const real *to, real s, const real *off, scene_control *c)
+{
+  real most = (real)0.0, bound = (real)2.0 * c->innovation;
+  int j;
+  for (j = 0; j < N_Y; ++j) {
+    const real size = off[j] * (((real)1.0 - s) * from[j] + s * to[j]);
+    most = size > most ? size : -size > most ? -size : most;
+  }
+  bound = bound > (real)6.0 ? bound : (real)6.0;
+  for (j = 0; j < c->n_outliers && j < FILTER_DOUBLINGS; ++j) {
+    bound *= (real)2.0;
+  }
+  if (most > bound) {
+    c->n_outliers += c->n_outliers < FILTER_DOUBLINGS;
+    return 0;
+  }
+  c->innovation *= (real)0.7;
+  c->innovation = most > c->innovation ? most : c->innovation;
+  c->n_outliers = 0;
+  return 1;
+}
+
 /* Start the estimate again from the motion, without disturbances. */
 static inline void filter_restart(real time, scene_control *c)
 {
@@ -111,9 +144,10 @@ static inline void filter_restart(real time, scene_control *c)
   for (i = 0; i < N_Q; ++i) {
     c->disturbance[i] = (real)0.0;
   }
+  filter_open(c);
 }
 
-/* Correct the estimate by measurements (N_Y,) of a time; returns whether it is finite. */
+/* Correct the estimate by measurements (N_Y,) of a time; returns OK, OUTLIER or ESTIMATE_LOST. */
 static inline int filter_correct(real time, const real *measured, scene_control *c)
 {
   real s;
@@ -122,10 +156,13 @@ static inline int filter_correct(real time, const real *measured, scene_control 
   real *off = c->work.expected;
   int i, j;
   if (control_measure(c->estimate, c->estimate + N_Q, c->input, c->work.values, off) != 0) {
-    return 0;
+    return SCENE_CONTROL_ESTIMATE_LOST;
   }
   for (j = 0; j < N_Y; ++j) {
     off[j] = measured[j] - off[j];
+  }
+  if (!filter_accept(FILTER_WEIGHT + k * N_Y, FILTER_WEIGHT + (k + 1) * N_Y, s, off, c)) {
+    return SCENE_CONTROL_OUTLIER;
   }
   for (i = 0; i < N_E; ++i) {
     real sum = (real)0.0;
@@ -139,7 +176,7 @@ static inline int filter_correct(real time, const real *measured, scene_control 
     c->disturbance[DISTURBED[i]] = c->estimate[N_X + i];
   }
 #endif
-  return control_all_finite(c->estimate, N_E);
+  return control_all_finite(c->estimate, N_E) ? SCENE_CONTROL_OK : SCENE_CONTROL_ESTIMATE_LOST;
 }
 #endif
 

@@ -19,7 +19,8 @@ enum {
   SCENE_CONTROL_REPEATED_TIME = 9,    /* not after the time of the last step; the third rising one is LATE */
   SCENE_CONTROL_ESTIMATE_LOST = 10,   /* the estimate was not finite, and starts again from the motion */
   SCENE_CONTROL_NULL_POINTER = 11,    /* a pointer that is needed is NULL */
-  SCENE_CONTROL_NOT_INITIALISED = 12  /* init was not called with this memory */
+  SCENE_CONTROL_NOT_INITIALISED = 12, /* init was not called with this memory */
+  SCENE_CONTROL_OUTLIER = 13          /* a measurement is too far from its prediction */
 };
 
 /* Memory of one controller, of which fields may be read. Coordinates, velocities and inputs have the order and units of
@@ -30,7 +31,8 @@ typedef struct {
   real time;                                    /* of the last step [s] */
   real command[SCENE_CONTROL_N_ACTUATORS];      /* input of each actuator, the change of its rest lengths [m] */
   real wanted[SCENE_CONTROL_N_ACTUATORS];       /* input that feedback asked for [m] */
-  real deviation[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_SUMS]; /* state minus that of the motion, then sums */
+  real deviation[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_SUMS + SCENE_CONTROL_N_PAST]; /* state minus that of the
+    motion; sums; commands on their way minus those of the motion, of each actuator the latest first */
   real estimate[SCENE_CONTROL_N_STATES + SCENE_CONTROL_N_DISTURBANCES]; /* coordinates, velocities, forces */
   real disturbance[SCENE_CONTROL_N_COORDINATES]; /* estimated force on each coordinate [N or N m] */
   real input[SCENE_CONTROL_N_INPUTS];           /* inputs of the model now */
@@ -39,12 +41,20 @@ typedef struct {
   unsigned int ready;                           /* whether init was called */
   int n_refused;                                /* last steps that were not after the time, themselves rising */
   real refused_time;                            /* of the last one of these [s] */
+#if WITH_ESTIMATOR
+  real innovation;                              /* recent largest distance of measurements from their prediction,
+                                                   over its standard deviation */
+  int n_outliers;                               /* last measurements that were not used, in a row */
+#endif
 #if WITH_DISTRIBUTION
   scene_control_distribution distribution; /* of the last step */
 #endif
   struct {
     real goal[SCENE_CONTROL_N_STATES];
     real low[SCENE_CONTROL_N_ACTUATORS], high[SCENE_CONTROL_N_ACTUATORS];
+#if WITH_DELAY
+    real planned[SCENE_CONTROL_N_ACTUATORS]; /* inputs of the motion when the command acts [m] */
+#endif
 #if WITH_ESTIMATOR
     real state[SCENE_CONTROL_N_STATES], stage[SCENE_CONTROL_N_STATES], rate[4 * SCENE_CONTROL_N_STATES];
     real push[SCENE_CONTROL_N_COORDINATES];

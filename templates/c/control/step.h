@@ -12,10 +12,24 @@
 enum { CONTROL_READY = 0x5ca1 }; /* mark of memory that init has filled */
 enum { CONTROL_REFUSALS = 3 };     /* rising times in a row that are not after the last one: then the clock is theirs */
 
-/* Inputs of the motion in the middle of the sample that begins at a time, for they are held during all of it. */
-static inline void control_middle(real time, real *input)
+/* Inputs of the motion in the middle of the sample that begins at a time, for they are held during all of it; with
+ * delays work.planned has those in the middle of the time in which the command of the sample acts. */
+static inline void control_middle(real time, scene_control *c)
 {
-  motion_input(time + (real)0.5 * CONTROL_SAMPLE, input);
+  const real middle = time + (real)0.5 * CONTROL_SAMPLE;
+#if WITH_DELAY
+  real last = (real)-1.0;
+  int u;
+  for (u = 0; u < N_U; ++u) {
+    const real delay = (real)DELAY_SAMPLES[u] * CONTROL_SAMPLE + DELAY_REST[u];
+    if (delay < last || delay > last) {
+      motion_input(middle + delay, c->input);
+      last = delay;
+    }
+    c->work.planned[u] = c->input[ACTUATOR_PLACE[u]];
+  }
+#endif
+  motion_input(middle, c->input);
 }
 
 /* Begin at the start of the motion; coordinate: where the structure is, NULL: at the start. */
@@ -34,6 +48,9 @@ static inline int control_init(scene_control *c, const real *coordinate)
       c->sent[k * N_U + u] = c->command[u];
     }
   }
+#if WITH_ESTIMATOR
+  filter_open(c);
+#endif
   c->ready = CONTROL_READY;
   if (coordinate != NULL) {
     if (!control_all_finite(coordinate, N_Q)) {
@@ -86,7 +103,7 @@ static inline int control_span(real time, scene_control *c, real *span)
 /* Keep the last command for another sample. */
 static inline void control_hold(real time, scene_control *c)
 {
-  control_middle(time, c->input);
+  control_middle(time, c);
   actuators_send(c);
 }
 
@@ -98,9 +115,13 @@ static inline int control_feed_back(real time, real span, scene_control *c)
   for (k = 0; k < N_X; ++k) {
     c->deviation[k] = c->estimate[k] - c->work.goal[k];
   }
-  control_middle(time, c->input);
+  control_middle(time, c);
   for (k = 0; k < N_U; ++k) {
+#if WITH_DELAY
+    c->wanted[k] = c->work.planned[k];
+#else
     c->wanted[k] = c->input[ACTUATOR_PLACE[k]];
+#endif
   }
 #if WITH_GAINS
   gains_subtract(time, c->deviation, c->wanted);
@@ -144,10 +165,11 @@ static inline int control_check_measured(const real *measured)
 static inline int control_step_measured(
     real time, real span, int status, const real *measured, scene_control *c)
 {
-  const int quality = control_check_measured(measured);
+  int quality = control_check_measured(measured);
   int is_finite = c->n_steps == 0 || filter_predict(span, c);
   if (quality == SCENE_CONTROL_OK && is_finite) {
-    is_finite = filter_correct(time, measured, c);
+    quality = filter_correct(time, measured, c);
+    is_finite = quality != SCENE_CONTROL_ESTIMATE_LOST;
   }
   if (!is_finite) {
     filter_restart(time, c);

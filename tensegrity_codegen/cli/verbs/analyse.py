@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.prestress_options import PrestressOption, SceneOutOption, check_prestress
+from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output, replaced
-from tensegrity_codegen.long_work.estimate import Pass
+from tensegrity_codegen.files import check_ending, check_output
 
 if TYPE_CHECKING:
     import numpy as np
@@ -85,8 +84,7 @@ def analyse(
     Example: tensegrity-codegen analyse prism.toml --json
     """
     output = Output(json)
-    passes = [*BUILD, *([SETTLE] if settle else []), Pass("analysing", 3.0), *([DRAWING] if page else [])]
-    with output.guard(scene, passes):
+    with output.guard(scene):
         check_prestress(prestress, scene_out)
         _check_files(out, page, scene_out, scene, overwrite)
         subject, found, start, request = _analyse(
@@ -105,10 +103,10 @@ def analyse(
         if out is not None:
             from tensegrity_codegen.report.analysis_data import write_analysis
 
-            write_analysis(found, out, subject.member_name, subject.node_name)
+            write_analysis(found, out, subject.member_name, subject.node_name, overwrite=overwrite)
         if page is not None:
-            with output.progress(DRAWING.title):
-                _write_page(found, subject, page)
+            with output.progress("drawing"):
+                _write_page(found, subject, page, overwrite)
         _report(output, subject, found, {"out": out, "page": page}, scene_out, tense)
         if not found.is_good or (scene_out is not None and tense is None):
             raise typer.Exit(3)
@@ -133,7 +131,7 @@ def _warn(output: Output, found: Analysis, settle: bool) -> None:
         output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
 
 
-def _write_page(found: Analysis, subject: Subject, path: Path) -> None:
+def _write_page(found: Analysis, subject: Subject, path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.analysis_page import build_analysis_page
     from tensegrity_codegen.report.pages.render_page import render_page
@@ -141,8 +139,7 @@ def _write_page(found: Analysis, subject: Subject, path: Path) -> None:
 
     page = build_analysis_page(found, outline_bodies(subject), subject.member_name, quote_command())
     text = render_page(page)
-    with replaced(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, path, overwrite=overwrite)
 
 
 def _analyse(
@@ -216,7 +213,7 @@ def _report(
     data["hint"] = TRY_SETTLING if found.status == "infeasible" else None
     hints = [f"try: {TRY_SETTLING}"] if found.status == "infeasible" else []
     verdict = f"{found.status}: {found.message}"
-    output.result(data, analysis_table(found, name), *shown, *notes, verdict, *hints)
+    output.result(data, verdict, *hints, analysis_table(found, name), *shown, *notes)
 
 
-VERB = Verb(analyse, order=55)
+VERB = Verb(analyse, order=120)

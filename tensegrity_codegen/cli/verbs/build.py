@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.build_options import (
@@ -18,7 +19,6 @@ from tensegrity_codegen.cli.build_options import (
     TuneOption,
     WheelOption,
 )
-from tensegrity_codegen.cli.command_progress import BUILD
 from tensegrity_codegen.cli.options import (
     BatchWidthOption,
     CompilerOption,
@@ -69,7 +69,7 @@ def build(
     Example: tensegrity-codegen build prism.toml --out prism_library
     """
     output = Output(json)
-    with output.guard(scene, BUILD):
+    with output.guard(scene):
         from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
         from tensegrity_codegen.memory_use import measure_memory
         from tensegrity_codegen.pipeline import build_library
@@ -98,7 +98,7 @@ def build(
         if preset == "mcu":
             source = built.entry.folder
             memory = measure_memory(source, built.manifest, compiler=compiler, target=target)
-        _tell(output, built, folder, tuned, wheel, memory)
+        _tell(output, built, folder, tuned, wheel, memory, _find_next(scene, out, target, wheel))
 
 
 def _check_target(target: str | None, tunes: bool) -> None:
@@ -151,8 +151,9 @@ def _tell(
     tuned: TunedLibrary | None,
     wheel: bool,
     memory: MemoryUse | None,
+    following: str,
 ) -> None:
-    """Say what a library holds and where it is."""
+    """Say what a library holds, where it is, and which command comes next."""
     from tensegrity_codegen.report.tables import (
         candidates_table,
         describe_parts,
@@ -160,6 +161,7 @@ def _tell(
         left_out_table,
         memory_table,
     )
+    from tensegrity_codegen.results.summaries import describe_count
     from tensegrity_codegen.wheels.wheel import wheel_file_name
 
     data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
@@ -175,13 +177,33 @@ def _tell(
         data["memory"] = vars(memory)
         tables.append(memory_table(memory.code_bytes, memory.stack_bytes))
     how = "from the cache" if built.from_cache else f"built with {built.compiler}"
+    manifest = built.manifest
+    parts = {"function": manifest.functions, "integrator": manifest.integrators, "solver": manifest.solvers}
+    held = ", ".join(describe_count(len(items), word) for word, items in parts.items() if items)
+    if not held:
+        output.warn(
+            "the library has no function: name quantities in model.quantities of the scene, integrators in "
+            "model.integrators, or add --quantity"
+        )
     output.result(
         data,
+        f"{manifest.name}: {held or 'no function'}, {how}",
         *tables,
         f"emitter {built.manifest.emitter}: {built.why_emitter}",
         describe_parts(built.manifest),
         "\n".join(written) + f"\n{how}, {built.seconds:.2f} s",
+        f"next: {following}",
     )
+
+
+def _find_next(scene: Path, out: Path | None, target: str | None, wheel: bool) -> str:
+    """Return the command that uses the library, or copies it to a folder."""
+    if out is None:
+        return f"tensegrity-codegen build {quote(str(scene))} --out {quote(scene.stem)}"
+    folder = quote(str(out))
+    if wheel:
+        return f"pip install {folder}/*.whl"
+    return f"make -C {folder}" + ("" if target else f" && {folder}/example")
 
 
 def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:
@@ -210,4 +232,4 @@ def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:
     }
 
 
-VERB = Verb(build, order=40)
+VERB = Verb(build, order=510)

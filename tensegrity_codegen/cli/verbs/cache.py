@@ -27,6 +27,7 @@ def cache(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
+        from tensegrity_codegen.results.summaries import describe_count
 
         kept = Cache()
         removed = kept.count() if clear else 0
@@ -35,7 +36,7 @@ def cache(
             "status": "ok",
             "folder": str(kept.root),
             "variable": CACHE_VARIABLE,
-            "entries": kept.count(),
+            "entries": (entries := kept.count()),
             "bytes": kept.size(),
             "limit_bytes": kept.limit,
             "removed_entries": removed,
@@ -43,10 +44,11 @@ def cache(
         }
         lines = [
             str(kept.root),
-            f"{data['entries']} libraries, {_mebibytes(kept.size())} of at most {_mebibytes(kept.limit)}",
+            f"{describe_count(entries, 'library', 'libraries')}, {_mebibytes(kept.size())} "
+            f"of at most {_mebibytes(kept.limit)}",
         ]
         if clear:
-            lines.append(f"removed {removed} libraries, {_mebibytes(freed)}")
+            lines.append(f"removed {describe_count(removed, 'library', 'libraries')}, {_mebibytes(freed)}")
         output.result(data, "\n".join(lines))
 
 
@@ -54,4 +56,4 @@ def _mebibytes(size: int) -> str:
     return f"{size / 2**20:.1f} MiB"
 
 
-VERB = Verb(cache, order=150)
+VERB = Verb(cache, order=620)

@@ -19,7 +19,9 @@ CONTROL: dict[str, Any] = {"actuators": [], "sensors": [], "limits": {}}
 
 
 def check(scene: SceneArgument, json: JsonOption = False) -> None:
-    """Check a scene and summarise it, without building anything.
+    """Check a scene and summarise it, without building anything; probable mistakes are warnings.
+
+    Up to 1,500 members, self-stresses and mechanisms at the stated positions are counted.
 
     Example: tensegrity-codegen check prism.toml
     """
@@ -53,16 +55,58 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
             "parameters": list(request.parameters),
             "inputs": [item.name for item in structure.inputs],
             **_describe_control(structure),
+            **_describe_start(structure),
             "warnings": warnings,
         }
         counts = {"node": structure.n_nodes, "bar": n_bars, "cable": n_cables}
         counts |= {"free coordinate": structure.n_coordinates}
+        finding = describe_count(len(warnings), "probable mistake") if warnings else "no mistake found"
+        counted = ", ".join(describe_count(count, word) for word, count in counts.items())
         output.result(
             data,
-            f"{structure.name}: {', '.join(describe_count(count, word) for word, count in counts.items())}",
+            f"{structure.name}: {finding}; {counted}",
+            *_summarise_start(data),
             f"requested: {', '.join(request.quantities)}",
             *_summarise_control(structure),
         )
+
+
+def _describe_start(subject: Structure | BodySystem) -> dict[str, Any]:
+    """Return size, mass, tensions and counts of motions at the stated positions; None where not known."""
+    import numpy as np
+
+    from tensegrity_codegen.runtime.analysis.freedom import count_freedom
+    from tensegrity_codegen.structure.member_limits import summarise_tensions
+    from tensegrity_codegen.structure.outline import outline_tendons
+    from tensegrity_codegen.structure.structure import Structure
+
+    structure = outline_tendons(subject)
+    freedom = count_freedom(subject) if isinstance(subject, Structure) else None
+    mass = subject.node_mass.sum() + subject.member_mass.sum() if isinstance(subject, Structure) else None
+    return {
+        "size": np.ptp(structure.node_position, axis=0),
+        "mass": mass,
+        **summarise_tensions(structure, np.where(structure.is_rigid, np.nan, structure.static_tension())),
+        **{
+            name: getattr(freedom, name, None) for name in ("n_selfstress", "n_mechanisms", "n_rigid_motions")
+        },
+    }
+
+
+def _summarise_start(data: dict[str, Any]) -> list[str]:
+    """Return lines on sizes and tensions, and on self-stresses and motions where they were counted."""
+    from tensegrity_codegen.results.summaries import describe_count
+    from tensegrity_codegen.structure.member_limits import describe_tensions
+
+    size = " x ".join(f"{side:.4g}" for side in data["size"])
+    sizes = [f"size {size} m", *([] if data["mass"] is None else [f"mass {data['mass']:.6g} kg"])]
+    sizes.append(f"tensions: {describe_tensions(data)}")
+    if data["n_selfstress"] is None:
+        return ["; ".join(sizes)]
+    counts = [describe_count(data["n_selfstress"], "self-stress", "self-stresses")]
+    counts += [describe_count(data["n_mechanisms"], "mechanism")]
+    counts += [describe_count(data["n_rigid_motions"], "rigid motion")]
+    return ["; ".join(sizes), f"{', '.join(counts)} at the stated positions"]
 
 
 def _describe_control(subject: Structure | BodySystem) -> dict[str, Any]:

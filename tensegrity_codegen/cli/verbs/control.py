@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.build_controller import check_build, write_controller
-from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, PLANNING, SETTLE, TIMING
 from tensegrity_codegen.cli.control_design import ControlDesign
 from tensegrity_codegen.cli.control_options import (
     BuildOption,
@@ -27,7 +26,6 @@ from tensegrity_codegen.cli.control_options import (
     LeastTensionOption,
     OnlyObservableOption,
     PlanOption,
-    ReplaceOption,
     ResponseOption,
     SampleOption,
     SeedOption,
@@ -48,13 +46,13 @@ from tensegrity_codegen.cli.controlled_motion import (
 )
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import quote_command
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verbs.plan import ActuateOption
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output, replaced
-from tensegrity_codegen.long_work.estimate import Pass
+from tensegrity_codegen.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
@@ -99,7 +97,7 @@ def control(
     page: PageOption = None,
     build: BuildOption = None,
     precision: BuiltPrecisionOption = "double",
-    overwrite: ReplaceOption = False,
+    overwrite: OverwriteOption = False,
     compiler: CompilerOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -113,7 +111,7 @@ def control(
     Example: tensegrity-codegen control pinned_prism.toml --to 'twist("bar*_B", "base_*")=165' --page c.html
     """
     output = Output(json)
-    with output.guard(scene, _list_passes(to, plan, page, build)):
+    with output.guard(scene):
         _check_files(scene, plan, weights, out, page, overwrite)
         check_build(build, precision, scene, overwrite)
         read_least_tension(least_tension)
@@ -122,7 +120,7 @@ def control(
         subject, model, chosen = compile_control(output, scene, to, plan, actuate, compiler)
         arguments = read_inputs(input, subject, output)
         errors = read_errors(start_error, stiffness_error, gust, subject.axes)
-        check_motion_gusts(errors.gusts, t_end, is_held=is_held)
+        check_motion_gusts(errors.gusts, t_end)
         motion = find_motion(
             output, model, to, plan, chosen, duration=duration, arguments=arguments, t_end=t_end
         )
@@ -143,10 +141,10 @@ def control(
         for text in study.warnings:
             output.warn(text)
         if out is not None:
-            _write(study, out)
+            _write(study, out, overwrite)
         if page is not None:
-            with output.progress(DRAWING.title):
-                _write_page(study, model, subject, page)
+            with output.progress("drawing"):
+                _write_page(study, model, subject, page, overwrite)
         written: dict[str, Any] = {"out": None if out is None else str(out)}
         written["page"] = None if page is None else str(page)
         written["build"] = write_controller(
@@ -156,15 +154,6 @@ def control(
         _report(output, subject, study, written)
         if not study.holds:
             raise typer.Exit(3)
-
-
-def _list_passes(
-    to: Sequence[str] | None, plan: Path | None, page: Path | None, build: Path | None
-) -> list[Pass]:
-    """Return the passes of the work."""
-    moves = [PLANNING, TIMING] if to else [TIMING] if plan else [SETTLE]
-    last = [*([DRAWING] if page else []), *(BUILD if build else [])]
-    return [*BUILD, *moves, Pass("designing feedback", 5.0), Pass("simulating", 20.0), *last]
 
 
 def _check_files(
@@ -194,21 +183,22 @@ def _study(model: CompiledModel, motion: Any, **options: Any) -> ControlStudy:
     return study_control(model, motion, **options)
 
 
-def _write(study: ControlStudy, path: Path) -> None:
+def _write(study: ControlStudy, path: Path, overwrite: bool) -> None:
     from tensegrity_codegen.runtime.model.array_file import write_arrays
 
-    write_arrays(path, study.arrays())
+    write_arrays(path, study.arrays(), overwrite=overwrite)
 
 
-def _write_page(study: ControlStudy, model: CompiledModel, subject: Subject, path: Path) -> None:
+def _write_page(
+    study: ControlStudy, model: CompiledModel, subject: Subject, path: Path, overwrite: bool
+) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.control_page import build_control_page
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.structure.outline import outline_bodies
 
     text = render_page(build_control_page(study, model, outline_bodies(subject), quote_command()))
-    with replaced(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, path, overwrite=overwrite)
 
 
 def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping[str, Any]) -> None:
@@ -223,12 +213,12 @@ def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping
     name = subject.name
     output.result(
         {**describe_study(study), **more},
+        f"{study.status}: {study.message}",
         errors_table(study, name),
         actuators_table(study, name),
         *describe_facts(study),
         *([] if more["build"] is None else [f"wrote a controller in C to {more['build']['folder']}"]),
-        f"{study.status}: {study.message}",
     )
 
 
-VERB = Verb(control, order=79)
+VERB = Verb(control, order=320)

@@ -26,4 +26,4 @@ def doctor(json: JsonOption = False) -> None:
             raise typer.Exit(2)
 
 
-VERB = Verb(doctor, order=100)
+VERB = Verb(doctor, order=610)

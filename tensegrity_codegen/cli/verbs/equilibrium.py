@@ -7,13 +7,11 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_target
-from tensegrity_codegen.long_work.estimate import Pass
+from tensegrity_codegen.files import check_ending, check_output
 from tensegrity_codegen.runtime.statics.methods import Method
 
 __all__ = ["VERB"]
@@ -54,12 +52,12 @@ def equilibrium(
     Example: tensegrity-codegen equilibrium prism.toml --load t1=0,0,-10 --json
     """
     output = Output(json)
-    with output.guard(scene, [*BUILD, SETTLE, Pass("checking for snap-through", 1.0)]):
+    with output.guard(scene):
         from tensegrity_codegen.cli.settle import settle_scene
 
         if out is not None:
             check_ending(out, ".toml")
-            check_target(out, overwrite=overwrite, inputs=[] if overwrite else [scene])
+            check_output(out, overwrite=overwrite, inputs=[] if overwrite else [scene])
         found = settle_scene(
             output,
             scene,
@@ -75,4 +73,4 @@ def equilibrium(
             raise typer.Exit(3)
 
 
-VERB = Verb(equilibrium, order=50)
+VERB = Verb(equilibrium, order=110)

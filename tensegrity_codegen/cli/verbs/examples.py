@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import list_examples, read_example, write_text
 from tensegrity_codegen.cli.verb import Verb
@@ -21,7 +21,7 @@ def examples(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; NAME.toml if not given.")
     ] = None,
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """List the example scenes, or copy one of them.
@@ -41,4 +41,4 @@ def examples(
         output.result({"status": "ok", "out": str(target)}, f"wrote {target}")
 
 
-VERB = Verb(examples, order=110)
+VERB = Verb(examples, order=25)

@@ -7,9 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD
 from tensegrity_codegen.cli.option_names import VerbCommand
-from tensegrity_codegen.cli.options import CompilerOption, JsonOption, ReplaceFileOption, SceneArgument
+from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 
@@ -77,7 +76,7 @@ def export_scene(
     sources_only: SourcesOption = False,
     targets: TargetsOption = None,
     compiler: CompilerOption = None,
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write a scene in the format of another program.
@@ -95,7 +94,7 @@ def export_scene(
     options |= {"rtol": rtol, "sources_only": sources_only or None, "targets": targets or None}
     options["compiler"] = compiler
     output = Output(json)
-    with output.guard(scene, BUILD):
+    with output.guard(scene):
         from tensegrity_codegen.export.exporter import ExportSource, check_export, write_export
 
         check_export(format_name, out, overwrite=overwrite, inputs=(scene,), **options)
@@ -112,4 +111,4 @@ def export_scene(
         )
 
 
-VERB = Verb(export_scene, order=125, name="export", command=ExportCommand)
+VERB = Verb(export_scene, order=520, name="export", command=ExportCommand)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import typer
 
 from tensegrity_codegen.cli.option_names import VerbCommand
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption, parse_vector
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, parse_vector
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_target
+from tensegrity_codegen.files import check_ending, check_output
 
 __all__ = ["VERB"]
 
@@ -61,7 +62,7 @@ def import_foreign(
     bar_stiffness_ratio: RatioOption = None,
     rigid: RigidOption = False,
     pretension_scale: PretensionOption = None,
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Import a structure from files in another format, and write it as a scene file.
@@ -70,6 +71,7 @@ def import_foreign(
     """
     output = Output(json)
     with output.guard():
+        from tensegrity_codegen.results.summaries import describe_count
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
         from tensegrity_codegen.scene.formats.format import read_files
         from tensegrity_codegen.scene.read import parse_scene
@@ -88,9 +90,11 @@ def import_foreign(
             pretension_scale=pretension_scale,
         )
         structure, _ = assemble_scene(parse_scene(imported.document, str(sources[0])), str(sources[0]))
-        check_target(out, inputs=sources)
+        check_output(out, inputs=sources, overwrite=overwrite)
         write_scene(imported.document, out, overwrite=overwrite)
-        notes = (*imported.notes, *find_scene_warnings(structure))
+        turned = any("lies on its side" in note for note in imported.notes)
+        doubts = [text for text in find_scene_warnings(structure) if not (turned and "on its side" in text)]
+        notes = (*imported.notes, *doubts)
         for note in notes:
             output.warn(note)
         if name is None and structure.name != out.stem:
@@ -98,7 +102,9 @@ def import_foreign(
         data = {"n_nodes": structure.n_nodes, "n_members": structure.n_members, "notes": notes}
         output.result(
             {"status": "ok", "out": str(out)} | data,
-            f"wrote {out}: {structure.n_nodes} nodes, {structure.n_members} members",
+            f"wrote {out}: {describe_count(structure.n_nodes, 'node')}, "
+            f"{describe_count(structure.n_members, 'member')}",
+            f"next: tensegrity-codegen check {quote(str(out))}",
         )
 
 
@@ -113,4 +119,4 @@ def _describe_name(name: str, stem: str) -> str:
     )
 
 
-VERB = Verb(import_foreign, order=120, name="import", command=ImportCommand)
+VERB = Verb(import_foreign, order=30, name="import", command=ImportCommand)

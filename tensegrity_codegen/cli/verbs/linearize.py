@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -56,8 +54,7 @@ def linearize(
     Example: tensegrity-codegen linearize prism.toml --settle --json
     """
     output = Output(json)
-    passes = [*BUILD, *([SETTLE] if settle else []), Pass("linearizing", 2.0)]
-    with output.guard(scene, passes):
+    with output.guard(scene):
         from tensegrity_codegen.runtime.linear.write_linear import LINEAR_ENDINGS
 
         if out is not None:
@@ -65,7 +62,7 @@ def linearize(
             check_output(out, inputs=[scene], overwrite=overwrite)
         linear, kinks = _linearize(scene, settle, compiler, output, input)
         if out is not None:
-            linear.write(out)
+            linear.write(out, overwrite=overwrite)
         _report(output, linear, kinks, out)
 
 
@@ -119,7 +116,7 @@ def _read(
 
 def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out: Path | None) -> None:
     """Print what the linear model is, and where it was written."""
-    from tensegrity_codegen.report.linear_model import modes_table, say_spectrum
+    from tensegrity_codegen.report.linear_model import modes_table, say_finding, say_spectrum
 
     for text in _find_motion(linear):
         output.warn(text)
@@ -145,6 +142,7 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
     }
     output.result(
         data,
+        say_finding(linear.natural_frequency, linear.spectrum),
         f"{data['n_states']} states, {data['n_inputs']} inputs; A has {linear.A.nnz} non-zeros, "
         f"B {linear.B.nnz}",
         modes_table(linear.natural_frequency, linear.damping_ratio, SHOWN),
@@ -194,4 +192,4 @@ def _say_kinks(kinks: Mapping[str, bool]) -> str:
     )
 
 
-VERB = Verb(linearize, order=70)
+VERB = Verb(linearize, order=220)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
@@ -17,7 +16,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.files import check_output
-from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
     from tensegrity_codegen.runtime.paths.path_problem import Watch
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.structure.member_limits import MemberFlaws
 
 __all__ = ["VERB"]
 
@@ -38,11 +37,12 @@ EVENTS = {
     "contact": ("contact", "separation"),
     "limit": ("limit", "stability"),
     "bifurcation": ("bifurcation",),
+    "members": ("exceeded", "met"),
 }
 ALL_EVENTS = ",".join(EVENTS)
 FORMATS = (".csv", ".json")
 
-MostOption = Annotated[float, typer.Option("--most", help="Load factor to reach.", show_default=False)]
+MostOption = Annotated[float, typer.Option("--most", help="Load factor to reach.")]
 LoadOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -52,10 +52,11 @@ LoadOption = Annotated[
     ),
 ]
 RampOption = Annotated[
-    RampKind,
+    RampKind | None,
     typer.Option(
         "--ramp",
-        help="What increases: load (--load only), loads (and the scene's own), gravity, all.",
+        help="What increases: load (--load only), loads (and the scene's own), gravity, all. Default: load, "
+        "without --load the scene's loads, or its gravity where it has none.",
     ),
 ]
 FloorOption = Annotated[
@@ -81,10 +82,10 @@ OutOption = Annotated[
 
 def load_path(
     scene: SceneArgument,
-    most: MostOption,
+    most: MostOption = 1.0,
     load: LoadOption = None,
     input: InputOption = None,
-    ramp: RampOption = "load",
+    ramp: RampOption = None,
     floor: FloorOption = None,
     events: EventsOption = ALL_EVENTS,
     past_contact: PastContactOption = False,
@@ -99,13 +100,13 @@ def load_path(
     A path that turns back continues through zero load to the far branch.
 
     Events: cables that go slack or taut, switches of member laws, the first contact of bars (which ends the
-    path), limit points (where the load factor turns back), bifurcations. Exit code 3 if neither the load
-    factor nor a contact was reached.
+    path), limit points (where the load factor turns back), bifurcations, members that buckle or exceed a
+    limit of the scene. Exit code 3 if neither the load factor nor a contact was reached.
 
     Example: tensegrity-codegen load-path prism.toml --load t1=0,0,-1 --most 20 --json
     """
     output = Output(json)
-    with output.guard(scene, [*BUILD, SETTLE, Pass("load path", 10.0)]):
+    with output.guard(scene):
         kinds = _parse_events(events)
         _check_options(step, out, scene, overwrite)
         _check_most(most)
@@ -123,7 +124,7 @@ def load_path(
         shown = tuple(event for event in path.events if event.kind in kinds)
         columns = tabulate_path(path, model)
         if out is not None and len(path.load_factor):
-            write_path(columns, path, out)
+            write_path(columns, path, out, overwrite=overwrite)
         data = path.as_evidence() | {
             "events": [event.as_dict() for event in shown],
             "load_factor": path.load_factor,
@@ -132,8 +133,11 @@ def load_path(
             "out": str(out) if out is not None and len(path.load_factor) else None,
             "hint": _advise(path),
         }
-        said = [text for text in (f"{path.status}: {path.message}", data["hint"], _summary(path)) if text]
-        output.result(data, events_table(shown), *said)
+        flaws = _find_flaws(subject, columns)
+        data["limits"] = flaws.as_evidence()
+        finding = "; but ".join([f"{path.status}: {path.message}", *flaws.describe()])
+        said = [text for text in (finding, data["hint"], _summary(path)) if text]
+        output.result(data, *said, events_table(shown) if shown else "no event")
         if not path.is_followed:
             raise typer.Exit(3)
 
@@ -195,7 +199,7 @@ def _check_options(step: float, out: Path | None, scene: Path, overwrite: bool) 
 def _build(
     subject: Subject,
     request: ModelRequest,
-    kind: RampKind,
+    kind: RampKind | None,
     load: list[str],
     compiler: str | None,
     inputs: Mapping[str, float],
@@ -204,11 +208,12 @@ def _build(
     from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
     from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
+    from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES
 
     ramp = build_ramp(subject, kind, load)
     request = with_statics(subject, request)
     wanted = find_needs("load_path", subject, request).alone(request)
-    wanted = wanted.wanting(*wanted.quantities, parameters=ramp.parameters)
+    wanted = wanted.wanting(*wanted.quantities, *MEMBER_WATCH_QUANTITIES, parameters=ramp.parameters)
     model = build_library(subject, wanted, compiler=compiler).load()
     path = build_path(model, ramp.pattern, {**ramp.base, **merge_inputs(model.manifest, inputs)})
     ramp.check_moves(path, load)
@@ -217,16 +222,30 @@ def _build(
 
 def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list[Watch]:
     """Return the watches of cables, since the stiffness jumps there, and of pairs of bars."""
+    from tensegrity_codegen.runtime.paths.member_watch import watch_members
     from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
 
     cables = [name for name, bar in zip(subject.member_name, subject.is_bar, strict=True) if not bar]
     switches = zip(subject.member_name, subject.has_switch, strict=True)
     switching = [name for name, has_switch in switches if has_switch]
     watches = [watch_slack(path, cables)] if cables else []
-    watches += watch_switch(path, switching)
+    watches += [*watch_switch(path, switching), *watch_members(path, subject)]
     if subject.n_bar_pairs:
         watches.append(watch_contact(path, stops=not past_contact))
     return watches
+
+
+def _find_flaws(subject: Subject, columns: Mapping[str, NDArray[np.float64]]) -> MemberFlaws:
+    """Return the limits that members exceed at points of the path."""
+    import numpy as np
+
+    from tensegrity_codegen.structure.member_limits import check_members
+
+    length, tension = (
+        np.stack([columns[f"{prefix}_{name}"] for name in subject.member_name], axis=-1)
+        for prefix in ("length", "tension")
+    )
+    return check_members(subject, tension, length)
 
 
 def _follow(

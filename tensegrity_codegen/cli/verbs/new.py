@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption, SceneArgument
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import read_example, write_text
 from tensegrity_codegen.cli.verb import Verb
@@ -20,7 +20,7 @@ def new(
     shape: Annotated[
         str, typer.Option("--shape", help="Example to start from; see the verb examples.")
     ] = "prism",
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write a new scene file, with comments that explain the format.

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, DRAWING, PLANNING, TIMING
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.option_names import name_options, quote_command
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
+from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.timed_plan import MotionOption, check_motion_file, describe_motion, time_plan
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output, replaced
+from tensegrity_codegen.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -62,7 +62,8 @@ LeastOption = Annotated[
     float,
     typer.Option(
         "--least-progress",
-        help="The path ends where limits leave less than this part of a step; 0: where they leave none.",
+        help="The path ends where limits leave less than this part of a step 8 times in a row; 0: where they "
+        "leave none.",
     ),
 ]
 DurationOption = Annotated[
@@ -95,8 +96,7 @@ def plan(
     Example: tensegrity-codegen plan prism12.toml --to twist=165 --out plan.csv
     """
     output = Output(json)
-    passes = [*BUILD, PLANNING, *([TIMING] if motion else []), *([DRAWING] if page else [])]
-    with output.guard(scene, passes):
+    with output.guard(scene):
         files = list(out or [])
         _check_files(files, page, scene, overwrite)
         check_motion_file(motion, scene, overwrite)
@@ -107,11 +107,13 @@ def plan(
             output, model, to, chosen, arguments=arguments, steps=steps, max_steps=max_steps,
             least_progress=least_progress, duration=duration,
         )  # fmt: skip
-        timed = time_plan(output, model, found, motion, duration=duration, arguments=arguments)
-        _write(found, files)
+        timed = time_plan(
+            output, model, found, motion, duration=duration, arguments=arguments, overwrite=overwrite
+        )
+        _write(found, files, overwrite)
         if page is not None:
-            with output.progress(DRAWING.title):
-                _write_page(found, subject, page)
+            with output.progress("drawing"):
+                _write_page(found, subject, page, overwrite)
         profiles = [*files, *([motion] if motion is not None and timed is not None else [])]
         if actuate and any(file.suffix.lower() == ".csv" for file in profiles):
             output.warn(
@@ -172,8 +174,10 @@ def _plan(
     output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
 ) -> PlanResult:
     from tensegrity_codegen.runtime.planning.plan import plan as run
+    from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
-    with output.progress(PLANNING.title) as move:
+    limit_threads()  # the matrices are too small for several: waiting for each other takes longer
+    with output.progress("planning") as move:
         found = run(
             model, list(to), actuators=chosen, progress=lambda points, progress: move(progress), **options
         )
@@ -182,14 +186,14 @@ def _plan(
     return found
 
 
-def _write(found: PlanResult, files: Sequence[Path]) -> None:
+def _write(found: PlanResult, files: Sequence[Path], overwrite: bool) -> None:
     from tensegrity_codegen.runtime.planning.write_plan import write_plan
 
     for file in files:
-        write_plan(found, file)
+        write_plan(found, file, overwrite=overwrite)
 
 
-def _write_page(found: PlanResult, subject: Subject, path: Path) -> None:
+def _write_page(found: PlanResult, subject: Subject, path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.report.plan_page import build_plan_page
@@ -197,8 +201,7 @@ def _write_page(found: PlanResult, subject: Subject, path: Path) -> None:
 
     found = replace(found, message=name_options(found.message))
     text = render_page(build_plan_page(found, outline_bodies(subject), subject.limits, quote_command()))
-    with replaced(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, path, overwrite=overwrite)
 
 
 def _report(output: Output, subject: Subject, found: PlanResult, more: dict[str, Any]) -> None:
@@ -224,7 +227,7 @@ def _report(output: Output, subject: Subject, found: PlanResult, more: dict[str,
         facts = more["motion"]
         lines.append(f"motion of {facts['duration']:.6g} s, shortest {facts['shortest_duration']:.6g} s")
     shown = [table for table in tables if table is not None]
-    output.result(data, *shown, *lines, f"{found.status}: {found.message}")
+    output.result(data, f"{found.status}: {found.message}", *shown, *lines)
 
 
-VERB = Verb(plan, order=78)
+VERB = Verb(plan, order=310)

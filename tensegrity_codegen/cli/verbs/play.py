@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.live_page import ThreeOption, play_live
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
@@ -36,10 +35,10 @@ def play(
     Example: tensegrity-codegen play prism.toml --out prism.html
     """
     output = Output(json)
-    with output.guard(scene, [*([*BUILD, SETTLE] if settle else []), *BUILD]):
+    with output.guard(scene):
         check_ending(out, ".html")
         check_output(out, inputs=[scene], overwrite=overwrite)
-        output.result(*play_live(output, scene, out, rtol, method, settle, three))
+        output.result(*play_live(output, scene, out, rtol, method, settle, three, overwrite))
 
 
-VERB = Verb(play, order=82)
+VERB = Verb(play, order=240)

@@ -8,13 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import PLANNING
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.long_work.estimate import Pass
 
 __all__ = ["VERB"]
 
@@ -67,7 +65,7 @@ def reconfigure(
     Example: tensegrity-codegen reconfigure svd_tower.toml --from 55,40,1.11066 --to 65,35 --tau 5
     """
     output = Output(json)
-    with output.guard(scene, [PLANNING, *([Pass("tracking", 5.0)] if track else [])]):
+    with output.guard(scene):
         from tensegrity_codegen.papers.scs.reconfiguration import plan_reconfiguration
         from tensegrity_codegen.papers.scs.symmetry import SymmetricPose, SymmetricTower
         from tensegrity_codegen.papers.scs.tracking import track as follow
@@ -85,7 +83,7 @@ def reconfigure(
         target = (
             math.radians(last[0]) if zero_torque else SymmetricPose.from_degrees(last[0], last[1], first[2])
         )
-        with output.progress(PLANNING.title):
+        with output.progress("planning"):
             plan = plan_reconfiguration(
                 tower,
                 SymmetricPose.from_degrees(*first),
@@ -99,7 +97,7 @@ def reconfigure(
             with output.progress("tracking"):
                 data["tracking"] = follow(plan).summary()
         if out is not None:
-            plan.sample(samples).write(out)
+            plan.sample(samples).write(out, overwrite=overwrite)
         data["out"] = None if out is None else str(out)
         output.result(data, *describe(data))
 
@@ -138,4 +136,4 @@ def describe(data: dict[str, Any]) -> list[str]:
     return lines
 
 
-VERB = Verb(reconfigure, order=140)
+VERB = Verb(reconfigure, order=330)

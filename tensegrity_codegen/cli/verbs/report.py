@@ -66,6 +66,7 @@ def report(
                 options=options,
                 progress=progress,
                 fresh=fresh,
+                overwrite=overwrite,
                 notice=notice,
             )
         files = {"html": str(made.html), "csv": str(made.csv), "data": str(made.data)}
@@ -76,4 +77,4 @@ def report(
         )
 
 
-VERB = Verb(report, order=160)
+VERB = Verb(report, order=710)

@@ -42,11 +42,22 @@ def reproduce(
 
         check_folder(out, ["reproduce.html", "reproduce.json"], inputs=(), overwrite=overwrite)
         with output.resumable(out) as notice, output.progress("computing") as progress:
-            made = run(paper or [], out, quick=quick, progress=progress, fresh=fresh, notice=notice)
+            made = run(
+                paper or [],
+                out,
+                quick=quick,
+                progress=progress,
+                fresh=fresh,
+                overwrite=overwrite,
+                notice=notice,
+            )
         wrote = f"wrote {made.html}\nwrote {made.data}"
         output.result(
-            {"status": "ok", "resumed": output.resumed, **made.summary()}, outcome_table(made.page), wrote
+            {"status": "ok", "resumed": output.resumed, **made.summary()},
+            made.page.title,
+            outcome_table(made.page),
+            wrote,
         )
 
 
-VERB = Verb(reproduce, order=90)
+VERB = Verb(reproduce, order=730)

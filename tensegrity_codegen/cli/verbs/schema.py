@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.cli.options import JsonOption, ReplaceFileOption
+from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output, print_text
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.files import check_ending
 
 __all__ = ["VERB"]
 
@@ -21,7 +21,7 @@ def schema(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; stdout if not given.")
     ] = None,
-    overwrite: ReplaceFileOption = False,
+    overwrite: OverwriteOption = False,
     json: JsonOption = False,
 ) -> None:
     """Print the JSON schema of scene files, for editors that complete and check them.
@@ -38,9 +38,8 @@ def schema(
         if out is None:
             print_text(json_module.dumps(document, indent=2) + "\n")
         else:
-            check_output(out, overwrite=overwrite)
-            write_text(json_module.dumps(document, indent=2) + "\n", out, overwrite=True)
+            write_text(json_module.dumps(document, indent=2) + "\n", out, overwrite=overwrite)
             output.result({"status": "ok", "out": str(out)}, f"wrote {out}")
 
 
-VERB = Verb(schema, order=30)
+VERB = Verb(schema, order=35)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import (
     CompilerOption,
@@ -21,7 +20,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.files import check_ending, check_output
-from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.request import ModelRequest
@@ -81,7 +79,7 @@ def sensitivity(
     Example: tensegrity-codegen sensitivity prism.toml --node t1 --json
     """
     output = Output(json)
-    with output.guard(scene, [*BUILD, SETTLE, Pass("differentiating", 2.0)]):
+    with output.guard(scene):
         if out is not None:
             check_ending(out, ".npz")
             check_output(out, inputs=[scene], overwrite=overwrite)
@@ -94,7 +92,7 @@ def sensitivity(
             arguments["node_load"] = (subject.node_load + added)[:, axes]
         found = _find(output, subject, request, arguments, columns=columns or None, compiler=compiler)
         if out is not None:
-            write_sensitivity(found, out)
+            write_sensitivity(found, out, overwrite)
         _report(output, found, node or [], member or [], most, out)
 
 
@@ -158,7 +156,26 @@ def _report(
     for name, rows in by_node.items():
         tables += [ranks_table(f"{name} along {axis}", "m/m", row) for axis, row in rows.items() if row]
     tables += [ranks_table(f"tension of {name}", "N/m", row) for name, row in by_member.items()]
-    output.result(data, *tables, *_describe(found))
+    output.result(data, _find_largest(data["columns"]), *tables, *_describe(found))
+
+
+def _find_largest(columns: dict[str, dict[str, Any]]) -> str:
+    """Return the rest length that moves a node most, and the one that changes a tension most."""
+    if not columns:
+        return "no rest length can change"
+    moving = max(columns, key=lambda name: math.hypot(*columns[name]["motion"]))
+    facts = columns[moving]
+    text = f"{moving} moves {facts['node']} most, by {math.hypot(*facts['motion']):.3g} mm for each mm"
+    changes = [
+        (abs(change["derivative"]), name, change["member"])
+        for name, facts in columns.items()
+        for change in (facts["raised"], facts["lowered"])
+        if change is not None
+    ]
+    if not changes:
+        return text
+    most, name, member = max(changes)
+    return f"{text}; {name} changes the tension of {member} most, by {most / 1e3:.3g} N for each mm"
 
 
 def _describe(found: Sensitivity) -> list[str]:
@@ -172,7 +189,7 @@ def _describe(found: Sensitivity) -> list[str]:
     return lines
 
 
-def write_sensitivity(found: Sensitivity, path: Path) -> None:
+def write_sensitivity(found: Sensitivity, path: Path, overwrite: bool) -> None:
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
     import numpy as np
 
@@ -181,7 +198,7 @@ def write_sensitivity(found: Sensitivity, path: Path) -> None:
     arrays = {name: getattr(found, name) for name in ("coordinate", "tension", "node", "gauge_motion")}
     words = ("coordinate_name", "node_name", "member_name", "column_name", "gauge", "slack", "one_sided")
     arrays |= {name: np.array(getattr(found, name), dtype=str) for name in words}
-    write_arrays(path, arrays)
+    write_arrays(path, arrays, overwrite=overwrite)
 
 
-VERB = Verb(sensitivity, order=75)
+VERB = Verb(sensitivity, order=140)

@@ -102,7 +102,7 @@ def show(
             view=read_view(view), size=read_size(size), labels=read_labels(labels),
             color=USUAL_COLOR if color is None else color, follow=follow, forces=forces,
         )  # fmt: skip
-        options = ShowOptions(choices, fps, slow_down, settle, color is not None, modes, three)
+        options = ShowOptions(choices, fps, slow_down, settle, color is not None, modes, three, overwrite)
         inputs = [scene] if trajectory is None else [scene, trajectory]
         check_output(out, inputs=inputs, overwrite=overwrite)
         check_kind(out, trajectory, options)
@@ -112,4 +112,4 @@ def show(
         output.result(*show_picture(output, scene, out, trajectory, options))
 
 
-VERB = Verb(show, order=80, command=LabelsCommand)
+VERB = Verb(show, order=230, command=LabelsCommand)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD, SETTLE
 from tensegrity_codegen.cli.inputs import InputOption, read_inputs, warn_of_profile
 from tensegrity_codegen.cli.options import (
     CompilerOption,
@@ -39,13 +38,13 @@ from tensegrity_codegen.cli.simulate_batch import (
     build_for_batch,
     build_run_table,
     check_no_other,
+    describe_extremes,
     read_schedule,
     simulate_starts,
 )
 from tensegrity_codegen.cli.until import read_until, watching
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.files import check_output
-from tensegrity_codegen.long_work.estimate import Pass
 
 if TYPE_CHECKING:
     from tensegrity_codegen.pipeline import BuiltLibrary
@@ -112,8 +111,7 @@ def simulate(
     Example: tensegrity-codegen simulate prism.toml --t-end 2 --samples 201 --out prism.npz
     """
     output = Output(json)
-    passes = [*BUILD, *([SETTLE] if settle else []), Pass("simulating", 10.0)]
-    with output.guard(scene, passes):
+    with output.guard(scene):
         from tensegrity_codegen.runtime.integrate.batch_integration import choose_batch_control
         from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
         from tensegrity_codegen.runtime.trajectory.write_motion import check_motion_file
@@ -136,6 +134,7 @@ def simulate(
                 built,
                 batch,
                 out,
+                overwrite,
                 options,
                 values,
                 t_end=t_end,
@@ -145,7 +144,7 @@ def simulate(
             )
             return
         built, given = _build(scene, asked, t_end, compiler, flags, output)
-        _run(output, built, asked, out, t_end=t_end, samples=samples, **given)
+        _run(output, built, asked, out, overwrite, t_end=t_end, samples=samples, **given)
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,9 @@ class _Asked:
     inputs: tuple[str, ...] = ()
 
 
-def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, **given: Any) -> None:
+def _run(
+    output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, overwrite: bool, **given: Any
+) -> None:
     """Simulate the motion and say how it went; exit code 3 where it is not good."""
     from tensegrity_codegen.runtime.simulate.simulate import simulate as run
 
@@ -177,10 +178,11 @@ def _run(output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, *
             **asked.options.as_given(),
         )
     if out is not None:
-        trajectory.write(out)
+        trajectory.write(out, overwrite=overwrite)
     data = trajectory.summary() | {"library": str(built.path), "out": None if out is None else str(out)}
     data["inputs"] = given["arguments"]
-    output.result(data, lambda: build_run_table(data), *_list_events(trajectory.log))
+    finding = f"{trajectory.status}: {describe_extremes(data, trajectory.find_flaws())}"
+    output.result(data, finding, lambda: build_run_table(data), *_list_events(trajectory.log))
     if trajectory.status != "ok":
         output.warn(f"{trajectory.status}: {trajectory.message}")
         raise typer.Exit(3)
@@ -253,4 +255,4 @@ def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelR
     return replace(wanted, keep=(options.keep,)) if options.keep else wanted
 
 
-VERB = Verb(simulate, order=60)
+VERB = Verb(simulate, order=210)

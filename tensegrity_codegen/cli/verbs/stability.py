@@ -45,13 +45,15 @@ def stability(
 ) -> None:
     """Run stiff and extreme cases made from each scene, and check every result with status ok.
 
-    Cases for which the time budget does not suffice are listed as not run; the same command resumes and runs
-    them. Exit code 3 if one of our methods has status ok for a wrong result.
+    Cases for which the time budget does not suffice are listed as not run; the same command with --overwrite
+    runs them. After an interruption, the same command resumes. Exit code 3 if one of our methods has status
+    ok for a wrong result.
 
     Example: tensegrity-codegen stability prism.toml --out stability
     """
     output = Output(json)
     with output.guard():
+        from tensegrity_codegen.compare.stability.finding import WORDS
         from tensegrity_codegen.compare.stability.judge import RULES, VERDICTS
         from tensegrity_codegen.compare.stability.outcome import NOT_RUN, Limits
         from tensegrity_codegen.compare.stability.page_tables import RULE_WORDS
@@ -73,11 +75,12 @@ def stability(
                 flags=flags,
                 progress=progress,
                 fresh=fresh,
+                overwrite=overwrite,
                 notice=notice,
             )
         counts = {word: made.count(word, own=True) for word in VERDICTS}
         status = "unstable" if counts["wrong"] else "ok"
-        said = "our runs: " + ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        said = "our runs: " + ", ".join(f"{count} {WORDS[word]}" for word, count in counts.items() if count)
         rules = {rule: made.count_rule(rule) for rule in RULES}
         said += "; certified " + ", ".join(
             f"{count} by {RULE_WORDS[rule]}" for rule, count in rules.items() if count
@@ -85,7 +88,7 @@ def stability(
         if made.cases_not_run:
             output.warn(
                 f"{len(made.cases_not_run)} cases ({counts[NOT_RUN]} of our runs) were not run in time "
-                "(see the page); the same command runs them (finished cases are kept)"
+                "(see the page); the same command with --overwrite runs them (finished cases are kept)"
             )
         files = {"html": str(made.html), "data": str(made.data)}
         output.result(
@@ -97,4 +100,4 @@ def stability(
             raise typer.Exit(UnstableError.exit_code)
 
 
-VERB = Verb(stability, order=170)
+VERB = Verb(stability, order=720)

@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 import typer
 
-from tensegrity_codegen.cli.command_progress import BUILD
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.sub_commands import VerbWithSubCommands
@@ -44,7 +43,6 @@ from tensegrity_codegen.cli.sweep_options import (
 )
 from tensegrity_codegen.cli.sweep_summary import summary
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.long_work.estimate import Pass
 
 __all__ = ["VERB"]
 
@@ -101,7 +99,7 @@ def sweep(
     Example: tensegrity-codegen sweep prism.toml --do equilibrium --over 'gravity[2]=-20:0:101' --out g.zarr
     """
     output = Output(json)
-    with output.guard(scene, [*BUILD, Pass("sweeping", 20.0)]):
+    with output.guard(scene):
         from tensegrity_codegen.cli.sweep_run import SweepCall
 
         options: dict[str, Any] = {
@@ -121,4 +119,4 @@ def sweep(
             raise typer.Exit(3)
 
 
-VERB = Verb(sweep, order=77, command=SweepCommand)
+VERB = Verb(sweep, order=410, command=SweepCommand)

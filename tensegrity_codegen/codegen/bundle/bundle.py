@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from pathlib import PurePath
 from typing import Any
 
+from tensegrity_codegen.codegen.casadi_interface.derivatives import TOO_LONG
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.manifest import C_API_VERSION, Manifest
 from tensegrity_codegen.quantities import PARAMETERS
+from tensegrity_codegen.results.summaries import describe_count
 
 __all__ = ["LICENCE", "emit_bundle", "name_package"]
 
@@ -73,6 +75,7 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
         "integrators": manifest.integrators,
         "solvers": manifest.solvers,
         "interfaces": manifest.interfaces,
+        **_describe_derivatives(manifest),
         **_describe_state(manifest),
         "licence": LICENCE.splitlines(),
         "made_by": ", ".join(f"{what} {release}" for what, release in manifest.made_by.items()),
@@ -90,6 +93,18 @@ def emit_bundle(manifest: Manifest, sources: Iterable[str], library: str) -> dic
     return {file: render(f"bundle/{template}", context) for file, template in files.items()}
 
 
+def _describe_derivatives(manifest: Manifest) -> dict[str, Any]:
+    """Return which derivatives casadi.external finds, in words, and the names of those that it does not."""
+    parts = {part.name: part for part in manifest.parts}
+    words = {"casadi_derivatives": "first", "casadi_second_derivatives": "second"}
+    made = [word for name, word in words.items() if name in parts and parts[name].is_included]
+    lost = "".join(parts[name].why.partition(TOO_LONG)[2] for name in words if name in parts)
+    return {
+        "derivatives": f"with {' and '.join(made)} derivatives" if made else "without derivatives",
+        "missing": [name for name in lost.split(", ") if name],
+    }
+
+
 def _describe_state(manifest: Manifest) -> dict[str, Any]:
     """Return what state, control and parameters of acados are made of."""
     sizes = {item.name: f"`{item.name}` ({math.prod(item.shape)})" for item in manifest.arguments}
@@ -102,5 +117,6 @@ def _describe_state(manifest: Manifest) -> dict[str, Any]:
 
 def _describe(manifest: Manifest) -> str:
     """Return one line that says what the library is of."""
-    counts = f"{len(manifest.node_name)} nodes and {len(manifest.member_name)} members"
+    nodes, members = len(manifest.node_name), len(manifest.member_name)
+    counts = f"{describe_count(nodes, 'node')} and {describe_count(members, 'member')}"
     return f"Tensegrity structure {manifest.name}: {counts}, {manifest.precision} precision"

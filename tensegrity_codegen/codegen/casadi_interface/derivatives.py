@@ -6,13 +6,14 @@ For a function `f` of the arguments x these are, with second derivatives request
 - `adj1_f(x, out_f, adj_f)`: the products of the transposed Jacobians with `adj_f`,
 - `jac_adj1_f(x, out_f, adj_f, out_adj_x)`: the Jacobians of these products, the Hessian of `adj_f' f`.
 
-There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its solvers never call it.
+There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its solvers never call it. Where a
+structure is too large for such code, the Jacobian of the static force is its stiffness, with the other sign.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -21,11 +22,22 @@ from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS, MOST_OPERATIONS
 from tensegrity_codegen.manifest import SourcePart
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 
-__all__ = ["CASADI", "NONE", "Derivative", "Derivatives", "build_derivatives", "list_derivative_parts"]
+__all__ = [
+    "CASADI",
+    "MOST_ENTRIES",
+    "NONE",
+    "TOO_LONG",
+    "Derivative",
+    "Derivatives",
+    "build_derivatives",
+    "list_derivative_parts",
+    "with_stiffness",
+]
 
 
 @dataclass(frozen=True)
@@ -44,13 +56,21 @@ class Derivative:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """The derivatives of a library, and the names of those that are too long for it."""
+    """The derivatives of a library, and the names of those that are too long for it.
+
+    stiffness: the function whose result is the Jacobian of the static force with the other sign, where that
+    has no code of its own.
+    """
 
     made: tuple[Derivative, ...] = ()
     too_long: tuple[str, ...] = ()
+    stiffness: WantedFunction | None = None
 
 
 NONE = Derivatives()
+TOO_LONG = "too long for unrolled code: "
+# Entries of a pattern that casadi.external is told: it wants them a second time, which takes compilers long.
+MOST_ENTRIES = 200_000
 CASADI = ("casadi", "casadi_hessian")  # interfaces of casadi.external
 
 
@@ -67,6 +87,15 @@ class _Wanted:
         return self.prefix + self.function.quantity.name
 
 
+def with_stiffness(structure: Subject, request: ModelRequest) -> ModelRequest:
+    """Return the request with the stiffness, where that is to be the Jacobian of the static force."""
+    is_wanted = set(request.interfaces).intersection(CASADI) and "node_residual" in request.quantities
+    is_large = structure.n_members > MOST_MEMBERS
+    if not is_wanted or not is_large or request.parameters or structure.inputs:
+        return request
+    return replace(request, quantities=tuple(dict.fromkeys((*request.quantities, "tangent_stiffness"))))
+
+
 def build_derivatives(
     model: EmittedModel, request: ModelRequest, functions: Sequence[WantedFunction]
 ) -> Derivatives:
@@ -79,7 +108,9 @@ def build_derivatives(
         return NONE
     wanted = _list_wanted(functions, "casadi_hessian" in request.interfaces)
     if model.subject.n_members > MOST_MEMBERS:
-        return Derivatives(too_long=tuple(item.name for item in wanted))
+        stiffness = _find_stiffness(functions)
+        missing = [item.name for item in wanted if stiffness is None or item.name != "jac_node_residual"]
+        return Derivatives(too_long=tuple(missing), stiffness=stiffness)
     symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
     left = MOST_OPERATIONS - sum(f.written_operations for f in functions)
     made: list[Derivative] = []
@@ -111,10 +142,11 @@ def _describe_part(
     if not asked:
         return SourcePart(name, False, f"interfaces does not name {' or '.join(interfaces)}")
     count = sum(item.order == order for item in derivatives.made)
-    why = f"interfaces names {', '.join(asked)}: {count} functions"
+    count += order == 1 and derivatives.stiffness is not None
+    why = f"interfaces names {', '.join(asked)}: {count} {'function' if count == 1 else 'functions'}"
     if order == 1 or not count:  # lists what is missing once
         lost = derivatives.too_long
-        why += f"; too long for unrolled code: {', '.join(lost)}" if lost else ""
+        why += f"; {TOO_LONG}{', '.join(lost)}" if lost else ""
     return SourcePart(name, bool(count), why)
 
 
@@ -127,6 +159,16 @@ def _list_wanted(functions: Sequence[WantedFunction], with_second: bool) -> list
             prefixes = ("jac_",) if f.quantity.sparse else ("adj1_", "jac_adj1_")
             found += [_Wanted(f, prefix, 2) for prefix in prefixes]
     return found
+
+
+def _find_stiffness(functions: Sequence[WantedFunction]) -> WantedFunction | None:
+    """Return the stiffness if it depends on what the static force depends on, and CasADi can have it."""
+    found = {f.quantity.name: f for f in functions}
+    residual, stiffness = found.get("node_residual"), found.get("tangent_stiffness")
+    if residual is None or stiffness is None or stiffness.pattern is None:
+        return None
+    is_same = residual.arguments == stiffness.arguments == ("coordinate",)
+    return stiffness if is_same and len(stiffness.pattern.row) <= MOST_ENTRIES else None
 
 
 def _as_casadi(model: SymbolicModel, function: WantedFunction) -> ca.Function:

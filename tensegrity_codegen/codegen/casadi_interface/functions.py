@@ -8,14 +8,11 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.codegen.casadi_interface.derivatives import Derivative, Derivatives
+from tensegrity_codegen.codegen.casadi_interface.derivatives import MOST_ENTRIES, Derivative, Derivatives
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.manifest import Pattern
 
 __all__ = ["MOST_ENTRIES", "casadi_context", "casadi_pattern", "name_symbol"]
-
-# Entries of a pattern that casadi.external is told: it wants them a second time, which takes compilers long.
-MOST_ENTRIES = 200_000
 
 WORDS = ("jac_adj1_", "adj1_", "jac_")
 
@@ -64,6 +61,9 @@ def casadi_context(
         for item in derivatives.made
         if all(item.function.nnz_out(k) <= MOST_ENTRIES for k in range(item.function.n_out()))
     ]
+    if derivatives.stiffness is not None:
+        (stiffness,) = (f for f in functions if f["quantity"] == derivatives.stiffness.quantity.name)
+        derived.append(_from_stiffness(scene, stiffness, derivatives.stiffness.shape[0]))
     return [*plain, *derived]
 
 
@@ -73,6 +73,17 @@ def _plain(scene: str, function: Mapping[str, Any]) -> dict[str, Any]:
     ]
     results = [_Port(0, function["quantity"], function["size"], function["casadi_pattern"])]
     return _context(f"{scene}_{function['quantity']}", arguments, results) | {"symbol": function["symbol"]}
+
+
+def _from_stiffness(scene: str, stiffness: Mapping[str, Any], size: int) -> dict[str, Any]:
+    """Return the Jacobian of the static force as the stiffness with the other sign."""
+    arguments = [
+        _Port(0, "coordinate", size, [size, 1, 1]),
+        _Port(1, "out_node_residual", size, [size, 1, 1], in_body=False),
+    ]
+    results = [_Port(0, "jac_node_residual_coordinate", stiffness["size"], stiffness["casadi_pattern"])]
+    found = _context(f"jac_{scene}_node_residual", arguments, results)
+    return found | {"symbol": stiffness["symbol"], "is_negative": True}
 
 
 def _derived(scene: str, item: Derivative) -> dict[str, Any]:
@@ -112,4 +123,5 @@ def _context(
         "results": results,
         "zeros": max((port.size for port in arguments if port.in_body), default=0),
         "spare": spare,
+        "is_negative": False,
     }

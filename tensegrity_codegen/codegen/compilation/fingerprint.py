@@ -19,8 +19,8 @@ from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["hash_package", "hash_request", "hash_scene", "hash_structure", "hash_text"]
 
-# Fields of a structure that count only where they hold something.
-ONLY_IF_ANY = ("law_parameter", "inner_radius")
+# Fields of a structure and a request that count only where they hold something.
+ONLY_IF_ANY = ("law_parameter", "inner_radius", "driven")
 # Fields of a structure that no library depends on; actuators are among its inputs.
 NOT_IN_CODE = ("actuators", "sensors", "limits")
 PLAIN_TYPES = frozenset({bool, int, str})

@@ -58,7 +58,7 @@ def find_compiler(wanted: str | None = None) -> Compiler:
     if wanted is None:
         return _choose_first()
     named = (compiler for compiler in _list_compilers() if compiler.name == wanted)
-    compiler = next(named, None) or _probe(_split(wanted))
+    compiler = (next(named, None) or _probe(_split(wanted))) if isinstance(wanted, str) else None
     if compiler is None:
         raise CompilerMissingError(
             "the requested compiler was not found or does not work",

@@ -16,7 +16,7 @@ from tensegrity_codegen.codegen.integrators.energy_keeping import (
     keeper_memory,
 )
 from tensegrity_codegen.codegen.integrators.events import events_context, watched_events
-from tensegrity_codegen.codegen.integrators.profiles import count_driven, driven_context
+from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.errors import FormulationError, suggest
@@ -39,6 +39,8 @@ INTEGRATORS = (*EXPLICIT, RADAU)
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
 PROJECTION = ("consistent_coordinate", "consistent_velocity")
+# Where coordinates are not those of nodes, a pull needs these.
+OF_NODES = ("node_position", "node_velocity")
 
 
 def needed_quantities(name: str) -> tuple[str, ...]:
@@ -67,7 +69,7 @@ def integrator_spec(
     watched = watched_events(model, functions, events)
     if name == RADAU:
         driven_size = count_driven(model, driven)
-        return radau_spec(name, model.name, model.subject, model.frame, functions, watched, driven_size)
+        return radau_spec(name, model, functions, watched, driven_size)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
     if acceleration is None:
         if isinstance(model.subject, Structure):
@@ -79,7 +81,9 @@ def integrator_spec(
             hint='add "acceleration" to the wanted quantities',
         )
     kept = KEPT_QUANTITIES[:2] if keep and name in TABLEAUS else ()
-    called = [f for f in functions if f.quantity in ("acceleration", *PROJECTION, *watched.quantities, *kept)]
+    pulled = OF_NODES if PULL in driven else ()
+    names = ("acceleration", *PROJECTION, *watched.quantities, *kept, *pulled)
+    called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
@@ -151,8 +155,19 @@ def integrator_context(
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "driven": driven,
+        "pull": _pull_context(manifest, functions) if PULL in manifest.driven else None,
         "keeper": keeper_context(manifest, functions) if any(spec.keeps for spec in adaptive) else None,
         "events": events_context(manifest, watching[0], functions, reach) if watching else None,
+    }
+
+
+def _pull_context(manifest: Manifest, functions: Mapping[str, FunctionSpec]) -> dict[str, Any]:
+    """Return what the template of a pull reads: axes in loads, functions of node positions if needed."""
+    return {
+        "axes": len(manifest.axes),
+        "size": pull_size(manifest.axes),
+        "column": [manifest.axes.index(axis) if axis in manifest.axes else -1 for axis in range(3)],
+        "functions": [] if manifest.coordinate_node_axis else [functions[name] for name in OF_NODES],
     }
 
 

@@ -6,28 +6,51 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
+from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.request import ModelRequest
 
-__all__ = ["count_driven", "driven_context", "find_driven"]
+__all__ = ["PULL", "count_driven", "driven_context", "find_driven", "pull_size"]
 
+PULL = (
+    "pull"  # a node's number, a spring constant, a damping constant and a point: no argument of any function
+)
 CONSTANT = ("coordinate", "velocity", "anchor_position")  # the anchors of a motion stand still
 
 
-def find_driven(model: EmittedModel, functions: Sequence[FunctionSpec]) -> tuple[str, ...]:
-    """Return the arguments that profiles can change, in the order of C signatures.
+def find_driven(
+    model: EmittedModel, functions: Sequence[FunctionSpec], request: ModelRequest
+) -> tuple[str, ...]:
+    """Return the arguments that profiles can change, in the order of C signatures, and the pull if requested.
 
-    None where no function that a motion follows depends on inputs: such a library holds nothing for profiles.
+    None where no function that a motion follows depends on inputs, and no pull is requested: such a library
+    holds nothing for profiles. Raises FormulationError for a pull without the loads of all nodes.
     """
+    loads = len(request.parameters.get("node_load", ()))
+    if request.driven and (request.driven != (PULL,) or loads < model.subject.n_nodes):
+        raise FormulationError(
+            "integrators cannot change this with time",
+            where="ModelRequest.driven",
+            given=request.driven,
+            allowed=f"{PULL!r}, where the loads of all nodes are run-time parameters",
+        )
     used = {name for function in functions for name in function.arguments}
     acceleration = [item.arguments for item in functions if item.quantity in ("acceleration", "cable_force")]
-    if not any("input" in names for names in acceleration):
+    if not request.driven and not any("input" in names for names in acceleration):
         return ()
-    return tuple(name for name in model.arguments if name in used and name not in CONSTANT)
+    arguments = (name for name in model.arguments if name in used and name not in CONSTANT)
+    return (*arguments, *request.driven)
 
 
 def count_driven(model: EmittedModel, driven: Sequence[str]) -> int:
     """Return how many numbers these arguments have."""
-    return int(sum(model.arguments[name].nominal.size for name in driven))
+    sizes = {name: item.nominal.size for name, item in model.arguments.items()}
+    return int(sum(sizes.get(name, pull_size(model.frame.axes)) for name in driven))
+
+
+def pull_size(axes: Sequence[int]) -> int:
+    """Return how many numbers a pull has, where these axes are modelled."""
+    return 3 + len(axes)
 
 
 def driven_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -35,5 +58,6 @@ def driven_context(manifest: Manifest, arguments: Mapping[str, dict[str, Any]]) 
     rows: list[dict[str, Any]] = []
     for name in manifest.driven:
         place = rows[-1]["place"] + rows[-1]["size"] if rows else 0
-        rows.append({"name": name, "size": arguments[name]["size"], "place": place})
+        size = pull_size(manifest.axes) if name == PULL else arguments[name]["size"]
+        rows.append({"name": name, "size": size, "place": place})
     return rows

@@ -3,7 +3,8 @@
 Mixed form: the tension of every two-sided member that joins a free coordinate is an unknown, the multiplier
 of that member's law. Newton matrices hold masses and directions of these members; cables, soft beside them,
 enter the equations only: the iteration converges as long as a step is not much longer than a period of the
-cables, which accuracy asks for as well.
+cables, which accuracy asks for as well. Those with much damping, or whose damping is a run-time parameter,
+are in the matrices too, by rows of their own: the iteration would ask for steps of m / c.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.events import WatchedEvents, event_memory
 from tensegrity_codegen.codegen.integrators.saddle import build_saddle_pattern
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
@@ -36,9 +39,7 @@ NOWHERE = 2**30
 
 def radau_spec(
     name: str,
-    model_name: str,
-    subject: Any,
-    frame: Frame,
+    model: EmittedModel,
     functions: Sequence[FunctionSpec],
     events: WatchedEvents,
     driven: int = 0,
@@ -49,41 +50,50 @@ def radau_spec(
 
     Raises FormulationError for a model without its functions.
     """
-    by_name = {item.quantity: item for item in functions}
+    by_name, subject, frame = {item.quantity: item for item in functions}, model.subject, model.frame
     if not all(item in by_name for item in RADAU_QUANTITIES) or not isinstance(subject, Structure):
         in_nodes = " or ".join(repr(item.name) for item in FORMULATIONS.values() if item.in_nodes)
         raise FormulationError(
             "the integrator 'radau' needs node coordinates and member forces",
-            where=f"{model_name}: model.integrators",
+            where=f"{model.name}: model.integrators",
             given=name,
             allowed=f"formulation {in_nodes}, emitters 'unrolled' and 'table'",
             hint="use rk54 in other formulations",
         )
     place = set(frame.coordinate_node_axis)
-    members = tuple(
-        member
-        for member in np.flatnonzero(subject.is_mixed).tolist()
-        if any((node, axis) in place for node in frame.connectivity[member] for axis in frame.axes)
+
+    def moving(mask: NDArray[np.bool_]) -> tuple[int, ...]:
+        """Return those of the members that join a free coordinate."""
+        ends = frame.connectivity
+        found = np.flatnonzero(mask).tolist()
+        return tuple(e for e in found if any((n, axis) in place for n in ends[e] for axis in frame.axes))
+
+    members = moving(subject.is_mixed)
+    changing = model.arguments["damping"].over if "damping" in model.arguments else ()
+    damped = moving(
+        subject.has_much_damping | (subject.tension_only & np.isin(subject.member_name, changing))
     )
     used = {
         argument for item in (*RADAU_QUANTITIES, *events.quantities) for argument in by_name[item].arguments
     }
     passed = tuple(item for item in ARGUMENTS if item in used - {"coordinate", "velocity"})
-    tables = radau_tables(members, frame, by_name, events.memory, driven)
+    tables = radau_tables(members, damped, frame, by_name, events.memory, driven)
     return IntegratorSpec(
         name,
-        f"{model_name}_integrate_{name}",
+        f"{model.name}_integrate_{name}",
         passed,
         tables["work_size"],
         events.kinds,
         events.cables,
         tensions=members,
+        damped=damped,
         unwatched=events.unwatched,
     )
 
 
 def radau_tables(
     members: Sequence[int],
+    damped: Sequence[int],
     frame: Frame | Manifest,
     functions: Mapping[str, FunctionSpec],
     margins: int,
@@ -91,12 +101,12 @@ def radau_tables(
 ) -> dict[str, Any]:
     """Return the tables that the template of the integrator reads, and the size of its work memory.
 
-    members: those with a multiplier; frame: of the model, or its manifest; margins: memory of events;
-    driven: numbers that can change with time.
+    members: those with a multiplier; damped: cables that the matrix holds besides; frame: of the model, or
+    its manifest; margins: memory of events; driven: numbers that can change with time.
     """
     place = {tuple(key): k for k, key in enumerate(frame.coordinate_node_axis)}
     axes, n = frame.axes, len(frame.coordinate_name)
-    ends = [frame.connectivity[member] for member in members]
+    ends = [frame.connectivity[member] for member in (*members, *damped)]
     coordinate = [[place.get((node, axis), -1) for node in pair for axis in axes] for pair in ends]
     masses = _mass_entries(functions["mass_matrix"].pattern, n)
     nodes: dict[int, list[int]] = {}
@@ -111,7 +121,9 @@ def radau_tables(
         "N": n,
         "AXES": len(axes),
         "N_UNKNOWNS": saddle.size,
-        "TENSION_ROOM": max(len(ends), 1),
+        "TENSION_ROOM": max(len(members), 1),
+        "WITH_RADAU_DAMPED": len(damped),
+        "N_DAMPED": len(damped),
         "RADAU_LAW": law,
         "RADAU_MASSES": len(masses),
         "RADAU_ENTRY_ROOM": max(entries, 1),
@@ -123,8 +135,9 @@ def radau_tables(
     }
     return {
         "axes": len(axes),
-        "multipliers": len(ends),
+        "multipliers": len(members),
         "member": list(members),
+        "damped": list(damped),
         "coordinate": [k for row in coordinate for k in row],
         "direction_entry": [
             saddle.entry(n + row, k) if k >= 0 else -1 for row, ks in enumerate(coordinate) for k in ks
@@ -149,10 +162,13 @@ def radau_context(
 ) -> dict[str, Any]:
     """Return what the templates of the integrator read, besides what every integrator has."""
     margins = event_memory(spec.events, functions.values(), len(manifest.coordinate_name))
-    tables = radau_tables(spec.tensions, manifest, functions, margins)
+    tables = radau_tables(spec.tensions, spec.damped, manifest, functions, margins)
     return {
         **tables,
-        "settings": {"WITH_RADAU_DIAGONAL_MASS": tables["is_mass_diagonal"]},
+        "settings": {
+            "WITH_RADAU_DIAGONAL_MASS": tables["is_mass_diagonal"],
+            "WITH_RADAU_DAMPED": bool(spec.damped),
+        },
         "counts": COUNTS,
         "newton_share": NEWTON_SHARE,
         "kernels": {name: functions[name].arguments for name in RADAU_QUANTITIES},

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
 
-from tensegrity_codegen.compare.stability.cases import Case, generate_cases
+from tensegrity_codegen.compare.stability.cases import Case, generate_cases, is_essential
 from tensegrity_codegen.compare.stability.models import CaseModels
 from tensegrity_codegen.compare.stability.outcome import Limits, Outcome, read_outcomes
 from tensegrity_codegen.compare.stability.peers import import_peers
@@ -20,8 +20,6 @@ from tensegrity_codegen.structure.structure import Structure
 __all__ = ["run_cases"]
 
 Progress = Callable[[float], None]
-
-LAST = "stiffness ratio"  # this group takes most of the time: it is run after all others
 
 
 def run_cases(
@@ -36,6 +34,8 @@ def run_cases(
     progress: Progress | None,
 ) -> tuple[Outcome, ...]:
     """Return the outcomes of all cases of a structure, at rest or not, with springs or rigid bars.
+
+    Essential cases are run before all others.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def run_cases(
     if limits.peers:
         import_peers()
     why = dict.fromkeys(range(len(cases)), f"the time budget of {limits.total:g} s had passed before")
-    order = sorted(set(why) - set(done), key=lambda n: (cases[n].group == LAST, n))
+    order = sorted(set(why) - set(done), key=lambda n: (not is_essential(cases[n]), n))
 
     began = time.monotonic()
 

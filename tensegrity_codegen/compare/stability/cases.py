@@ -20,7 +20,7 @@ from tensegrity_codegen.compare.stability.changes import (
 from tensegrity_codegen.compare.stability.neighbours import find_snap
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["RTOL", "Case", "generate_cases"]
+__all__ = ["RTOL", "Case", "generate_cases", "is_essential"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +34,16 @@ GAPS = (1e-3, 1e-9, 0.0)  # between the first two joined nodes, over their dista
 SPEEDS = (1e1, 1e3, 1e6)  # of an impact, mean lengths a second
 OFFSET = 1e9  # [m]
 SNAPS = ((1e-6, "to where it is about to snap through"), (-1.0, "to the far side of its neighbours"))
+
+
+# What every integrator meets: group -> names of cases, all if none.
+ESSENTIAL: dict[str, tuple[str, ...]] = {
+    "as it is": (),
+    "stiffness ratio": ("1e+03", "1e+06", "1e+09", "rigid"),
+    "slack": (),
+    "impact": (),
+    "snap-through": (),
+}
 
 
 @dataclass(frozen=True)
@@ -59,6 +69,11 @@ class Case:
     def is_rigid(self) -> bool:
         """Whether some bars are rigid."""
         return bool(self.structure.is_rigid.any())
+
+
+def is_essential(case: Case) -> bool:
+    """Return whether a case is the scene, or about stiffness, slack cables, an impact or snap-through."""
+    return case.group in ESSENTIAL and case.name in (ESSENTIAL[case.group] or (case.name,))
 
 
 def generate_cases(structure: Structure, t_end: float) -> Iterator[Case]:

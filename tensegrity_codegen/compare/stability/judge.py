@@ -19,11 +19,11 @@ Runs = Sequence[Callable[[float], Ending]]
 
 # Verdict -> what it means.
 VERDICTS = {
-    "survived": "status ok, and the certified error is at most ten times the tolerance",
+    "survived": "status ok, and the certified error is within the stated bound",
     "stopped": "a status or a named error says that there is no result",
     "over time": "the run was stopped at its time limit",
     "unchecked": "status ok, but no reference could be certified",
-    "wrong": "status ok, but the certified error is more than ten times the tolerance",
+    "wrong": "status ok, but the certified error is beyond the stated bound",
     "not able": "the peer is not installed, or does not have the physics of the case",
     "not run": "the case was not run, for example since the time budget was exceeded",
 }
@@ -157,7 +157,10 @@ def _judge_tension(
 
 
 def judge_peer(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
-    """Judge coordinates alone, leniently: wrong from a hundredth of the mean member length on."""
+    """Judge coordinates alone, by ten times the tolerance or a hundredth of the mean member length.
+
+    The larger counts: tolerances of other programs bound the error of each step, or they have none.
+    """
     verdict = _judge_status(case, ending)
     if verdict is not None:
         return Judgement(verdict)
@@ -166,9 +169,10 @@ def judge_peer(case: Case, ending: Ending, truth: Truth | None) -> Judgement:
     n = truth.state.shape[1] // 2
     if ending.state.shape != (len(truth.state), n):
         return Judgement("wrong")
-    error = float(np.abs(ending.state - truth.state[:, :n]).max())
-    length = float(case.structure.member_length().mean())
-    return Judgement("wrong" if error > LOST * length else "survived", error, "positions")
+    error = np.abs(ending.state - truth.state[:, :n])
+    least = LOST * float(case.structure.member_length().mean())
+    is_wrong = bool(np.any(error > np.maximum(least, ALLOWED * _allowed(case, truth.state)[:, :n])))
+    return Judgement("wrong" if is_wrong else "survived", float(error.max()), "positions")
 
 
 def _judge_status(case: Case, ending: Ending) -> str | None:

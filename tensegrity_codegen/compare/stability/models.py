@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.compare.stability.cases import Case
 from tensegrity_codegen.compare.stability.changes import as_springs, with_rigid_bars, with_springs
-from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.pipeline import build_library
 from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.runtime.accuracy.choice import integrators_for
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import Structure
@@ -34,23 +34,25 @@ class CaseModels:
 
     def __init__(self, structure: Structure, *, compiler: str | None, flags: str) -> None:
         self.structure, self.compiler, self.flags = structure, compiler, flags
+        self._made: dict[tuple[bool, tuple[str, ...]], CompiledModel] = {}
 
-    @cached_property
-    def springs(self) -> CompiledModel:
-        """The model of all cases in which every member is a spring."""
-        return self._compile(with_springs(self.structure), "node_position")
+    def of(self, case: Case, method: str = "") -> CompiledModel:
+        """Return the model that a case is for, all its members springs or the bars rigid.
 
-    @cached_property
-    def rigid(self) -> CompiledModel:
-        """The model of all cases with rigid bars: those of the scene, or all."""
-        structure = as_springs(self.structure)
-        return self._compile(
-            structure if structure.is_rigid.any() else with_rigid_bars(structure), "rigid_bar"
-        )
-
-    def of(self, case: Case) -> CompiledModel:
-        """Return the model that a case is for."""
-        return self.rigid if case.is_rigid else self.springs
+        That of the method auto holds the integrators that the verb simulate would compile for the case alone,
+        all others every integrator.
+        """
+        formulation = choose_formulation(rigid_bars=case.is_rigid).name
+        structure = as_springs(self.structure) if case.is_rigid else with_springs(self.structure)
+        if case.is_rigid and not structure.is_rigid.any():
+            structure = with_rigid_bars(structure)
+        integrators = (*list_integrators(structure), FIXED)
+        if method == AUTO:
+            integrators = integrators_for(AUTO, case.structure, formulation, case.rtol)
+        key = (case.is_rigid, integrators)
+        if key not in self._made:
+            self._made[key] = self._compile(structure, formulation, integrators)
+        return self._made[key]
 
     def corrected(self, case: Case) -> CompiledModel:
         """Return a model of just this case, its bars rigid but for the first order of their stretch."""
@@ -63,7 +65,7 @@ class CaseModels:
         )
         return self._build(case.structure, request)
 
-    def _compile(self, structure: Structure, formulation: str) -> CompiledModel:
+    def _compile(self, structure: Structure, formulation: str, integrators: tuple[str, ...]) -> CompiledModel:
         """Return the model that keeps changeable whatever differs between cases."""
         flexible = tuple(int(e) for e in np.flatnonzero(~structure.is_rigid))
         anchored = structure.node_anchored.any(axis=1)
@@ -82,7 +84,7 @@ class CaseModels:
             (*simulation_quantities(formulation), *extra),
             formulation=formulation,
             parameters={name: items for name, items in kept.items() if items},
-            integrators=(*list_integrators(structure), FIXED),
+            integrators=integrators,
         )
         return self._build(structure, request)
 

@@ -22,14 +22,14 @@ from tensegrity_codegen.report.pages.page_table import Column, Table, text_cell
 __all__ = ["build_page"]
 
 LEAD = (
-    "A result that a method reports as good is wrong if its certified error is more than ten times the "
-    "tolerance. A reference is certified by two methods that agree, or by extended precision with two step "
-    "lengths."
+    "A result that a method reports as good is right if its certified error is at most ten times the "
+    "tolerance, of other programs at most a hundredth of the mean member length where that is more. A "
+    "reference is certified by two methods that agree, or by extended precision with two step lengths."
 )
 FIXED = (
-    "Methods with a fixed step have no tolerance: their results are wrong from a hundredth of the mean "
-    "member length, or of the largest speed; those of other programs from a hundredth of the mean member "
-    "length."
+    "Methods with a fixed step have no tolerance: their results are right within a hundredth of the mean "
+    "member length, and of the largest speed. Of other programs, whose tolerances bound the error of each "
+    "step, positions alone are judged."
 )
 
 
@@ -60,9 +60,9 @@ def _chapter(name: str, rows: tuple[Outcome, ...], anchor: str, t_end: float, *,
     peers = tuple(row for row in rows if not row.is_own)
     sections = [
         *_wrong(own, f"{anchor}-wrong"),
-        *_list_not_run(rows, f"{anchor}-not-run"),
-        _verdicts(rows, f"{anchor}-who"),
         *_errors(own, name, f"{anchor}-errors"),
+        _verdicts(rows, f"{anchor}-who"),
+        *_list_not_run(rows, f"{anchor}-not-run"),
         _grid(own, f"{anchor}-own", "Every case with our methods", "error over tolerance"),
     ]
     if peers:
@@ -88,7 +88,7 @@ def _list_not_run(rows: Sequence[Outcome], anchor: str) -> Iterator[Section]:
     if cases:
         columns = tuple(Column(name, numeric=False) for name in ("case", "value", "reason"))
         table = Table("Cases without a result", columns, tuple(tuple(map(text_cell, case)) for case in cases))
-        result = f"{len(cases)} cases; the same command runs them, finished cases are kept"
+        result = f"{len(cases)} cases; the same command runs them, if it may replace this page"
         yield Section(anchor, "all", "Not run", "plain", result, (table,))
 
 

@@ -39,7 +39,7 @@ def list_peers(case: Case) -> tuple[str, ...]:
     """
     if not can_fork():
         return ()
-    names = tuple(name for name, _ in peer_contenders(_problem(case)))
+    names = tuple(name for name, _ in peer_contenders(_problem(case), usual=True))
     return names if case.step is None else tuple(name for name in names if name.startswith(STEPPING))
 
 
@@ -101,7 +101,7 @@ def _answer(case: Case, name: str, limit: float, models: CaseModels | None, send
 
 def _run(case: Case, name: str, models: CaseModels | None) -> Run:
     compiled = None if models is None else partial(_compiled, models, case)
-    makers: dict[str, Callable[[], Contender]] = dict(peer_contenders(_problem(case), compiled))
+    makers: dict[str, Callable[[], Contender]] = dict(peer_contenders(_problem(case), compiled, usual=True))
     contender = makers[name]()
     step = PEER_STEP if case.step is None else case.step
     setting = step if contender.kind == "step" else min(case.rtol, 0.1)

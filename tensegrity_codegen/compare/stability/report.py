@@ -20,8 +20,7 @@ from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import part_of
 from tensegrity_codegen.long_work.resumption import Resumption
 from tensegrity_codegen.long_work.scene_names import check_scene_names
-from tensegrity_codegen.marks import MARK
-from tensegrity_codegen.output_folder import write_folder
+from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.structure import Structure
 
@@ -77,6 +76,7 @@ def write_stability(
     flags: str,
     progress: Callable[[float], None] | None = None,
     fresh: bool = False,
+    overwrite: bool = False,
     notice: Callable[[Resumption], None] | None = None,
 ) -> StabilityReport:
     """Run all cases of some structures and write stability.html and .json into `folder`.
@@ -93,12 +93,13 @@ def write_stability(
     DuplicateNameError
         For two scenes of one name.
     OutputError
-        For a folder that cannot be written.
+        For a folder that cannot be written, or that holds these files, without `overwrite`.
     """
     if not (0.0 < t_end < float("inf")):
         raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
     limits.check()
     check_scene_names(structures)
+    check_folder(folder, [PAGE_NAME, DATA_NAME], overwrite=overwrite)
     write_folder(folder, {})  # before the long work: that the result has a place
     end, outcomes = time.monotonic() + limits.total, dict[str, tuple[Outcome, ...]]()
     options = (t_end.hex(), repr(dataclasses.replace(limits, total=0.0)))  # the total changes no result
@@ -118,7 +119,8 @@ def write_stability(
             progress=part_of(progress, number / len(structures), 1.0 / len(structures)),
         )
     found = StabilityReport(outcomes, folder / PAGE_NAME, folder / DATA_NAME, t_end, limits)
-    data = json.dumps({"made_by": MARK} | found.as_dict(), indent=1, allow_nan=False) + "\n"
+    data = json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n"
     page = render_page(build_page(outcomes, t_end, limits))
-    write_folder(folder, {PAGE_NAME: page.encode("utf-8"), DATA_NAME: data.encode("utf-8")})
+    files = {PAGE_NAME: page.encode("utf-8"), DATA_NAME: data.encode("utf-8")}
+    write_folder(folder, files, overwrite=overwrite)
     return found

@@ -83,7 +83,7 @@ def _corrected(models: CaseModels, case: Case, limits: Limits, rtol: float) -> E
 
 def _end(models: CaseModels, case: Case, method: str, rtol: float, limit: float) -> Ending:
     try:
-        return run_own(models.of(case), case, method, rtol, limit)
+        return run_own(models.of(case, method), case, method, rtol, limit)
     except TensegrityError as error:
         return _refusal(error)
 

@@ -72,7 +72,9 @@ def describe_finding(comparisons: Sequence[Comparison]) -> str:
             f"{_factor(max(r, 1.0 / r))} ({item.scene})" for r, item in zip(ratios, comparisons, strict=True)
         ]
         at = _error(comparisons[0].wanted)
-        return f"{' and '.join(factors)} times {word} than the fastest other program at an error of {at}"
+        peers = dict.fromkeys(item.peer.contender for item in comparisons if item.peer is not None)
+        text = f"{' and '.join(factors)} times {word} than the fastest other program"
+        return f"{text}, {' and '.join(peers)}, at an error of {at}"
     faster = [ratio for ratio in ratios if ratio >= 1.0]
     slower = [1.0 / ratio for ratio in ratios if ratio < 1.0]
     errors = sorted({item.wanted for item in comparisons})
@@ -82,14 +84,18 @@ def describe_finding(comparisons: Sequence[Comparison]) -> str:
         if values
     )
     at = _error(errors[0]) if len(errors) == 1 else f"{_error(errors[0])} to {_error(errors[-1])}"
-    return f"{text}: the fastest of our methods against the fastest other program at an error of {at}"
+    programs = sorted({item.peer.program for item in comparisons if item.peer is not None})
+    return (
+        f"{text}: the fastest of our methods against the fastest other program ({', '.join(programs)}) at an "
+        f"error of {at}"
+    )
 
 
 def describe_rows(reports: Sequence[SceneReport]) -> str:
     """Return how much was measured, as a sentence."""
     rows = [row for report in reports for row in report.rows]
     own = {row.contender for row in rows if row.group == "own"}
-    peers = {row.contender for row in rows if row.group == "peer"}
+    peers = {row.program for row in rows if row.group == "peer"}
     failed = sum(not row.is_good for row in rows)
     others = f" and {_count(len(peers), 'other program')}" if peers else ", and no other program"
     return (

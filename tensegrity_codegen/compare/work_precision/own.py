@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
 from tensegrity_codegen.compare.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.compare.work_precision.problem import MotionProblem
+from tensegrity_codegen.compare.work_precision.row import Row
 from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.pipeline import build_library
@@ -32,6 +33,7 @@ __all__ = [
     "TOLERANCES",
     "CompiledMotion",
     "compile_problem",
+    "describe_simulation",
     "initial_state",
     "own_contenders",
     "place_samples",
@@ -142,6 +144,24 @@ def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
         n_steps=raw.n_steps,
         n_evaluations=raw.n_evaluations,
         energy_drift=None if found.energy_drift is None else float(np.ptp(found.total_energy)),
+    )
+
+
+def describe_simulation(row: Row, t_end: float, flags: str) -> str:
+    """Return options of the verb simulate, and keys of a scene, with which it repeats one of our runs."""
+    variant = VARIANTS[row.formulation]
+    accuracy = f"--rtol {row.setting:g} --atol {ATOL_OF_RTOL * row.setting:g}"
+    if row.kind == "step":
+        accuracy = f"--step {row.setting * t_end:.6g}"
+    keys = [f'formulation = "{variant.formulation}"']
+    if variant.options:
+        options = ", ".join(f'{key} = "{value}"' for key, value in variant.options.items())
+        keys.append(f"options = {{ {options} }}")
+    if variant.emitter != "auto":
+        keys.append(f'emitter = "{variant.emitter}"')
+    return (
+        f"simulate --t-end {t_end:g} --method {row.method} {accuracy} --control steps --flags {flags}, with "
+        f"{', '.join(keys)} under [model]"
     )
 
 

@@ -24,8 +24,7 @@ from tensegrity_codegen.extras import require_plot
 from tensegrity_codegen.long_work.progress import part_of
 from tensegrity_codegen.long_work.resumption import Resumption
 from tensegrity_codegen.long_work.scene_names import check_scene_names
-from tensegrity_codegen.marks import MARK
-from tensegrity_codegen.output_folder import write_folder
+from tensegrity_codegen.output_folder import check_folder, write_folder
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.structure import Structure
 
@@ -45,12 +44,17 @@ class WorkReport:
     data: Path
 
     def sentences(self) -> list[str]:
-        """Return the recommendations, one line a scene and error."""
-        return [
-            f"{report.problem.structure.name}: {say_recommendation(wanted, row, report.problem.t_end)}"
-            for report in self.scenes
-            for wanted, row in report.recommendations.items()
-        ]
+        """Return the recommendations of each scene, and how the verb simulate repeats these runs."""
+        lines: list[str] = []
+        for report in self.scenes:
+            chosen = report.recommendations
+            lines += [
+                f"{report.problem.structure.name}: {say_recommendation(wanted, row, report.problem.t_end)}"
+                for wanted, row in chosen.items()
+            ]
+            runs = dict.fromkeys(report.describe_simulation(row) for row in chosen.values())
+            lines += [f"{report.problem.structure.name}: {run}" for run in runs if run]
+        return lines
 
     def as_dict(self) -> dict[str, Any]:
         """Return all values in JSON's types."""
@@ -66,6 +70,7 @@ def write_report(
     options: Options,
     progress: Callable[[float], None] | None = None,
     fresh: bool = False,
+    overwrite: bool = False,
     notice: Callable[[Resumption], None] | None = None,
 ) -> WorkReport:
     """Measure the motions of some structures and write report.html, .csv and .json into `folder`.
@@ -74,7 +79,7 @@ def write_report(
     asked for again goes on from there, unless `fresh`; `notice` is called with what is taken. Raises
     InvalidValueError for a time or number of samples out of range, DuplicateNameError for two scenes of one
     name, MissingExtraError without matplotlib, ConvergenceError where nothing certifies a reference,
-    OutputError.
+    OutputError where files cannot be written or, without `overwrite`, exist.
     """
     if not (0.0 < t_end < float("inf")):
         raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
@@ -84,6 +89,7 @@ def write_report(
         )
     check_scene_names(structures)
     require_plot()
+    check_folder(folder, [PAGE_NAME, TABLE_NAME, DATA_NAME], overwrite=overwrite)
     write_folder(folder, {})  # before the long work: that the result has a place
     reports = []
     for number, structure in enumerate(structures):
@@ -93,9 +99,9 @@ def write_report(
         reports.append(report_scene(problem, options, journal, move))
     page = render_page(build_page(reports))
     found = WorkReport(tuple(reports), folder / PAGE_NAME, folder / TABLE_NAME, folder / DATA_NAME)
-    data = json.dumps({"made_by": MARK} | found.as_dict(), indent=1, allow_nan=False) + "\n"
+    data = json.dumps(found.as_dict(), indent=1, allow_nan=False) + "\n"
     files = {PAGE_NAME: page, TABLE_NAME: _csv(reports), DATA_NAME: data}
-    write_folder(folder, {name: text.encode("utf-8") for name, text in files.items()})
+    write_folder(folder, {name: text.encode("utf-8") for name, text in files.items()}, overwrite=overwrite)
     return found
 
 

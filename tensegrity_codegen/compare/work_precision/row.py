@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from tensegrity_codegen.long_work.journal import read_record
 
-__all__ = ["Row", "find_front", "recommend"]
+__all__ = ["Row", "find_front", "is_clearly_slower", "recommend"]
+
+CLEARLY = 2.0  # times the time of another setting
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,11 @@ class Row:
     length_error: float | None
 
     @property
+    def program(self) -> str:
+        """Name of the program, with which that of another program's row begins."""
+        return self.contender.split()[0]
+
+    @property
     def is_good(self) -> bool:
         """Whether the run came to its end and calls itself good."""
         return self.status == "ok" and math.isfinite(self.error)
@@ -63,6 +70,12 @@ def find_front(rows: list[Row]) -> list[Row]:
         if not front or row.error < front[-1].error:
             front.append(row)
     return front
+
+
+def is_clearly_slower(row: Row, others: Sequence[Row]) -> bool:
+    """Return whether another setting of the same program takes half the time for no larger error."""
+    rivals = [other for other in others if other.program == row.program and other.contender != row.contender]
+    return any(r.is_good and CLEARLY * r.seconds < row.seconds and r.error <= row.error for r in rivals)
 
 
 def recommend(rows: list[Row], wanted: float) -> Row | None:

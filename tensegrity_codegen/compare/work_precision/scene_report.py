@@ -11,11 +11,11 @@ import numpy as np
 
 from tensegrity_codegen.compare.work_precision.certify import Reference, certify
 from tensegrity_codegen.compare.work_precision.contender import Contender, Unavailable, measure
-from tensegrity_codegen.compare.work_precision.own import own_contenders
+from tensegrity_codegen.compare.work_precision.own import describe_simulation, own_contenders
 from tensegrity_codegen.compare.work_precision.peers import peer_contenders
 from tensegrity_codegen.compare.work_precision.physics import find_length_error
 from tensegrity_codegen.compare.work_precision.problem import MotionProblem
-from tensegrity_codegen.compare.work_precision.row import Row, find_front, recommend
+from tensegrity_codegen.compare.work_precision.row import Row, find_front, is_clearly_slower, recommend
 from tensegrity_codegen.long_work.identity import hash_study
 from tensegrity_codegen.long_work.journal import Journal
 from tensegrity_codegen.long_work.progress import part_of
@@ -29,6 +29,7 @@ WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 # this long: tighter ones would only take longer.
 LONGEST = 3.0
 FLOOR = 10.0
+TRIED = 3  # settings of another program before a slower variant of it is given up
 # Fractions of the work, about.
 BUILDING, CERTIFYING = 0.2, 0.2
 BEFORE = BUILDING + CERTIFYING
@@ -49,12 +50,16 @@ class Options:
 
 @dataclass(frozen=True)
 class SceneReport:
-    """All that was measured of one scene; absent: name of a contender -> why it does not take part."""
+    """All that was measured of one scene; absent: name of a contender -> why it does not take part.
+
+    flags: with which our code was compiled.
+    """
 
     problem: MotionProblem
     reference: Reference
     rows: tuple[Row, ...]
     absent: dict[str, str]
+    flags: str = "native"
 
     @property
     def front(self) -> list[Row]:
@@ -65,6 +70,10 @@ class SceneReport:
     def recommendations(self) -> dict[float, Row | None]:
         """Wanted error [m] -> the fastest of our own methods that reaches it."""
         return {wanted: recommend(list(self.rows), wanted) for wanted in WANTED}
+
+    def describe_simulation(self, row: Row | None) -> str:
+        """Return how the verb simulate repeats one of our runs, nothing without one."""
+        return "" if row is None else describe_simulation(row, self.problem.t_end, self.flags)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything in JSON's types."""
@@ -80,7 +89,11 @@ class SceneReport:
             "rows": [row.as_dict() for row in self.rows],
             "front": [row.as_dict() for row in self.front],
             "recommendations": [
-                {"error": wanted, "row": None if row is None else row.as_dict()}
+                {
+                    "error": wanted,
+                    "row": None if row is None else row.as_dict(),
+                    "simulate": self.describe_simulation(row),
+                }
                 for wanted, row in self.recommendations.items()
             ],
             "absent": self.absent,
@@ -112,7 +125,7 @@ def report_scene(
     measured = _Measured(
         problem, options, reference, journal, part_of(progress, BEFORE, 1.0 - BEFORE) or _ignore
     )
-    return SceneReport(problem, reference, measured.measure_all(contenders), absent)
+    return SceneReport(problem, reference, measured.measure_all(contenders), absent, options.flags)
 
 
 def _ignore(fraction: float) -> None:
@@ -138,43 +151,43 @@ class _Measured:
 
     def measure_all(self, contenders: Sequence[Contender]) -> tuple[Row, ...]:
         """Return the rows of all contenders, from loose settings to tight ones while these add something."""
-        kept = [self._find_kept(contender) for contender in contenders]
-        open_settings = [
-            0 if self._is_finished(rows, contender) else len(contender.settings) - len(rows)
-            for rows, contender in zip(kept, contenders, strict=True)
-        ]
-        total, done = sum(len(c.settings) for c in contenders), 0
-        taken = sum(map(len, kept))
-        self.journal.announce(self.problem.structure.name, "measurements", taken, taken + sum(open_settings))
-        done = total - sum(open_settings)
-        self.progress(done / max(total, 1))
+        kept: list[Row] = []
+        left: list[int] = []
+        for contender in contenders:
+            rows, missing = self._follow(contender, kept, self._take)
+            kept += rows
+            left.append(missing)
+        total = sum(len(contender.settings) for contender in contenders)
+        done = total - sum(left)
+        self.journal.announce(self.problem.structure.name, "measurements", len(kept), len(kept) + sum(left))
         found: list[Row] = []
-        for rows, contender, left in zip(kept, contenders, open_settings, strict=True):
-            found += rows
-            settings = sorted(contender.settings, reverse=True)[len(rows) :] if left else []
-            for count, setting in enumerate(settings):
-                row = self._take(contender, setting)
-                if row is None:
-                    row = _measure(self.problem, contender, setting, self.reference)
-                    self.journal.store(_name(contender, setting), row.as_dict())
-                found.append(row)
-                self.progress((done + count + 1) / total)
-                if _is_enough(row, self.reference, self.options):
-                    break
-            done += left
+        for contender, missing in zip(contenders, left, strict=True):
+            self.progress(done / max(total, 1))
+            found += self._follow(contender, found, self._measure)[0]
+            done += missing
         return tuple(found)
 
-    def _find_kept(self, contender: Contender) -> list[Row]:
-        """Return the rows that the journal has, up to the first one that is missing or ends the contender."""
+    def _follow(
+        self,
+        contender: Contender,
+        others: Sequence[Row],
+        get: Callable[[Contender, float], Row | None],
+    ) -> tuple[list[Row], int]:
+        """Return the rows of a contender up to that which ends it, and how many are left after a missing one.
+
+        others: rows of contenders before it. Of the settings of another program those that are clearly slower
+        than another one are not tightened further.
+        """
         rows: list[Row] = []
-        for setting in sorted(contender.settings, reverse=True):
-            row = self._take(contender, setting)
+        for number, setting in enumerate(sorted(contender.settings, reverse=True)):
+            row = get(contender, setting)
             if row is None:
-                break
+                return rows, len(contender.settings) - number
             rows.append(row)
-            if _is_enough(row, self.reference, self.options):
+            is_slower = contender.group == "peer" and len(rows) >= TRIED and is_clearly_slower(row, others)
+            if is_slower or _is_enough(row, self.reference, self.options):
                 break
-        return rows
+        return rows, 0
 
     def _take(self, contender: Contender, setting: float) -> Row | None:
         """Return the row that the journal has, None if it has none."""
@@ -183,9 +196,13 @@ class _Measured:
             return None
         return row
 
-    def _is_finished(self, rows: Sequence[Row], contender: Contender) -> bool:
-        enough = bool(rows) and _is_enough(rows[-1], self.reference, self.options)
-        return enough or len(rows) == len(contender.settings)
+    def _measure(self, contender: Contender, setting: float) -> Row:
+        """Return the row that the journal has, or a new one."""
+        row = self._take(contender, setting)
+        if row is None:
+            row = _measure(self.problem, contender, setting, self.reference)
+            self.journal.store(_name(contender, setting), row.as_dict())
+        return row
 
 
 def _name(contender: Contender, setting: float) -> str:
@@ -209,7 +226,7 @@ def _gather(
     problem: MotionProblem, options: Options, progress: Progress | None
 ) -> tuple[list[Contender], dict[str, str]]:
     makers = list(own_contenders(problem, flags=options.flags, compiler=options.compiler))
-    makers += list(peer_contenders(problem)) if options.peers else []
+    makers += list(peer_contenders(problem, compiler=options.compiler)) if options.peers else []
     found: list[Contender] = []
     absent: dict[str, str] = {}
     for number, (name, make) in enumerate(makers):

@@ -104,9 +104,11 @@ def compute_figures(tower: SymmetricTower, n_t: int = 201) -> dict[str, dict[str
     return dict(sorted(figures.items(), key=lambda item: int(item[0].split()[1])))
 
 
-def compute_paper_maps(tower: SymmetricTower, step_deg: float = 1.0) -> dict[str, RegionMap]:
-    """Return the maps of feasible configurations at the paper's two heights and forces."""
-    alpha, delta = np.arange(0.0, 120.0, step_deg), np.arange(step_deg, 90.0, step_deg)
+def compute_paper_maps(
+    tower: SymmetricTower, step_deg: float = 1.0, span_deg: float = 120.0
+) -> dict[str, RegionMap]:
+    """Return the maps of feasible configurations at the paper's two heights and forces, from azimuth 0."""
+    alpha, delta = np.arange(0.0, span_deg, step_deg), np.arange(step_deg, 90.0, step_deg)
     return {
         item.equation: map_regions(tower, item.height, item.force, alpha_deg=alpha, delta_deg=delta)
         for item in (PAPER_POSES["44"], PAPER_POSES["52"])

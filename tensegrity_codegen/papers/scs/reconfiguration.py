@@ -61,9 +61,12 @@ class ReconfigurationRecord:
         """Return the arrays by name."""
         return dict(vars(self))
 
-    def write(self, path: str | Path) -> None:
-        """Write the arrays to an .npz file, whole or not at all; OutputError if it cannot be written."""
-        write_arrays(path, {"tendon_class": np.array(GROUPS), **vars(self)})
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the arrays to an .npz file, whole or not at all.
+
+        Raises OutputError if it cannot be written, or exists (without `overwrite`).
+        """
+        write_arrays(path, {"tendon_class": np.array(GROUPS), **vars(self)}, overwrite=overwrite)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ TEXTS = {
     10: (WITHOUT, "Tensions", "“The tendons are always in tension”: so they are."),
     11: (PRESCRIBED, "Torque", "“Though of small magnitude, a control torque is necessary”: so it is."),
 }
+CORRECTED = (6, 8, 10)  # whose curves depend on b or Z, which are rounded in print
 ENDS = {4: "(44) and (45)", 6: "(44) and (45)", 8: "(52) and (53)", 10: "(52) and (53)"}
 
 
@@ -58,6 +59,7 @@ def _section(number: int, data: dict[str, Any]) -> Section:
             _table(data, unit),
             Remark(verdict, f"{text}{ends} The paper prints curves without numbers."),
         ),
+        "ours_corrected" if number in CORRECTED else "",
     )
 
 

@@ -50,6 +50,7 @@ def tracking_section(tower: SymmetricTower, quick: bool) -> Section:
                 ("scs-centrifugal",),
             ),
         ),
+        "paper_wrong",
     )
 
 

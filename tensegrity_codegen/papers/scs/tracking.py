@@ -120,6 +120,7 @@ def track(
         coordinate=start,
         velocity=np.zeros(len(start)),
         schedule=schedule or drive(plan),
+        control="steps",
     )
     if trajectory.status != "ok":
         raise UnstableError(

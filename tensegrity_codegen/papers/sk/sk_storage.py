@@ -86,6 +86,7 @@ def storage_section(nodes: Sequence[int]) -> Section:
                 ("sk-count",),
             ),
         ),
+        "paper_wrong",
     )
 
 

@@ -21,7 +21,7 @@ __all__ = ["compare_trajectories"]
 
 FORMULATIONS = ("node_position", "node_distance")
 ADAPTIVE = "scipy_rk45"
-REFERENCE = {"method": "scipy_dop853", "rtol": 1e-12, "atol": 1e-13}
+REFERENCE = {"method": "scipy_dop853", "rtol": 1e-12, "atol": 1e-13, "control": "steps"}
 
 
 def compare_trajectories(
@@ -56,10 +56,9 @@ def compare_trajectories(
         "auto": {},
     }
     for tolerance in tolerances:
-        for kind, method in (("adaptive", ADAPTIVE), ("auto", "auto")):
-            runs = {
-                name: run(name, method=method, rtol=tolerance, atol=0.1 * tolerance) for name in FORMULATIONS
-            }
+        for kind, method, control in (("adaptive", ADAPTIVE, "steps"), ("auto", "auto", "samples")):
+            given = {"method": method, "control": control, "rtol": tolerance, "atol": 0.1 * tolerance}
+            runs = {name: run(name, **given) for name in FORMULATIONS}
             result[kind][tolerance] = {
                 "difference": _difference(runs["node_position"], runs["node_distance"]),
                 "error": {name: _difference(found, truth) for name, found in runs.items()},

@@ -26,7 +26,6 @@ DAMPED_OUT = "The method radau damps vibrations of stiff bars that its steps do 
 MOST_WORK = 1e6  # members times explicit steps a simulated second above which radau is considered
 STIFFER = 20.0  # bars to cables, as frequencies, from which radau takes so much longer steps that they pay
 PULL = 0.2  # of the structure's size: displacement at which a pull of strength 1 has the usual force
-PULLED = 1 / 400  # [s] between two values of the pulling force, as in worker.js
 UNSHOWN = ("held", "reaction", "use")  # of stated positions only
 
 
@@ -96,7 +95,11 @@ def add_engine(
         "size": scales.size,
         "usual_force": scales.force,
         "sliders": Sliders(subject, structure, manifest, scales).build(),
-        "pull": {"mass": scales.mass, "stiffness": _pull_stiffness(scales.force, scales.size, scales.mass)},
+        "pull": {
+            "mass": scales.mass,
+            "stiffness": scales.force / (PULL * scales.size),
+            "place": sum(sizes[name] for name in manifest.driven[:-1]),
+        },
     }
     places = [3 * node + axis for node, axis in manifest.coordinate_node_axis]
     channels = {name: item for name, item in scene.channels.items() if name not in UNSHOWN}
@@ -111,7 +114,8 @@ def add_engine(
     }
     facts = (
         f"The compiled model runs in this page: {' or '.join(methods)} with error control, relative "
-        f"tolerance {rtol:g} of each step; a pull acts as impulses every {PULLED * 1000:.2g} ms.",
+        f"tolerance {rtol:g} of each step. A pull is a spring and a damper between node and pointer, in the "
+        "equations of motion.",
         *((DAMPED_OUT,) if STIFF in methods else ()),
         *(fact for fact in scene.facts if not fact.startswith("Reactions")),
     )
@@ -158,9 +162,3 @@ def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = No
     np.add.at(total, ends.ravel(), np.repeat(2.0 * spring, 2))
     moving = (mass > 0) & ~structure.node_anchored.all(axis=1)
     return float(np.sqrt((total[moving] / mass[moving]).max(initial=0.0)))
-
-
-def _pull_stiffness(force: float, size: float, mass: float) -> float:
-    """Return the spring constant [N/m] of a pull, small enough that steps of PULLED integrate it."""
-    wished = force / (PULL * size)
-    return min(wished, 0.02 * mass / PULLED**2) if mass > 0 else wished

@@ -13,7 +13,7 @@ from tensegrity_codegen.report.live.channels import Channel, pack, pack_rounded
 from tensegrity_codegen.report.live.uses import compute_uses
 from tensegrity_codegen.report.live.views import choose_view
 from tensegrity_codegen.report.loads import compute_loads
-from tensegrity_codegen.report.pictures.checks import check_trajectory
+from tensegrity_codegen.report.pictures.checks import check_array, check_tension, check_trajectory
 from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.report.pictures.draw import outline_motion, pad_tension
 from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
@@ -136,6 +136,9 @@ def build_live_scene(
     origin = np.round((low + high) / 2, 6)
     held = np.flatnonzero(structure.node_anchored[:, list(structure.axes)].any(axis=1))
     loads = compute_loads(subject, motion) if load is None else load[None]
+    for name, array in (("node_position", position), ("node_load", loads)):
+        check_array(name, array, array.shape, "samples, nodes, axes")
+    check_tension(tension, tension.shape, structure, "samples, members")
     reaction = compute_reactions(structure, position, tension, held, loads, find_joints(subject))
     shapes, labels = _list_modes(analysis)
     channels = _pack_structure(structure) | {
@@ -162,6 +165,7 @@ def build_live_scene(
     size = np.linalg.norm(reaction, axis=-1)
     data = {
         **choose_view(structure.axes, is_supported=bool(held.size), direction=start.view),
+        "title": structure.name,
         "start": start.describe(),
         "most_names": MOST_NAMES,
         "nodes": structure.node_name,
@@ -251,7 +255,7 @@ def _list_facts(
     for bars, word in ((True, "Bars"), (False, "Cables")):
         chosen = structure.is_bar == bars
         if chosen.any() and not structure.radius[chosen].all():
-            facts.append(f"{word} without a radius are drawn with a radius that suits the picture.")
+            facts.append(f"{word} without a radius have one that suits the picture and their largest force.")
     held: NDArray[np.bool_] = np.asarray(structure.node_anchored.any(axis=1))
     if held.any():
         facts.append("Reactions balance members, loads and weight at anchored nodes.")

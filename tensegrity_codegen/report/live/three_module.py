@@ -135,7 +135,7 @@ def write_three(folder: Path | None = None, file: str | Path | None = None) -> P
     texts = _unpack(THREE.find(file or os.environ.get(THREE_VARIABLE) or None))
     target.mkdir(parents=True, exist_ok=True)
     for name, text in zip(BUNDLED, texts, strict=True):
-        with replaced(target / name) as temporary:
+        with replaced(target / name, overwrite=True) as temporary:
             temporary.write_bytes(text.encode("utf-8"))
     return target
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.analysis.member_limits import MEMBER_CHECKS, check_members
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
+from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["compute_uses"]
@@ -42,10 +42,10 @@ def compute_uses(
     if not any(np.any(getattr(limits, name) != none) for name, none in MEMBER_LIMITS.items()):
         return None
     ends = structure.connectivity[: subject.n_members]
+    place = position[:, ends]
+    length = np.linalg.norm(place[:, :, 0] - place[:, :, 1], axis=2)
+    use = check_members(subject, tension[:, : subject.n_members], length).use
     result = np.full(tension.shape, np.nan)
-    for k in range(len(tension)):
-        length = np.linalg.norm(position[k, ends[:, 0]] - position[k, ends[:, 1]], axis=1)
-        use = check_members(subject, tension[k, : subject.n_members], length).use
-        result[k, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
+    result[:, : subject.n_members] = np.fmax.reduce([use[name] for name in MEMBER_CHECKS])
     limited: FloatArray = np.minimum(result, MOST)
     return limited

@@ -11,8 +11,10 @@ from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.picture import Picture, draw_picture
 
 __all__ = [
+    "CAUSES",
     "VERDICTS",
     "Block",
+    "Cause",
     "Chapter",
     "Command",
     "Entry",
@@ -33,6 +35,14 @@ VERDICTS: Mapping[str, str] = {
     "unstated": "no numbers in print",
     "new": "not in print",
     "plain": "",  # nothing to compare with
+}
+# Why a result differs from print, or agrees only with data or formulas that were corrected here.
+Cause = Literal["", "paper_wrong", "data_missing", "we_differ", "ours_corrected"]
+CAUSES: Mapping[str, str] = {
+    "paper_wrong": "paper wrong",
+    "data_missing": "data missing",
+    "we_differ": "we differ",
+    "ours_corrected": "ours corrected",
 }
 
 
@@ -81,7 +91,8 @@ Block = Paragraph | Command | Remark | Table | Figure
 class Section:
     """One thing of a paper: its name there (`source`, as in "Table 2"), a title, what came out, and the rest.
 
-    anchor: unique on the page, letters, digits and hyphens; result: the outcome in one short line.
+    anchor: unique on the page, letters, digits and hyphens; result: the outcome in one short line; cause: key
+    of CAUSES; errors: the largest differences from print, (value, unit).
     """
 
     anchor: str
@@ -90,6 +101,13 @@ class Section:
     verdict: Verdict
     result: str
     blocks: tuple[Block, ...]
+    cause: Cause = ""
+    errors: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def outcome(self) -> str:
+        """The verdict and its cause in words, empty where there is nothing to compare with."""
+        return ": ".join(filter(None, (VERDICTS[self.verdict], CAUSES.get(self.cause))))
 
     @property
     def is_one_figure(self) -> bool:
@@ -201,6 +219,7 @@ def _section_dict(section: Section) -> dict[str, Any]:
         "source": section.source,
         "title": section.title,
         "verdict": section.verdict,
+        **({"cause": section.cause} if section.cause else {}),
         "result": section.result,
         "blocks": [_block_dict(block) for block in section.blocks],
     }

@@ -6,7 +6,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from tensegrity_codegen.report.pages.page import VERDICTS, Page
+from tensegrity_codegen.report.pages.page import Page
 
 __all__ = ["outcome_table"]
 
@@ -18,6 +18,6 @@ def outcome_table(page: Page) -> Table:
         table.add_column(name, overflow="fold")
     for chapter in page.chapters:
         for section in chapter.sections:
-            words = (chapter.name, section.source, section.title, VERDICTS[section.verdict])
+            words = (chapter.name, section.source, section.title, section.outcome)
             table.add_row(*(Text(word) for word in words))
     return table

@@ -8,7 +8,7 @@ from markupsafe import Markup, escape
 
 from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.html_template import html_template
-from tensegrity_codegen.report.pages.page import VERDICTS, Page
+from tensegrity_codegen.report.pages.page import Page
 from tensegrity_codegen.report.pages.table_width import HINT_WIDTHS
 from tensegrity_codegen.report.pages.theme import THEME
 
@@ -23,7 +23,7 @@ SHORT = re.compile("[\\d.]+e[-+]\\d+(?:\N{NO-BREAK SPACE}\\w+)?")
 
 def render_page(page: Page) -> str:
     """Return the page as HTML; all its words are escaped, only SVG pictures are taken as they are."""
-    words = {"theme": THEME, "verdicts": VERDICTS, "hint_widths": HINT_WIDTHS}
+    words = {"theme": THEME, "hint_widths": HINT_WIDTHS}
     return html_template("pages", "page.html.j2", rich=_enrich).render(page=page, **words)
 
 

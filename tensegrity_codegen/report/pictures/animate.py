@@ -52,14 +52,15 @@ def write_animation(
     progress: Progress | None = None,
     choices: PictureChoices = DEFAULT,
     subject: Structure | BodySystem | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Write a motion as a film (.gif or .mp4) and return its path.
 
     fps: frames a second; slow_down: seconds of film for a simulated second; progress: called with the
     fraction done; choices: view, size, names and so on; subject: what the structure is the outline of. Each
     frame shows the nearest sample, the last one the last sample. Raises InvalidValueError for another suffix,
-    an fps or slow_down out of range, or too long a film; OutputError for a file that cannot be written;
-    MissingExtraError without matplotlib, Pillow or, for .mp4, ffmpeg.
+    an fps or slow_down out of range, or too long a film; OutputError for a file that cannot be written, or
+    exists (without `overwrite`); MissingExtraError without matplotlib, Pillow or, for .mp4, ffmpeg.
     """
     target = Path(path)
     suffix = check_suffix(target, FILM_SUFFIXES)
@@ -72,7 +73,7 @@ def write_animation(
     if ffmpeg is None:
         import_extra("PIL.Image")
     setting = set_up(show_motion(structure, trajectory, subject), choices)
-    with replaced(target) as temporary:
+    with replaced(target, overwrite=overwrite) as temporary:
         # An unwritable folder shows now, not after the drawing.
         temporary.touch(exist_ok=False)
         shots, counts = _hold(frames)

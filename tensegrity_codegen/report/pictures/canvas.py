@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.extras import import_extra
 from tensegrity_codegen.files import replaced
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.report.pictures.palette import PAPER
 
 if TYPE_CHECKING:
@@ -24,6 +23,9 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 # Pixels an inch of a PNG picture.
 PICTURE_DPI = 150
 SCREEN_DPI = 100  # of pictures in notebooks
+
+
+PROGRAM = "tensegrity_codegen"  # in the metadata of pictures
 
 
 def check_suffix(path: Path, allowed: Iterable[str], where: str = "") -> str:
@@ -75,17 +77,20 @@ def _figure_class() -> type[Figure]:
     return NotebookFigure
 
 
-def save_figure(figure: Figure, path: Path) -> None:
-    """Write the figure, whole or not at all, in the format of the path's suffix; raises OutputError."""
+def save_figure(figure: Figure, path: Path, *, overwrite: bool) -> None:
+    """Write the figure, whole or not at all, in the format of the path's suffix.
+
+    Raises OutputError where it cannot be written, or exists (without `overwrite`).
+    """
     kind = path.suffix.lower().removeprefix(".")
-    # Without the date the same picture has the same bytes.
+    # Without the date, and with a fixed salt for the names in it, the same picture has the same bytes.
     known: dict[str, dict[str, str | None]] = {
-        "png": {"Software": MARK},
-        "svg": {"Creator": MARK, "Date": None},
-        "pdf": {"Creator": MARK, "CreationDate": None},
+        "png": {"Software": PROGRAM},
+        "svg": {"Creator": PROGRAM, "Date": None},
+        "pdf": {"Creator": PROGRAM, "CreationDate": None},
     }
     metadata = known.get(kind, {})
     from matplotlib import rc_context
 
-    with replaced(path) as temporary, rc_context({"svg.hashsalt": MARK}):  # else names in it are random
+    with replaced(path, overwrite=overwrite) as temporary, rc_context({"svg.hashsalt": PROGRAM}):
         figure.savefig(temporary, format=kind, dpi=figure.dpi, facecolor=PAPER, metadata=metadata)

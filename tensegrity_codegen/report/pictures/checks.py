@@ -13,24 +13,28 @@ from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["check_array", "check_tension", "check_trajectory"]
 
+LARGEST = 1e30  # whose squares and cubes are far from overflow, in single precision too
+
 
 def check_array(name: str, value: ArrayLike, shape: tuple[int, ...], over: str) -> NDArray[np.float64]:
-    """Return `value` as finite numbers of `shape`; `over` says what it runs over.
+    """Return `value` as numbers of `shape` up to LARGEST; `over` says what it runs over.
 
-    Raises InvalidValueError for another shape, NonFiniteError for NaN or an infinity.
+    Raises InvalidValueError for another shape, NonFiniteError for larger numbers, NaN or an infinity.
     """
     array: NDArray[Any] = np.array(value, dtype=float)
     if array.shape != shape:
         raise InvalidValueError(
             f"{name} has the wrong shape", where=name, given=array.shape, allowed=f"{shape}: {over}"
         )
-    if not np.all(np.isfinite(array)):
-        wrong = np.argwhere(~np.isfinite(array))[0]
+    is_good = np.abs(array) <= LARGEST
+    if not is_good.all():
+        wrong = np.argwhere(~is_good)[0]
         inside = f" in sample {wrong[0]}" if over.startswith("samples") else ""
+        problem = "too large for a picture" if np.isfinite(array[tuple(wrong)]) else "not finite"
         raise NonFiniteError(
-            f"{name} is not finite{inside}",
+            f"{name} is {problem}{inside}",
             where=name,
-            allowed="finite numbers",
+            allowed=f"finite numbers of at most {LARGEST:g}",
             hint="see where it was computed",
         )
     return array
@@ -70,9 +74,10 @@ def check_trajectory(structure: Structure, trajectory: Trajectory) -> None:
         )
     samples = len(trajectory.time)
     check_array("time", trajectory.time, (samples,), "samples")
-    check_array(
-        "node_position", trajectory.node_position, (samples, structure.n_nodes, 3), "samples, nodes, axes"
-    )
+    of_nodes = (samples, structure.n_nodes, 3)
+    for name in ("node_position", "node_velocity", "node_load"):
+        if getattr(trajectory, name) is not None:
+            check_array(name, getattr(trajectory, name), of_nodes, "samples, nodes, axes")
     shape = (samples, structure.n_members)
     check_tension(trajectory.member_tension, shape, structure, "samples, members")
     for name in ("kinetic_energy", "total_energy"):

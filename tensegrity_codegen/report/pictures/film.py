@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import MissingExtraError, OutputError
-from tensegrity_codegen.marks import MARK
 
 __all__ = ["GIF_FASTEST", "find_ffmpeg", "write_gif", "write_mp4"]
 
@@ -68,7 +67,6 @@ def write_gif(path: Path, images: Iterator[Image], counts: Sequence[int], fps: f
             duration=(10 * np.diff(ends)).tolist(),
             loop=0,
             optimize=False,
-            comment=MARK.encode("ascii"),
         )
 
 
@@ -83,7 +81,6 @@ def write_mp4(ffmpeg: str, path: Path, images: Iterator[Image], counts: Sequence
         ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.6f}", "-i", "-",
         "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart",
-        "-metadata", f"comment={MARK}",
         "-f", "mp4", str(path.absolute()),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as log:

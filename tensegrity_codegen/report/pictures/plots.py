@@ -57,6 +57,7 @@ def plot_structure(
     load: ArrayLike | None = None,
     parts: BodyParts | None = None,
     note: str | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Draw a structure into a PNG, SVG or PDF file and return its path.
 
@@ -64,7 +65,7 @@ def plot_structure(
     the members' colours, NaN where that of a bar is unknown; labels: with the names of nodes and members;
     load (n_nodes, 3) [N]: by default that of the structure; parts: of an outline of bodies. Raises
     InvalidValueError for another suffix or shape, NonFiniteError, OutputError for a file that cannot be
-    written, MissingExtraError without matplotlib.
+    written or exists (without `overwrite`), MissingExtraError without matplotlib.
     """
     target = Path(path)
     suffix = check_suffix(target, PICTURE_SUFFIXES)
@@ -72,7 +73,7 @@ def plot_structure(
         structure, node_position=node_position, member_tension=member_tension, title=title, labels=labels,
         choices=choices, load=load, parts=parts, note=note, is_vector=suffix in VECTOR,
     )  # fmt: skip
-    save_figure(figure, target)
+    save_figure(figure, target, overwrite=overwrite)
     return target
 
 
@@ -129,6 +130,7 @@ def plot_trajectory(
     *,
     choices: PictureChoices = DEFAULT,
     subject: Structure | BodySystem | None = None,
+    overwrite: bool = False,
 ) -> Path:
     """Draw a motion into a PNG, SVG or PDF file and return its path.
 
@@ -153,7 +155,7 @@ def plot_trajectory(
     if trajectory.status != "ok":
         note = f"{trajectory.status}: {trajectory.message}; {note}"
     add_heading(figure, structure.name, note)
-    save_figure(figure, target)
+    save_figure(figure, target, overwrite=overwrite)
     return target
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.report.loads import compute_loads
+from tensegrity_codegen.report.pictures.checks import check_array, check_tension
 from tensegrity_codegen.report.pictures.drawing import BodyParts
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -49,6 +50,12 @@ class Shown:
     tension: FloatArray | None
     load: FloatArray
     parts: BodyParts
+
+    def __post_init__(self) -> None:
+        check_array("node_position", self.position, self.position.shape, "samples, nodes, axes")
+        check_array("node_load", self.load, self.position.shape, "samples, nodes, axes")
+        if self.tension is not None:
+            check_tension(self.tension, self.tension.shape, self.structure, "samples, members")
 
     def sample(self, number: int) -> Shown:
         """Return one sample alone."""

@@ -134,6 +134,6 @@ def _with_vibration(
 ) -> RawTrajectory:
     """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
     off = vibration.error(float(motion.sample_time[1]), motion.t_end)
-    jumps = bound_jumps(motion.model, raw, raw.tension_member, frequency, motion.arguments)
+    jumps = bound_jumps(motion, raw, raw.tension_member, frequency)
     kinks = bound_kinks(motion, raw, raw.tension_member)
     return note_left_out(vibration.add_to(raw, motion.state), off + jumps + kinks)

@@ -34,6 +34,7 @@ EXPLICIT = ("rk853", "rk54")
 CHEAP = 5_000  # steps that resolve every vibration in hundredths of a second
 LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8
 JUMPS_LOOSE = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
+MOSTLY = 0.8  # of the explicit steps, that cables alone need where not bars limit them
 RADAU_STEP = 1.5  # time of a step of radau over that of one of rk853
 MOST_EXPLICIT = 100_000  # steps, at most, where radau misses the tolerance
 SAME = 1.5  # stiffness over that of cables, below which it is worth no word
@@ -144,26 +145,26 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         return replace(explicit, why=why)
     if rtol <= LOOSE and any(spec.name == "rk853" for spec in model.manifest.integrators):
         explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
-    slow = RADAU_STEP * _radau_steps(rates.slow_frequency, rates.slow_decay, last, rtol)
-    if slow >= steps:
-        is_damped = rates.slow_decay > 10.0 * rates.slow_frequency
-        cause = "damping of cables limits" if is_damped else "cables limit"
-        return replace(explicit, why=f"{explicit.why}; {cause} the steps, not bars")
-    stiff = next(spec.tensions for spec in model.manifest.integrators if spec.name == "radau")
+    spec = next(spec for spec in model.manifest.integrators if spec.name == "radau")
+    slow_decay = 0.0 if spec.damped else rates.slow_decay  # in radau's matrix it costs no steps
+    by_radau = _radau_steps(rates.slow_frequency, slow_decay, last, rtol)
+    compared = f"estimated {_number(steps)} explicit steps, {_number(by_radau)} steps of radau"
+    if RADAU_STEP * by_radau >= steps:
+        is_damped = slow_decay > 10.0 * rates.slow_frequency
+        cause = f"{'damping of cables limits' if is_damped else 'cables limit'} the steps, not bars"
+        if MOSTLY * steps > _explicit_steps(rates.slow_frequency, rates.slow_decay, last, rtol):
+            cause = f"{ratio}: {compared}, which take longer each"
+        return replace(explicit, why=f"{explicit.why}; {cause}")
     amplitude = listen_to_members(motion)["vibration"]
     with np.errstate(all="ignore"):  # members without a length have no direction
-        vibration = find_vibration(model, state, stiff, rates, motion.arguments)
+        vibration = find_vibration(model, state, spec.tensions, rates, motion.arguments)
     if not vibration.error(first, last)[0] <= options.absolute + rtol * size:
         why = f"{explicit.why}; {ratio} and vibrate by {amplitude:.2g} m, which only short steps resolve"
         return replace(explicit, why=why)
-    why = (
-        f"{ratio} and vibrate by {amplitude:.2g} m: about {_number(steps)} explicit steps, {_number(slow)} "
-        "steps of radau"
-    )
     return replace(
         explicit,
         name="radau",
-        why=why,
+        why=f"{ratio} and vibrate by {amplitude:.2g} m: {compared}",
         otherwise=explicit.name if steps <= MOST_EXPLICIT else "",
         most_steps=int(FEWEST + steps / RADAU_STEP) if steps <= MOST_EXPLICIT else LARGEST,
         most_otherwise=int(FEWEST + MOST_ROUND * steps),

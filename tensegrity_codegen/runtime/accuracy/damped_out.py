@@ -73,7 +73,7 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
 
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_radau(motion, options.within(rtol, atol))
-        jumps = bound_jumps(model, raw, stiff, rates.frequency, motion.arguments)
+        jumps = bound_jumps(motion, raw, stiff, rates.frequency)
         kinks = bound_kinks(motion, raw, stiff)
         return note_left_out(raw, vibration.damped_out(atol + rtol * size) + jumps + kinks)
 

@@ -19,11 +19,13 @@ FloatArray = NDArray[np.float64]
 Run = Callable[[float, float], RawTrajectory]
 
 MOST_ROUNDS = 7
-TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding
+TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding; of methods in C
+LEAST_SHRINK = 0.03  # where vibrations that steps leave out keep the rounds going: they end all at once
 MOST_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
 FLOORS_APART = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
 STUCK = 0.5  # of the difference before: a difference that rounding keeps from becoming smaller
+LOOSE = 1e-3  # relative tolerance of steps above which two runs may pass over the same events and agree
 SAFETY = 3.0  # times the difference of two runs that rounding keeps apart: the error of either
 USELESS = 5e-3  # of the largest speed: velocities that may be so wrong are of no use
 CROWDED = "too_many_events"  # the status of a run that events hold up
@@ -38,7 +40,8 @@ class Checks:
     resolves_left_out: whether tighter steps leave less out, so that amounts of positions keep the rounds
     going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
-    that counts. trust: the part of a difference that counts at least, for methods that pass over kinks.
+    that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. trust: the part
+    of a difference that counts at least, for methods that pass over kinks.
     rounding: what it makes of velocities.
     """
 
@@ -46,6 +49,7 @@ class Checks:
     resolves_left_out: bool = False
     lost: Callable[[RawTrajectory], float] | None = None
     least_atol: float = 0.0
+    least_rtol: float = TIGHTEST_RTOL
     trust: float = 0.0
     rounding: Rounding | None = None
 
@@ -64,7 +68,7 @@ def tighten_until_converged(run: Run, tolerance: Tolerance, checks: Checks | Non
     rounds do not come together, or the next one would take all beyond MOST_WORK.
     """
     rounds = _Rounds(run, tolerance, checks or Checks())
-    return rounds.beyond_rounding() if tolerance.rtol < 10.0 * TIGHTEST_RTOL else rounds.result()
+    return rounds.beyond_rounding() if tolerance.rtol < 10.0 * rounds.checks.least_rtol else rounds.result()
 
 
 class _Rounds:
@@ -74,7 +78,7 @@ class _Rounds:
         self.run, self.tolerance, self.checks = run, tolerance, checks
         self.rtol, self.atol = tolerance.rtol, min(tolerance.atol, tolerance.atol_speed)
         self.least = checks.least_atol
-        self.factor, self.error, self.where = 1.0, np.inf, ""
+        self.factor, self.error, self.where, self.left_out = 1.0, np.inf, "", 0.0
         self.last, self.apart = 0.1, np.inf  # tightening and difference of the round before
         self.n_evaluations = 0
 
@@ -89,7 +93,7 @@ class _Rounds:
 
     def beyond_rounding(self) -> RawTrajectory:
         """Return the best run there is for a tolerance below rounding, and how far it is from that."""
-        scale = TIGHTEST_RTOL / self.rtol
+        scale = self.checks.least_rtol / self.rtol
         loose, tight = (self._try(f * scale * self.rtol, f * scale * self.atol) for f in (10.0, 1.0))
         if tight.status == "unstable":
             return replace(tight, method=_name(tight))
@@ -129,8 +133,9 @@ class _Rounds:
         """Return the factor by which the next run is tighter."""
         if self.atol * self.factor <= self.least:  # rounding is near
             return 0.1
-        shrink = float(np.clip(0.3 / self.error, 1e-3, 0.1)) if np.isfinite(self.error) else 0.1
-        return min(0.1, max(shrink, TIGHTEST_RTOL / (self.rtol * self.factor)))
+        least = LEAST_SHRINK if self.left_out > 1.0 else 1e-3
+        shrink = float(np.clip(0.3 / self.error, least, 0.1)) if 0.0 < self.error < np.inf else 0.1
+        return min(0.1, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
 
     def _try_finer(self, shrink: float) -> RawTrajectory:
         """Return a tighter run; halfway there where it stops early: rounding may let no step be so exact."""
@@ -154,16 +159,17 @@ class _Rounds:
         part, self.last = max(part, self.checks.trust), trusted
         found = compare_runs(self.previous, finer, self.tolerance, part=part, more=more, noise=noise)
         self.error, self.where = found.error, found.where
-        share = self._share(finer, more)
+        share = self.left_out = self._share(finer, more)
         if self.error <= 1.0 and self.checks.lost is not None:
             lost = self.checks.lost(finer)
             self.where = "by vibrations that the steps do not resolve" if lost > 1.0 else self.where
             self.error += lost
-        if self.error + share <= 1.0:
+        is_loose = finer.log.count > 0 and self.rtol * self.factor / shrink > LOOSE
+        if self.error + share <= 1.0 and not is_loose:
             self.error += share
             return self._accept(finer, found)
         is_stuck = STUCK * wider < self.apart and (at_least or found.reducible <= 1.0)
-        if (is_stuck and found.error > 1.0) or self.factor * self.rtol <= TIGHTEST_RTOL:
+        if (is_stuck and found.error > 1.0) or self.factor * self.rtol <= self.checks.least_rtol:
             return self._state_rounding(finer, found, more, share)
         if share > 1.0 and not self.checks.resolves_left_out and self.error <= 1.0:
             self.error += share

@@ -32,7 +32,7 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
 
     is_centre = motion.model.manifest.is_centre
     place = motion.state[: len(is_centre)][~is_centre]
-    lost = LostVibration(motion, options, find_frequency)
+    lost = LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
     checks = Checks(
         least_atol=TABLEAUS[options.method].noise_share * find_noise(place, find_frequency()),
         rounding=Rounding(find_frequency, is_centre),

@@ -8,6 +8,7 @@ from tensegrity_codegen.runtime.accuracy.automatic import integrate_auto
 from tensegrity_codegen.runtime.accuracy.damped_out import integrate_radau_to_samples
 from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_samples
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_motion
+from tensegrity_codegen.runtime.accuracy.scheduled import integrate_scipy_to_samples
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_by_doubling
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_fastest
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
@@ -33,7 +34,7 @@ TO_SAMPLES = {
     "auto": integrate_auto,
     "adaptive": integrate_explicit_to_samples,
     "implicit": integrate_radau_to_samples,
-    "scipy": integrate_scipy,
+    "scipy": integrate_scipy_to_samples,
 }
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
-from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -34,16 +33,22 @@ SHARPER = 1e-2  # tolerance of its steps
 
 @dataclass(frozen=True)
 class LostVibration:
-    """What runs of a motion lose; find_frequency: returns the fastest frequency [rad/s]."""
+    """What runs of a motion lose.
+
+    find_frequency: returns the fastest frequency [rad/s]; integrate: does one run; tableau: name of the
+    explicit method whose steps lose as much.
+    """
 
     motion: Motion
     options: RunOptions
     find_frequency: Callable[[], float]
+    integrate: Callable[[Motion, RunOptions], RawTrajectory]
+    tableau: str
 
     def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> float:
         """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them."""
         frequency, last = self.find_frequency(), float(run.time[-1])
-        factor, power = TABLEAUS[self.options.method].vibration_loss
+        factor, power = TABLEAUS[self.tableau].vibration_loss
         angle = frequency * last / max(run.n_steps, 1)
         changed = run.n_steps * factor * angle**power
         if changed <= KEPT:
@@ -57,7 +62,7 @@ class LostVibration:
         times = np.linspace(0.0, min(last, (COUNT - 1) * SPACING / frequency), COUNT)
         motion = replace(self.motion, sample_time=times, progress=None, watch=Watch())
         rtol, atol = (SHARPER * value for value in (self.options.rtol, self.options.absolute))
-        run = integrate_adaptive(motion, self.options.within(rtol, atol))
+        run = self.integrate(motion, self.options.within(rtol, atol))
         found = np.zeros(len(tolerance.first))
         for lag in (1, 2):  # second differences of a vibration, 2 (1 - cos) times its size
             if len(run.state) > 2 * lag:

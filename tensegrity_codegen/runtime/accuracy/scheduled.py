@@ -1,10 +1,16 @@
-"""The method `auto` where a schedule changes arguments with time: SciPy's methods, their error checked."""
+"""SciPy's methods, their error checked; they are the method `auto` where a schedule is a function of time."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache, partial
 
+import numpy as np
+
+from tensegrity_codegen.runtime.accuracy.damped_out import PASSING_KINKS
 from tensegrity_codegen.runtime.accuracy.error_control import Checks, tighten_until_converged
+from tensegrity_codegen.runtime.accuracy.lost_vibration import LostVibration
+from tensegrity_codegen.runtime.accuracy.rounding import Rounding
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_decay, find_fastest, find_noise
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -12,7 +18,7 @@ from tensegrity_codegen.runtime.integrate.options import SMALLEST_SCIPY_RTOL, Ru
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 
-__all__ = ["integrate_scheduled"]
+__all__ = ["integrate_scheduled", "integrate_scipy_to_samples"]
 
 WHY = "methods in C take values over time from a Profile of inputs only, so this schedule runs through SciPy"
 MANY_STEPS = 20_000  # of an explicit method, from which on SciPy's implicit one has its turn first
@@ -25,7 +31,9 @@ def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:
     MANY_STEPS steps. The estimated error at the samples is within atol + rtol |x|, unless `control` is
     "steps"; status "not_converged" where neither method meets that.
     """
-    steps, noise = _find_steps(motion)
+    begun = _begin(motion)
+    frequency = find_fastest(begun)
+    steps, noise = motion.t_end * (0.75 * frequency + 0.2 * find_decay(begun)), _find_noise(begun, frequency)
     names = ("scipy_radau", "scipy_dop853") if steps > MANY_STEPS else ("scipy_dop853", "scipy_radau")
     why, found = _explain(names[0], steps), _run(motion, options, names[0], noise)
     if found.status != "ok":
@@ -35,13 +43,42 @@ def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:
     return replace(found, method=f"auto ({found.method})", why=why)
 
 
-def _find_steps(motion: Motion) -> tuple[float, float]:
-    """Return about how many explicit steps the motion takes, and the rounding of velocities [m/s]."""
-    given = {**motion.arguments, **(motion.schedule(0.0) if motion.schedule else {})}
-    begun = replace(motion, arguments=given)
-    frequency = find_fastest(begun)
-    steps = motion.t_end * (0.75 * frequency + 0.2 * find_decay(begun))
-    return steps, find_noise(motion.state[: len(motion.state) // 2], frequency)
+def integrate_scipy_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Return a run of the SciPy method of the options, its estimated error within the tolerance.
+
+    As integrate_explicit_to_samples; steps pass over the kinks where cables go slack and taut. Raises as
+    integrate_scipy.
+    """
+    structure, manifest = motion.model.structure, motion.model.manifest
+    begun = _begin(motion)
+    find_frequency = cache(partial(find_fastest, begun))
+    tolerance = tolerance_of_options(manifest, options)
+    has_kinks = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
+    like = "rk853" if options.method == "scipy_dop853" else "rk54"
+    lost = LostVibration(motion, options, find_frequency, integrate_scipy, like)
+    checks = Checks(
+        least_atol=_find_noise(begun, find_frequency()),
+        least_rtol=SMALLEST_SCIPY_RTOL,
+        trust=PASSING_KINKS if has_kinks else 0.0,
+        rounding=Rounding(find_frequency, manifest.is_centre),
+        lost=partial(lost.estimate, tolerance=tolerance),
+    )
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        return integrate_scipy(motion, options.within(max(rtol, SMALLEST_SCIPY_RTOL), atol))
+
+    return tighten_until_converged(run, tolerance, checks)
+
+
+def _begin(motion: Motion) -> Motion:
+    """Return the motion with the arguments that it has at the start."""
+    changed = motion.schedule(0.0) if motion.schedule else {}
+    return replace(motion, arguments={**motion.arguments, **changed})
+
+
+def _find_noise(motion: Motion, frequency: float) -> float:
+    is_centre = motion.model.manifest.is_centre
+    return find_noise(motion.state[: len(is_centre)][~is_centre], frequency)
 
 
 def _explain(name: str, steps: float) -> str:
@@ -51,17 +88,7 @@ def _explain(name: str, steps: float) -> str:
 
 
 def _run(motion: Motion, options: RunOptions, name: str, noise: float) -> RawTrajectory:
-    """Return one method's run, tightened until its error is within the tolerance."""
-
-    def run(rtol: float, atol: float) -> RawTrajectory:
-        least = max(rtol, SMALLEST_SCIPY_RTOL)
-        raw = integrate_scipy(motion, replace(options, method=name, rtol=least, atol=atol))
-        if raw.status != "ok" or rtol == least:
-            return raw
-        why = f"the smallest relative tolerance of SciPy is {least:.2g}"
-        return replace(raw, status="not_converged", message=why)
-
+    """Return the run of one method, checked unless the error of its steps is all that is asked for."""
     if options.control == "steps":
-        return run(options.rtol, max(options.absolute, noise))
-    tolerance = tolerance_of_options(motion.model.manifest, options)
-    return tighten_until_converged(run, tolerance, Checks(least_atol=noise))
+        return integrate_scipy(motion, replace(options, method=name, atol=max(options.absolute, noise)))
+    return integrate_scipy_to_samples(motion, replace(options, method=name))

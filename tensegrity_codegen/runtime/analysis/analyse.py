@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_whole, is_number
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
 from tensegrity_codegen.runtime.analysis.configuration import Configuration, read_configuration
 from tensegrity_codegen.runtime.analysis.judge import judge
 from tensegrity_codegen.runtime.analysis.mechanisms import FreeMotions, find_free_motions
-from tensegrity_codegen.runtime.analysis.member_limits import check_members
 from tensegrity_codegen.runtime.analysis.modes import find_modes
 from tensegrity_codegen.runtime.analysis.prestress import Prestress, find_prestress
 from tensegrity_codegen.runtime.analysis.prestress_stability import (
@@ -28,6 +28,7 @@ from tensegrity_codegen.runtime.analysis.rank import RANK_TOLERANCE, Rank, find_
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.newton import find_stability
+from tensegrity_codegen.structure.member_limits import check_members
 
 __all__ = ["MODES", "Analysis", "analyse"]
 
@@ -83,7 +84,7 @@ def analyse(
     --------
     >>> from tensegrity_codegen import analyse, compile_scene
     >>> found = analyse(compile_scene("prism.toml", for_="analyse"))
-    >>> found.status, found.rank.rank, len(found.rank.selfstress), found.mechanism.shape[2]
+    >>> found.status, found.rank.rank, found.n_selfstress, found.n_mechanisms
     ('stable', 11, 1, 1)
     """
     require_model(model)
@@ -204,7 +205,7 @@ def _check_forces(at: Configuration) -> bool:
 
 
 def _check_options(rank_tolerance: float, n_modes: int) -> None:
-    if not 0 < rank_tolerance < 1:
+    if not (is_number(rank_tolerance) and 0 < rank_tolerance < 1):
         raise InvalidValueError(
             "the tolerance is out of range",
             where="rank_tolerance",
@@ -212,11 +213,4 @@ def _check_options(rank_tolerance: float, n_modes: int) -> None:
             allowed="above 0, below 1",
             hint=f"{RANK_TOLERANCE:g} is the default",
         )
-    if n_modes < 0:
-        raise InvalidValueError(
-            "not a number of modes",
-            where="n_modes",
-            given=n_modes,
-            allowed="0 or more",
-            hint=f"{MODES} is the default",
-        )
+    check_whole(n_modes, "n_modes", 0, problem="not a number of modes", hint=f"{MODES} is the default")

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
-from tensegrity_codegen.runtime.analysis.member_limits import MemberChecks
 from tensegrity_codegen.runtime.analysis.modes import Modes
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.analysis.prestress_stability import PrestressStability
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.newton import Stability
+from tensegrity_codegen.structure.member_limits import MemberChecks
 
 __all__ = ["Analysis"]
 
@@ -102,6 +102,21 @@ class Analysis(Summarised):
     members: MemberChecks
     bar_distance: FloatArray | None
     warnings: tuple[str, ...]
+
+    @property
+    def n_selfstress(self) -> int:
+        """Number of independent self-stresses."""
+        return len(self.rank.selfstress)
+
+    @property
+    def n_rigid_motions(self) -> int:
+        """Number of independent rigid motions."""
+        return int(self.rigid_motion.shape[2])
+
+    @property
+    def n_mechanisms(self) -> int:
+        """Number of independent mechanisms: motions that change the shape and, to first order, no length."""
+        return int(self.mechanism.shape[2])
 
     @property
     def is_good(self) -> bool:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
@@ -209,7 +209,7 @@ def read_configuration(
     problem = build_problem(model, arguments)
     require_quantities(model, ("equilibrium_matrix",), "an analysis of tensions needs")
     own = model.nominal("coordinate").ravel()
-    given = own if coordinate is None else np.array(coordinate, dtype=float)
+    given = own if coordinate is None else to_doubles(coordinate, "coordinate", f"shape {own.shape}")
     check_shape(given, own.shape, "coordinate")
     check_finite(given, "coordinate")
     of_bodies = find_formulation(model.manifest.formulation).of_bodies

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
-from tensegrity_codegen.runtime.analysis.limit_words import describe_limits
+from tensegrity_codegen.scene.names import describe_pieces
 
 __all__ = ["judge"]
 
@@ -28,7 +30,8 @@ def judge(found: Analysis, at: Configuration) -> Analysis:
             f"its stiffness is {found.smallest_eigenvalue:.6g}"
         )
     else:
-        status, message = "stable", _describe_tensions(found, at)
+        status = "stable"
+        message = "; but ".join([_describe_tensions(found, at), *_find_flaws(found)])
     return replace(found, status=status, message=message, warnings=_find_warnings(found, at))
 
 
@@ -57,7 +60,7 @@ def _describe_looseness(found: Analysis) -> str:
 
 def _describe_tensions(found: Analysis, at: Configuration) -> str:
     """Return what holds the structure."""
-    mechanisms = found.mechanism.shape[2]
+    mechanisms = found.n_mechanisms
     held = (
         f"; they stiffen {f'all {mechanisms} mechanisms' if mechanisms > 1 else 'the only mechanism'}"
         if mechanisms
@@ -70,21 +73,48 @@ def _describe_tensions(found: Analysis, at: Configuration) -> str:
     return f"self-stresses exist with every cable in tension{held}"
 
 
+def _find_flaws(found: Analysis) -> list[str]:
+    """Return what is wrong at the present tensions of a structure that some prestress holds."""
+    flaws = found.members.describe()
+    if found.stiffness.is_neutral or found.stiffness.is_unstable:
+        modes = found.modes
+        loose = 0 if modes is None else int((modes.frequency == 0.0).sum())
+        which = (
+            "a motion has" if modes is None or not loose else f"{loose} of {len(modes.frequency)} modes have"
+        )
+        none = "" if found.member_tension.any() else ", which are zero"
+        flaws.append(f"{which} no stiffness at the present tensions{none}")
+    return flaws
+
+
 def _find_warnings(found: Analysis, at: Configuration) -> tuple[str, ...]:
     """Return what a careful engineer would ask about, in sentences."""
     said = [found.rank.warning] if found.rank.warning else []
     if len(found.parts) > 1:
-        first = ", ".join(found.parts[0][:4])
-        said.append(
-            f"the structure has {len(found.parts)} parts that no members join, one of them with the nodes "
-            f"{first}; the rigid motions of each are counted apart"
-        )
+        said.append(describe_pieces([part[0] for part in found.parts]))
     if found.load_note:
         said.append(f"{found.load_note}; the prestress is that without loads")
-    said += describe_limits(found, at)
+    said += [*found.members.describe(), *_describe_limits(found, at)]
     if not found.is_balanced:
         said.append(
             f"the present forces are not in balance: the largest residual is {found.residual:.3g} N, the "
             f"largest member force {found.largest_force:.3g} N"
         )
     return tuple(said)
+
+
+def _describe_limits(found: Analysis, at: Configuration) -> Iterator[str]:
+    """Clearance between bars, and the least stiffness."""
+    limits, distance = at.structure.limits, found.bar_distance
+    if distance is not None and distance.min(initial=math.inf) < limits.clearance:
+        pair = int(distance.argmin())
+        first, second = at.manifest.bar_pair[pair]
+        yield (
+            f"the bars {first} and {second} are {distance[pair]:.6g} m apart, allowed is at least "
+            f"{limits.clearance:.6g} m"
+        )
+    if found.smallest_eigenvalue < limits.least_stiffness:
+        yield (
+            f"the smallest eigenvalue of the stiffness is {found.smallest_eigenvalue:.6g} N/m, allowed is at "
+            f"least {limits.least_stiffness:.6g} N/m"
+        )

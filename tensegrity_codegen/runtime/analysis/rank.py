@@ -62,6 +62,16 @@ class Rank:
     left: FloatArray
     right: FloatArray
 
+    @property
+    def n_coordinates(self) -> int:
+        """Number of coordinates, the rows of the matrix."""
+        return len(self.free_motion)
+
+    @property
+    def n_members(self) -> int:
+        """Number of members, the columns of the matrix."""
+        return int(self.selfstress.shape[1])
+
     def find_tension(self, load: FloatArray) -> tuple[FloatArray, float]:
         """Return the least tensions t (n_members,) [N] with A t = load, and the norm of what is left [N]."""
         tension = ((self.left.T @ load) / self.singular_value[: self.rank]) @ self.right

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -16,12 +17,17 @@ from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.runtime.control.loop.build_run import build_run
+from tensegrity_codegen.runtime.control.loop.compare_runs import compare_with_open_loop
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.loop.controller import Controller
 from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust, bind_gust
 from tensegrity_codegen.runtime.control.loop.filter import Filter
-from tensegrity_codegen.runtime.control.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.runtime.control.loop.loop_parts import (
+    check_parts,
+    describe_unknown_delays,
+    find_sample,
+)
 from tensegrity_codegen.runtime.control.loop.loop_start import count_samples, find_given, find_start
 from tensegrity_codegen.runtime.control.loop.sampled_plant import SampledPlant
 from tensegrity_codegen.runtime.control.motion import Motion
@@ -54,6 +60,7 @@ def simulate_control(
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
     seed: int = 0,
+    compare: bool = True,
 ) -> ControlRun:
     """Simulate a motion of the full model with sampled feedback.
 
@@ -85,11 +92,13 @@ def simulate_control(
         Limits of the actuators, by default those of the scene.
     seed : int
         Of the noise of the measurements.
+    compare : bool
+        Whether a loop that ends far from the motion is compared with the open loop, which is simulated too.
 
     Returns
     -------
     ControlRun
-        States, commands, tensions and the status of each sample.
+        States, commands, tensions and the status of each sample; status, message and warnings of the run.
 
     Raises
     ------
@@ -122,10 +131,13 @@ def simulate_control(
     require_model(model)
     require_double(model.manifest, "a simulated closed loop")
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
-    step = find_sample(gains, estimator, sample)
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, t_end or 1.0, arguments)
+    check_whole(seed, "seed", 0)
+    check_switch(compare, "compare")
+    held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     check_motion(model, way)
     check_parts(model.manifest, way, gains, estimator, distribution)
+    step = find_sample(gains, estimator, sample)
     bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
     count = count_samples(way.duration if t_end is None else t_end, step)
     given = find_given(model, arguments, axial_stiffness)
@@ -134,7 +146,19 @@ def simulate_control(
     senses = None if estimator is None else Filter(model, estimator, way, {})
     tensions = None if distribution is None else replace(distribution, bounds=bounds)
     loop = _Loop(model, way, Controller(way, gains, bounds, step, tensions), plant, bounds, senses, seed)
-    return loop.run(count)
+    late = describe_unknown_delays(gains, bounds)
+    run = replace(loop.run(count), warnings=(late,) if late else ())
+    if gains is None or not compare:
+        return run
+
+    def run_open() -> ControlRun:
+        return simulate_control(
+            model, way, t_end=count * step, sample=step, coordinate_error=coordinate_error,
+            velocity_error=velocity_error, axial_stiffness=axial_stiffness, arguments=arguments, gust=gust,
+            rate=rate, range=range, delay=delay,
+        )  # fmt: skip
+
+    return compare_with_open_loop(model, way, run, run_open)
 
 
 @dataclass
@@ -160,7 +184,10 @@ class _Loop:
         for k in range(count):
             try:
                 known = self._estimate(k * step, states[-1], value, noise)
-                command, status = self.controller.step(k, known[: len(states[-1])])
+                if self.senses is not None and self.senses.is_outlier:
+                    command, status = self.controller.hold(k)
+                else:
+                    command, status = self.controller.step(k, known[: len(states[-1])])
                 value = self.motion.at((k + 0.5) * step).input.copy()
                 if not self._advance(k * step, delayed.push(command), value):
                     break
@@ -172,7 +199,8 @@ class _Loop:
             commands.append(command)
             inputs.append(value.copy())
             statuses.append(status)
-            yielding.append(self.controller.yielding)
+            none = np.zeros(len(self.model.manifest.member_name), dtype=bool)
+            yielding.append(none if self.controller.yielding is None else self.controller.yielding)
             tensions.append(self._tension(states[-1], value))
         return build_run(
             self.model.manifest,

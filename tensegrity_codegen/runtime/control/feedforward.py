@@ -33,7 +33,7 @@ class Timing:
     def states(self, duration: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return coordinates, velocities and accelerations, (n_t, n_coordinates) each."""
         s, rate, bend = self.law.at(self.part)
-        rate, bend = rate[:, None] / duration, bend[:, None] / duration**2
+        rate, bend = rate[:, None] / duration, bend[:, None] / (duration * duration)
         place, slope, curve = (np.asarray(self.path.coordinate(s, order)) for order in range(3))
         return place, slope * rate, slope * bend + curve * rate**2
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -37,7 +37,7 @@ from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor
 
-__all__ = ["design_kalman"]
+__all__ = ["design_kalman", "linearise_estimate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +46,7 @@ MOST_KNOTS = 25
 SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
 REACH = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
 MOST_SUBSTEPS = 1000
+LARGEST = 1e100  # noise whose square is far from the largest double
 
 
 def design_kalman(
@@ -123,6 +124,8 @@ def design_kalman(
     require_model(model)
     check_independent(model)
     require_quantities(model, QUANTITIES, "an estimator needs")
+    check_positive(sample, "sample", "[s]")
+    check_switch(only_observable, "only_observable")
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
     check_motion(model, way)
     build_sample_time(way, sample)
@@ -131,16 +134,17 @@ def design_kalman(
     walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
     time = np.linspace(0.0, way.duration, _check_knots(knots))
     if only_observable:
-        last = _build_part(model, way, way.duration, given, sensing, walk, shake)
-        walk = _leave_out(last, sensing, walk, sample)
-    parts = [_build_part(model, way, now, given, sensing, walk, shake) for now in time.tolist()]
+        last = linearise_estimate(model, way, way.duration, given, sensing, np.flatnonzero(walk))
+        walk = _leave_out(*last, sensing, walk, sample)
+    disturbed = np.flatnonzero(walk)
+    parts = [linearise_estimate(model, way, now, given, sensing, disturbed) for now in time.tolist()]
+    spectrum = np.diag(np.concatenate([np.zeros(len(shake)), shake, walk[disturbed]]) ** 2)
     names = name_states(model.manifest)
     n = len(names) // 2
-    disturbed = np.flatnonzero(walk > 0.0)
     names = (*names, *(f"force on {names[k]}" for k in disturbed))
     noise = np.diag(sensing.noise**2)
-    gains, covariances, residuals = [], [], []
-    for rate, spectrum, slope in parts:
+    gains, covariances, innovations, residuals = [], [], [], []
+    for rate, slope in parts:
         a, w = _sample_noise(rate, spectrum, sample)
         hidden = find_unobserved(a, slope)
         if hidden:
@@ -148,53 +152,71 @@ def design_kalman(
         p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
         gains.append(_correct(p, slope, noise))
         covariances.append(p)
+        innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
         residuals.append(residual)
-    error = (np.eye(len(names)) - gains[-1] @ parts[-1][2]) @ a
+    error = (np.eye(len(names)) - gains[-1] @ parts[-1][1]) @ a
     return Estimator(
         time=time,
         L=np.array(gains),
         P=np.array(covariances),
+        innovation=np.array(innovations),
         E=np.linalg.eigvals(error).astype(np.complex128),
         sample=sample,
         residual=max(residuals),
-        substeps=_count_substeps([rate[: 2 * n, : 2 * n] for rate, _, _ in parts], sample),
+        substeps=_count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in parts], sample),
         disturbed=disturbed.astype(np.int64),
         sensing=sensing,
         state_name=names,
     )
 
 
-def _build_part(
+def linearise_estimate(
     model: CompiledModel,
     motion: Motion,
     time: float,
     given: Mapping[str, Any],
     sensing: Sensing,
-    walk: FloatArray,
-    shake: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x' = rate x + noise of this spectrum, and the slopes of the measurements, at a time [s]."""
+    disturbed: NDArray[np.int64],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the linear model of an estimator's state x = (q, q', d) at a time, and of its measurements.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``.
+    motion : Motion
+        The motion.
+    time : float [s]
+        When.
+    given : mapping
+        Run-time parameters.
+    sensing : Sensing
+        The sensors.
+    disturbed : ndarray of int, shape (n_d,)
+        Coordinates with a disturbance force d.
+
+    Returns
+    -------
+    rate, slope : ndarray, shape (n, n) and (n_y, n), n = 2 n_q + n_d
+        x' = rate x; derivatives of the measurements by x.
+    """
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
     inner = model.compute("state_jacobian", **at).toarray()
     inverse = np.linalg.inv(_dense(model.compute("mass_matrix", **at)))
-    n, disturbed = len(point.coordinate), np.flatnonzero(walk > 0.0)
-    size = 2 * n + len(disturbed)
-    rate, spectrum = np.zeros((size, size)), np.zeros((size, size))
+    n = len(point.coordinate)
+    rate = np.zeros((2 * n + len(disturbed), 2 * n + len(disturbed)))
     rate[: 2 * n, : 2 * n], rate[n : 2 * n, 2 * n :] = inner, inverse[:, disturbed]
-    spectrum[range(n, 2 * n), range(n, 2 * n)] = shake**2
-    spectrum[range(2 * n, size), range(2 * n, size)] = walk[disturbed] ** 2
-    slope = np.zeros((len(sensing.noise), size))
+    slope = np.zeros((len(sensing.noise), len(rate)))
     slope[:, : 2 * n] = sensing.slopes(at)
-    return rate, spectrum, slope
+    return rate, slope
 
 
 def _leave_out(
-    part: tuple[FloatArray, FloatArray, FloatArray], sensing: Sensing, walk: FloatArray, sample: float
+    rate: FloatArray, slope: FloatArray, sensing: Sensing, walk: FloatArray, sample: float
 ) -> FloatArray:
     """Return how fast disturbances change, 0 for forces that the sensors do not tell apart."""
-    rate, _, slope = part
-    disturbed = np.flatnonzero(walk > 0.0)
+    disturbed = np.flatnonzero(walk)
     if not len(disturbed):
         return walk
     shown = disturbed[find_shown_forces(expm(sample * rate), slope, sensing.noise, walk[disturbed], sample)]
@@ -236,8 +258,8 @@ def _read_noise(
 
 
 def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
-    allowed = f"a number >= 0, or one for each of {n} coordinates"
-    return to_each(value, n, where, lambda x: np.isfinite(x) & (x >= 0.0), allowed)
+    allowed = f"a number from 0 to {LARGEST:g}, or one for each of {n} coordinates"
+    return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST), allowed)
 
 
 def _check_knots(knots: int) -> int:

@@ -7,13 +7,16 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
+from tensegrity_codegen.checks import check_positive
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
+from tensegrity_codegen.runtime.control.design.delays import compute_hold, shift_commands
 from tensegrity_codegen.runtime.control.design.effects import check_effects
 from tensegrity_codegen.runtime.control.design.free_motions import name_free_motions
 from tensegrity_codegen.runtime.control.design.gains import Gains
-from tensegrity_codegen.runtime.control.design.linear_samples import sample_linear_models
+from tensegrity_codegen.runtime.control.design.linear_samples import build_sample_time, sample_linear_models
 from tensegrity_codegen.runtime.control.design.reachable import (
     HiddenMode,
     describe_direction,
@@ -23,7 +26,7 @@ from tensegrity_codegen.runtime.control.design.riccati import find_stationary, s
 from tensegrity_codegen.runtime.control.design.weights import read_weight
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
@@ -34,6 +37,8 @@ __all__ = ["design_lqr"]
 
 FloatArray = NDArray[np.float64]
 
+MOST_PAST = 1000  # commands on their way
+
 
 def design_lqr(
     model: CompiledModel,
@@ -43,6 +48,7 @@ def design_lqr(
     *,
     sample: float = 0.005,
     integral_action: ArrayLike | Sequence[str] | None = None,
+    delay: ArrayLike | None = None,
     arguments: Mapping[str, Any] | None = None,
 ) -> Gains:
     """Return the gains of the linear-quadratic regulator along a motion.
@@ -62,6 +68,9 @@ def design_lqr(
         Time between two commands.
     integral_action : array_like, shape (n_integrals, n_x), or sequence of str, optional
         Outputs C x whose errors are summed at each sample, x = (q, q'); names of coordinates stand for these.
+    delay : float or array_like, shape (n_actuators,), optional [s]
+        Delays of the actuators, by default those of the scene. The state is predicted to the arrival of each
+        command with those that are on their way.
     arguments : mapping, optional
         Run-time parameters where they differ from the scene.
 
@@ -87,6 +96,8 @@ def design_lqr(
     Minimises the sum of x^T Q x + u^T R u over the deviations from the motion, with sampled linear models
     along it (linear_samples.py). The recursion starts at the end of the motion with the stationary solution
     there (B. D. O. Anderson, J. B. Moore, Optimal Control: Linear Quadratic Methods, 1990, chapters 2, 3).
+    With delays the commands on their way are further states (K. J. Astrom, B. Wittenmark, Computer-Controlled
+    Systems, 1997, section 3.2), without weight; arrivals within a sample are exact.
 
     Examples
     --------
@@ -100,31 +111,42 @@ def design_lqr(
     ((2, 1, 2), [0.815, 0.086])
     """
     require_model(model)
+    check_positive(sample, "sample", "[s]")
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
     if not way.actuators:
         raise InvalidValueError(
             "the motion has no actuators", where="motion.actuators", allowed="at least one actuator"
         )
-    find_bounds(model, way)
+    build_sample_time(way, sample)
+    longest = None if isinstance(motion, Motion) else np.inf  # an equilibrium is a motion of one sample
+    late = find_bounds(model, way, delay=delay, longest_delay=longest).delay
+    _check_count(late, sample)
     names = name_states(model.manifest)
     output, labels = _read_outputs(integral_action, model, names)
     n, k, m = len(names), len(output), len(way.actuators)
     over = f"{n} states (q, q')" + (f" and {k} sums" if k else "")
     q = read_weight(Q, n + k, "Q", over, definite=False)
     r = read_weight(R, m, "R", f"{m} actuators", definite=True)
-    samples = sample_linear_models(model, way, sample, way.actuators, arguments)
+    samples = sample_linear_models(model, way, sample, way.actuators, arguments, late)
     check_effects(model, samples.gain, way.actuators)
-    a, b = _augment(samples.A[-1], samples.B[-1], output)
-    hidden = find_uncontrolled(a, b)
+    held = compute_hold(samples.rate[-1], samples.gain[-1], sample)[1]
+    hidden = find_uncontrolled(*_augment(samples.A[-1], held, np.zeros((n, 0)), output, 0.0 * late, sample))
     if hidden:
         end, given = way.at(way.duration).coordinate, merge_inputs(model.manifest, arguments)
         rigid = name_free_motions(model, end, samples.gain[-1, n // 2 :], given)
         _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
-    p, residual = find_stationary(a, b, q, r, f"{model.manifest.name}: design_lqr")
-    costs, gains = [p], [step_back(p, a, b, q, r)[1]]
-    for a_k, b_k in zip(samples.A[-2::-1], samples.B[-2::-1], strict=True):
-        earlier, gain = step_back(costs[-1], *_augment(a_k, b_k, output), q, r)
-        costs.append(earlier)
+    models = [
+        _augment(*parts, output, late, sample)
+        for parts in zip(samples.A, samples.B, samples.past, strict=True)
+    ]
+    a, b = models[-1]
+    weight = np.zeros_like(a)
+    weight[: n + k, : n + k] = q
+    p, residual = find_stationary(a, b, weight, r, f"{model.manifest.name}: design_lqr")
+    costs, gains = [p[: n + k, : n + k]], [step_back(p, a, b, weight, r)[1]]
+    for a_k, b_k in models[-2::-1]:
+        p, gain = step_back(p, a_k, b_k, weight, r)
+        costs.append(p[: n + k, : n + k])
         gains.append(gain)
     return Gains(
         time=samples.time,
@@ -132,8 +154,9 @@ def design_lqr(
         S=np.array(costs[::-1]),
         E=np.linalg.eigvals(a - b @ gains[0]).astype(np.complex128),
         A=samples.A[-1],
-        B=samples.B[-1],
+        B=held,
         integral_action=output,
+        delay=late,
         sample=sample,
         residual=residual,
         actuators=way.actuators,
@@ -142,12 +165,28 @@ def design_lqr(
     )
 
 
-def _augment(a: FloatArray, b: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the model with the sums of outputs as further states."""
+def _check_count(delay: FloatArray, sample: float) -> None:
+    """Raise InvalidValueError for delays in which too many commands are on their way."""
+    count = float(np.ceil(delay / sample).sum())
+    if count > MOST_PAST:
+        raise InvalidValueError(
+            "too many commands are on their way",
+            where="delay",
+            given=f"{count:.0f} of {len(delay)} actuators, in delays of up to {delay.max():g} s",
+            allowed=f"at most {MOST_PAST}",
+            hint=f"a longer sample than {sample:g} s",
+        )
+
+
+def _augment(
+    a: FloatArray, b: FloatArray, past: FloatArray, output: FloatArray, delay: FloatArray, sample: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the model with the sums of outputs and the commands on their way as further states."""
+    shift, enter = shift_commands(delay, sample)
     n, k = len(a), len(output)
-    whole = np.zeros((n + k, n + k))
-    whole[:n, :n], whole[n:, :n], whole[n:, n:] = a, output, np.eye(k)
-    return whole, np.vstack([b, np.zeros((k, b.shape[1]))])
+    whole = block_diag(a, np.eye(k), shift)
+    whole[n : n + k, :n], whole[:n, n + k :] = output, past
+    return whole, np.vstack([b, np.zeros((k, b.shape[1])), enter])
 
 
 def _read_outputs(
@@ -158,22 +197,20 @@ def _read_outputs(
     if value is None:
         return np.zeros((0, n)), ()
     items = [value] if isinstance(value, str) else value
-    if not isinstance(items, np.ndarray) and all(isinstance(item, str) for item in items):  # type: ignore[union-attr]
+    if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
         known = names[: n // 2]
-        for item in items:  # type: ignore[union-attr]
+        for item in items:
             check_choice(item, known, "coordinate", "integral_action")
-        chosen = [str(item) for item in items]  # type: ignore[union-attr]
+        chosen = [str(item) for item in items]
         return np.eye(n)[[known.index(item) for item in chosen]], tuple(f"sum of {item}" for item in chosen)
-    try:
-        output = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        output = np.zeros(())
+    allowed = f"shape (n_integrals, {n}), or names of coordinates"
+    output = to_doubles(value, "integral_action", allowed)
     if output.ndim != 2 or output.shape[1] != n:
         raise InvalidValueError(
             "wrong shape",
             where="integral_action",
             given=output.shape,
-            allowed=f"shape (n_integrals, {n}), or names of coordinates",
+            allowed=allowed,
         )
     check_finite(output, "integral_action")
     return output, tuple(f"sum {k + 1}" for k in range(len(output)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
-from tensegrity_codegen.files import check_ending, replaced
+from tensegrity_codegen.checks import check_path, check_positive
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.files import check_ending
 from tensegrity_codegen.results.summaries import (
     Fact,
     Summarised,
@@ -19,6 +22,7 @@ from tensegrity_codegen.results.summaries import (
     describe_number,
     describe_range,
 )
+from tensegrity_codegen.results.table_files import write_csv
 from tensegrity_codegen.runtime.control.even_knots import choose_even_knots
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -140,6 +144,8 @@ class Motion(Summarised):
         Profile
             Of all inputs of the model.
         """
+        if t_end is not None:
+            check_positive(t_end, "t_end", "[s]")
         values = {name: self.input[:, k] for k, name in enumerate(self.input_name)}
         if t_end is None or t_end <= self.duration:
             return Profile(self.time, values, "cubic")
@@ -152,7 +158,7 @@ class Motion(Summarised):
         found = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return found | {"actuator_name": np.array(self.actuators), "input_name": np.array(self.input_name)}
 
-    def write(self, path: str | Path) -> None:
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.
 
         Parameters
@@ -160,21 +166,22 @@ class Motion(Summarised):
         path : str or Path
             ``.npz``: all arrays. ``.csv``: time [s] and the inputs of the actuators [m] at the knots, for
             ``read_profile`` with the kind ``"cubic"``.
+        overwrite : bool
+            Whether a file that exists is replaced.
 
         Raises
         ------
         OutputError
-            The file cannot be written, or has another ending.
+            The file cannot be written, exists already, or has another ending.
         """
+        check_path(path, "path")
         check_ending(path, ".npz", ".csv")
         if Path(path).suffix.lower() == ".npz":
-            write_arrays(path, self.arrays())
+            write_arrays(path, self.arrays(), overwrite=overwrite)
             return
         columns = [self.input_name.index(name) for name in self.actuators]
-        with replaced(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(",".join(("time", *self.actuators)) + "\n")
-            for time, row in zip(self.time, self.input[:, columns], strict=True):
-                stream.write(",".join(repr(float(number)) for number in (time, *row)) + "\n")
+        rows = np.column_stack([self.time, self.input[:, columns]]).tolist()
+        write_csv(path, ("time", *self.actuators), rows, overwrite=overwrite)
 
     def at(self, time: float) -> MotionPoint:
         """Return the motion at a time [s]; before the first and after the last knot it is at rest there.
@@ -182,6 +189,8 @@ class Motion(Summarised):
         Coordinates are quintic polynomials between knots, with the positions, velocities and accelerations of
         both, so that their second derivatives are continuous.
         """
+        if not isinstance(time, Real) or time != time:
+            raise InvalidValueError("not a time", where="time", given=time, allowed="a number [s]")
         since = min(max(time, 0.0), self.duration)
         q, v, a = (np.asarray(piece(since)) for piece in self._pieces)
         if time < 0.0 or time > self.duration:

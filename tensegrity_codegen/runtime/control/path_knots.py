@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import ConvergenceError, InvalidValueError
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_sized
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -92,10 +92,7 @@ def _read_plan(model: CompiledModel, found: PlanResult) -> EquilibriumPath:
 def _read_rows(value: ArrayLike, width: int, where: str) -> FloatArray:
     """Return (n_points, width) finite numbers of two points or more."""
     allowed = f"numbers of shape (n_points, {width}), two points or more"
-    try:
-        rows = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        rows = np.zeros(())
+    rows = to_doubles(value, where, allowed)
     if rows.ndim != 2 or rows.shape[1] != width or len(rows) < 2:
         raise InvalidValueError("wrong shape", where=where, given=rows.shape, allowed=allowed)
     check_finite(rows, where)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_positive
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.control.design.linear_samples import check_motion
@@ -247,8 +248,7 @@ def design_distribution(
         raise InvalidValueError(
             "out of range", where="preferred", given=preferred, allowed="finite tensions [N]"
         )
-    if not np.isfinite(weight) or weight <= 0.0:
-        raise InvalidValueError("out of range", where="weight", given=weight, allowed="a finite number > 0")
+    check_positive(weight, "weight")
     cables = find_cables(model, bounds, least, merge_inputs(model.manifest, arguments))
     _check_reach(model, motion, bounds, cables, least)
     return TensionDistribution(model, motion, bounds, cables, least, chosen, weight)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from tensegrity_codegen.errors import InvalidValueError, check_choice
-from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 
 __all__ = ["QUINTIC", "TimeLaw", "read_law"]
 
@@ -84,10 +84,7 @@ def read_law(law: str | ArrayLike) -> TimeLaw:
 def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return times and values of a table after checks."""
     allowed = "two rows (time [s], progress) or more, from (0, 0) to (duration, 1)"
-    try:
-        table = np.array(law, dtype=np.float64)
-    except (TypeError, ValueError):
-        table = np.zeros(())
+    table = to_doubles(law, "law", allowed)
     if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
         raise InvalidValueError(
             "not a table of times and progress", where="law", given=table.shape or law, allowed=allowed

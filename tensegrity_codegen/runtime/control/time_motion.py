@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.checks import check_switch, check_whole, is_number
 from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.control.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.control.feedforward import (
@@ -105,6 +104,7 @@ def time_motion(
     """
     require_model(model)
     _check_samples(samples)
+    check_switch(there_and_back, "there_and_back")
     check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
     shape = read_law(law).returning() if there_and_back else read_law(law)
     wanted = _read_duration(duration, shape)
@@ -160,8 +160,7 @@ def _read_duration(duration: float | None, law: TimeLaw) -> float | None:
     """Return the duration that is asked for [s], None for the shortest."""
     if duration is None:
         return law.own_duration
-    is_number = isinstance(duration, (int, float, np.floating)) and not isinstance(duration, bool)
-    if not is_number or not (math.isfinite(duration) and duration > 0):
+    if not is_number(duration) or duration <= 0:
         raise InvalidValueError(
             "the duration is not positive", where="duration", given=duration,
             allowed="a finite number above 0 [s]",

@@ -241,7 +241,7 @@ def _find_batch_integrator(model: CompiledModel, name: str) -> IntegratorSpec:
         raise LibraryError(
             "the library has no batch functions",
             where=model.manifest.name,
-            hint="build it with model.batch_width = 8",
+            hint='compile_scene(..., for_="simulate_batch"), or batch_width = 8 under [model]',
         )
     raise FormulationError(
         f"the integrator {name!r} has no batch function",

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, choose_watch
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.model.arrays import to_sized
 
 __all__ = ["EventRun"]
 
@@ -58,7 +60,8 @@ class EventRun:
         def call(time: float, coordinate: Any, velocity: Any, _: Any) -> float:
             try:
                 q, v = (np.frombuffer(ffi.buffer(x, 8 * n), dtype=np.float64) for x in (coordinate, velocity))
-                return _check_finite(float(condition(time, q.copy(), v.copy())), time, q, v)
+                value = condition(time, q.copy(), v.copy())
+                return _check_finite(to_sized(value, (), "condition").item(), time, q, v)
             except BaseException as error:
                 self.raised.append(error)
                 return float("nan")
@@ -84,9 +87,10 @@ class EventRun:
     def told(self) -> str:
         """How many events there were, and which are not watched, to be added to a message."""
         count = self.counts.n_events if self.has_events else 0
-        note = f", {count} event{'s' * (count > 1)}" if count else ""
+        note = f", {describe_count(count, 'event')}" if count else ""
         unwatched = self.bound.spec.unwatched
-        return f"{note}, events of {unwatched} cables are not monitored (model.events)" if unwatched else note
+        cables = describe_count(unwatched, "cable")
+        return f"{note}, events of {cables} are not monitored (model.events)" if unwatched else note
 
     def samples(self, sample_time: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
         """Return times and states reached; where an event has ended the run, that `time` [s] too."""

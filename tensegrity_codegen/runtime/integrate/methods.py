@@ -30,8 +30,6 @@ class Method:
         What it is, for the documentation.
     order : int
         Order of its steps; 0 where it has no order of its own.
-    runs_once : bool
-        Whether one run without a check of the error at the samples can be had (`control="steps"`).
     finds_events : bool
         Whether its steps end where cables go slack or taut, or a condition changes its sign.
     in_batches : bool
@@ -48,7 +46,6 @@ class Method:
     kind: Kind
     sentence: str
     order: int = 0
-    runs_once: bool = True
     finds_events: bool = True
     in_batches: bool = False
     keeps_energy: bool = False
@@ -73,7 +70,6 @@ def _scipy(name: str, sentence: str, order: int = 0) -> Method:
         "scipy",
         f"SciPy's {sentence}",
         order,
-        runs_once=False,
         finds_events=False,
         takes_schedule=True,
         scipy=name,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.checks import check_positive, check_whole
+from tensegrity_codegen.checks import check_instance, check_positive, check_whole
 from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.raw_results import MOST_STEPS
@@ -72,6 +72,8 @@ def complete_run_options(
     Runs that keep the energy are long, and motions that go on long enough are beyond any tolerance at the
     samples: of these each step's error is controlled unless asked otherwise.
     """
+    check_instance(keep, str, "keep", "a text")
+    check_instance(control, (str, type(None)), "control", f"{' or '.join(CONTROLS)}, or None")
     most = MOST_LONG_STEPS if keep else MOST_STEPS
     usual = "steps" if keep else "samples"
     return RunOptions(
@@ -114,13 +116,6 @@ def _check_control(options: RunOptions) -> None:
             where="control",
             given=options.control,
             allowed=", ".join(CONTROLS),
-        )
-    if options.control == "steps" and not find_method(options.method).runs_once:
-        raise InvalidValueError(
-            "the error control of this method cannot be changed",
-            where="control",
-            given=f"{options.control} with method {options.method!r}",
-            allowed=f"steps with {', '.join(list_methods('runs_once'))}; samples with any",
         )
 
 

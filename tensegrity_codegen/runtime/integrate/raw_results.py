@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import STATUS
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 
 __all__ = [
@@ -115,7 +116,7 @@ def judge_ends(
     should; count (n_batch, 3): steps taken, steps tried in vain, evaluations; step [s]: if it is fixed;
     n_cables: how many can go slack, at which no step is cut.
     """
-    quiet = f", events of {n_cables} cables are not monitored" if n_cables else ""
+    quiet = f", events of {describe_count(n_cables, 'cable')} are not monitored" if n_cables else ""
     ends: list[tuple[str, str]] = []
     for number, stopped, (taken, rejected, _) in zip(status, time, count, strict=True):
         word = "ok" if number == GIVEN_UP else STATUS[number]

@@ -10,50 +10,66 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.errors import ConvergenceError, NonFiniteError
 from tensegrity_codegen.runtime.integrate.flow import build_derivative
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
-from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 
 __all__ = ["integrate_scipy"]
 
 FloatArray = NDArray[np.float64]
 
+LONGEST_STEP = 0.01  # of the time, where a function of time may change anything: steps must not pass over it
+
+
+class _Steps:
+    """The steps of a run, which SciPy shows to what it takes for an event: counted, told and limited."""
+
+    def __init__(self, motion: Motion, most: int) -> None:
+        self.motion, self.most, self.count = motion, most, 0
+
+    def __call__(self, time: float, state: FloatArray) -> float:
+        self.count += time > 0.0
+        if self.count > self.most and time < self.motion.t_end:
+            raise ConvergenceError("too many steps", evidence={"time": time})
+        self.motion.report(time / self.motion.t_end)
+        return 1.0
+
 
 def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Integrate a motion by a method of SciPy, begun anew at every kink of a profile.
 
-    Status "unstable" where SciPy does not come to the end.
+    Status "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
     """
     method, times = find_method(options.method).scipy, motion.sample_time
-    state, count = motion.state, 0
+    state, count, steps = motion.state, 0, _Steps(motion, options.max_steps)
     states: list[FloatArray] = []
+
+    def finish(status: str, message: str) -> RawTrajectory:
+        kept = np.array(states) if states else motion.state[None, :]  # the first one is there in any case
+        name = f"scipy {method}"
+        return RawTrajectory(times[: len(kept)], kept, status, message, name, steps.count, count)
+
     for start, end in pairwise((0.0, *_list_kinks(motion), motion.t_end)):
         is_last = end == motion.t_end
         inside = times[(times >= start) & ((times < end) | is_last)]
         try:
-            found = _run(motion, options, (start, end), state, inside)
+            found = _run(motion, options, (start, end), state, inside, steps)
         except NonFiniteError as error:
-            return _end_early(motion, method, states, count, error.problem)
+            return finish("unstable", error.problem)
+        except ConvergenceError as error:
+            return finish(*judge_end("ok", error.evidence["time"], motion.t_end))
         count += int(found.nfev)
         reached = found.y.T[: len(inside)]
         if found.status != 0 or len(found.t) == 0:
             states += list(reached[: len(found.t)])
-            return _end_early(motion, method, states, count, str(found.message))
+            return finish("unstable", str(found.message))
         states += list(reached)
         state = found.y[:, -1]
-    return RawTrajectory(
-        time=times,
-        state=np.array(states),
-        status="ok",
-        message=str(found.message),
-        method=f"scipy {method}",
-        n_steps=len(times),
-        n_evaluations=count,
-    )
+    return finish("ok", f"{steps.count} steps")
 
 
 def _list_kinks(motion: Motion) -> list[float]:
@@ -66,10 +82,16 @@ def _list_kinks(motion: Motion) -> list[float]:
 
 
 def _run(
-    motion: Motion, options: RunOptions, span: tuple[float, float], state: FloatArray, inside: FloatArray
+    motion: Motion,
+    options: RunOptions,
+    span: tuple[float, float],
+    state: FloatArray,
+    inside: FloatArray,
+    steps: _Steps,
 ) -> Any:
     """Return what SciPy finds at the times `inside` a span and, where it ends at a kink, at its end."""
     schedule = motion.schedule
+    is_function = schedule is not None and not isinstance(schedule, DrivenArguments)
     until = span[1] < motion.t_end
     last = float(np.nextafter(span[1], span[0]))  # before a jump
     own = None if schedule is None else (lambda t: schedule(min(t, last) if until else t))
@@ -85,11 +107,6 @@ def _run(
             t_eval=times,
             rtol=options.rtol,
             atol=options.absolute,
+            max_step=LONGEST_STEP * motion.t_end if is_function else np.inf,
+            events=steps,
         )
-
-
-def _end_early(motion: Motion, method: str, states: list[FloatArray], count: int, why: str) -> RawTrajectory:
-    """Return the run that stopped after these samples; the first one is there in any case."""
-    kept = np.array(states) if states else motion.state[None, :]
-    times, name = motion.sample_time[: len(kept)], f"scipy {method}"
-    return RawTrajectory(times, kept, "unstable", why, name, len(states), count)

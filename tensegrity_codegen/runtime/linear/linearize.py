@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_whole
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.manifest import Manifest
@@ -24,11 +25,12 @@ from tensegrity_codegen.results.summaries import (
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 
@@ -90,7 +92,7 @@ class LinearModel(Summarised):
             ("largest residual rate", describe_number(largest)),
         ]
 
-    def write(self, path: str | Path) -> None:
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the linear model to a file, whole or not at all.
 
         Parameters
@@ -100,13 +102,15 @@ class LinearModel(Summarised):
             ``A_shape``), vectors, names. ``.mat``: sparse matrices, vectors, names as cells. ``.csv``: the
             columns matrix, row, column, value; a line for each non-zero entry, with names of states and
             inputs. A name without ending is an ``.npz`` file.
+        overwrite : bool
+            Whether a file that exists is replaced.
 
         Raises
         ------
         OutputError
-            The file cannot be written, or has another ending.
+            The file cannot be written, exists already, or has another ending.
         """
-        write_linear_model(self, path)
+        write_linear_model(self, path, overwrite=overwrite)
 
     @property
     def natural_frequency(self) -> FloatArray:
@@ -121,6 +125,7 @@ class LinearModel(Summarised):
 
 def linearize(
     model: Model,
+    equilibrium: Equilibrium | ArrayLike | None = None,
     *,
     coordinate: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
@@ -134,6 +139,9 @@ def linearize(
     ----------
     model : CompiledModel
         Compiled for ``"linearize"``, see compile_scene.
+    equilibrium : Equilibrium or array_like, shape (n_coordinates,), optional
+        The equilibrium or its coordinates [m], in place of `coordinate`; at rest unless `velocity` is given.
+        Its inputs and parameters are to be given again.
     coordinate, velocity : array_like, shape (n_coordinates,), optional
         State [m, m/s]; by default that of the scene.
     input : array_like, shape (n_inputs,), optional
@@ -153,7 +161,7 @@ def linearize(
     FormulationError
         The model lacks a quantity.
     InvalidValueError
-        A wrong shape, or inputs given twice.
+        A wrong shape, or coordinates or inputs given twice.
     NonFiniteError
         The derivatives at the state are not finite.
 
@@ -170,7 +178,17 @@ def linearize(
     ((6, 6), 2.0132)
     """
     require_model(model)
+    check_whole(frequency_count, "frequency_count", 1)
     require_double(model.manifest, "linearization")
+    if equilibrium is not None:
+        if coordinate is not None:
+            raise InvalidValueError(
+                "the coordinates are given twice",
+                where="coordinate",
+                allowed="an equilibrium, or coordinates",
+            )
+        coordinate = equilibrium.coordinate if isinstance(equilibrium, Equilibrium) else equilibrium
+        velocity = 0 * model.nominal("velocity") if velocity is None else velocity
     _check_lengths(model.manifest)
     inputs = model.manifest.input_name
     require_quantities(model, _needed(bool(inputs)), "a linear model needs")
@@ -230,7 +248,7 @@ def _value(model: Model, name: str, given: ArrayLike | None) -> FloatArray:
     nominal = model.nominal(name).ravel()
     if given is None:
         return nominal
-    value = np.array(given, dtype=float)
+    value = np.array(to_doubles(given, name, f"shape {nominal.shape}"))
     check_shape(value, nominal.shape, name)
     check_finite(value, name)
     return value

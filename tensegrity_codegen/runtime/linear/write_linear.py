@@ -22,7 +22,7 @@ FREQUENCIES = ("natural_frequency", "damping_ratio")
 CSV_HEADER = ("matrix", "row", "column", "value")
 
 
-def _write_npz(linear: Any, path: Path) -> None:
+def _write_npz(linear: Any, path: Path, overwrite: bool) -> None:
     """Write sparse matrices as row, column, value; names and vectors."""
     arrays: dict[str, Any] = {}
     for name, matrix in _matrices(linear):
@@ -31,20 +31,20 @@ def _write_npz(linear: Any, path: Path) -> None:
         arrays[f"{name}_shape"] = np.array(found.shape)
     arrays |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
     arrays |= {name: np.array(getattr(linear, name), dtype=str) for name in NAMES}
-    write_arrays(path, arrays)
+    write_arrays(path, arrays, overwrite=overwrite)
 
 
-def _write_mat(linear: Any, path: Path) -> None:
+def _write_mat(linear: Any, path: Path, overwrite: bool) -> None:
     """Write sparse matrices as such, vectors as columns, names as cells."""
     variables: dict[str, Any] = {name: scipy.sparse.csc_matrix(matrix) for name, matrix in _matrices(linear)}
     variables |= {name: getattr(linear, name) for name in (*VECTORS, *FREQUENCIES)}
     variables |= {name: list(getattr(linear, name)) for name in NAMES}
-    write_mat(path, variables)
+    write_mat(path, variables, overwrite=overwrite)
 
 
-def _write_csv(linear: Any, path: Path) -> None:
+def _write_csv(linear: Any, path: Path, overwrite: bool) -> None:
     """Write every non-zero entry of the matrices and every entry of the vectors, with names, a line each."""
-    write_csv(path, CSV_HEADER, _list_entries(linear))
+    write_csv(path, CSV_HEADER, _list_entries(linear), overwrite=overwrite)
 
 
 def _list_entries(linear: Any) -> Iterator[tuple[str, str, str, float]]:
@@ -66,7 +66,7 @@ def _matrices(linear: Any) -> list[tuple[str, Any]]:
 
 
 # Kinds of files by their endings, the usual one first.
-WRITERS: Mapping[str, Callable[[Any, Path], None]] = {
+WRITERS: Mapping[str, Callable[[Any, Path, bool], None]] = {
     ".npz": _write_npz,
     ".mat": _write_mat,
     ".csv": _write_csv,
@@ -74,10 +74,10 @@ WRITERS: Mapping[str, Callable[[Any, Path], None]] = {
 LINEAR_ENDINGS = tuple(WRITERS)
 
 
-def write_linear_model(linear: Any, path: str | Path) -> None:
+def write_linear_model(linear: Any, path: str | Path, *, overwrite: bool) -> None:
     """Write a LinearModel in the format of the path's ending; without one as .npz.
 
-    Raises OutputError if it cannot be written, and for a name with another ending.
+    Raises OutputError if it cannot be written, exists (without `overwrite`), or has another ending.
     """
     check_ending(path, *LINEAR_ENDINGS)
-    WRITERS.get(Path(path).suffix.lower(), _write_npz)(linear, Path(path))
+    WRITERS.get(Path(path).suffix.lower(), _write_npz)(linear, Path(path), overwrite)

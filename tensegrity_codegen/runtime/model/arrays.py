@@ -12,7 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.precision import Precision
 
-__all__ = ["agree_on_rows", "check_finite", "check_shape", "to_array", "to_batch", "to_each", "to_sized"]
+__all__ = [
+    "agree_on_rows",
+    "check_finite",
+    "check_shape",
+    "to_array",
+    "to_batch",
+    "to_doubles",
+    "to_each",
+    "to_sized",
+]
 
 
 def check_shape(array: NDArray[Any], shape: tuple[int, ...], where: str) -> None:
@@ -27,6 +36,19 @@ def check_finite(array: NDArray[Any], where: str, problem: str = "not finite") -
         raise NonFiniteError(problem, where=where, allowed="finite numbers")
 
 
+def to_doubles(value: ArrayLike, where: str, allowed: str) -> NDArray[np.float64]:
+    """Return real numbers as an array; raises InvalidValueError, naming what is allowed, for others."""
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind == "c":
+            raise TypeError("complex numbers")
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError(
+            "not an array of numbers", where=where, given=value, allowed=allowed
+        ) from error
+
+
 def to_each(
     value: ArrayLike,
     count: int,
@@ -38,7 +60,7 @@ def to_each(
 
     Raises InvalidValueError, naming what is allowed, for another shape and numbers that are not allowed.
     """
-    given = np.asarray(value, dtype=np.float64)
+    given = to_doubles(value, where, allowed)
     if given.shape not in ((), (count,)) or not np.all(is_allowed(given)):
         raise InvalidValueError("out of range", where=where, given=value, allowed=allowed)
     return np.broadcast_to(given, (count,)).copy()
@@ -46,12 +68,7 @@ def to_each(
 
 def to_sized(value: ArrayLike, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:
     """Return `value` as a contiguous array of doubles with as many numbers as `shape` has."""
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(
-            "not an array of numbers", where=where, given=value, allowed=f"shape {shape}"
-        ) from error
+    array = np.ascontiguousarray(to_doubles(value, where, f"shape {shape}"))
     if array.size != math.prod(shape):
         raise InvalidValueError("wrong shape", where=where, given=array.shape, allowed=f"shape {shape}")
     return array
@@ -73,9 +90,13 @@ def to_array(value: ArrayLike, precision: Precision, name: str, allowed: str) ->
             hint=f"round it yourself with astype({str(precision.dtype)!r}), or build in a higher precision",
         )
     try:
+        if np.asarray(value).dtype.kind == "c":
+            raise TypeError("complex numbers")
         with np.errstate(over="ignore"):  # the library says that what became infinite is not finite
+            if np.iscomplexobj(value):
+                raise TypeError("complex numbers")
             return np.asarray(value, dtype=precision.dtype)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError(
             "not an array of numbers", where=name, given=value, allowed=allowed
         ) from error

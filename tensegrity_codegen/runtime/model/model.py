@@ -75,7 +75,7 @@ class CompiledFunction:
             raise LibraryError(
                 "the library has no batch functions",
                 where=self.spec.quantity,
-                hint="build it with model.batch_width = 8",
+                hint='compile_scene(..., for_="simulate_batch"), or batch_width = 8 under [model]',
             )
         return self._batch
 
@@ -201,6 +201,10 @@ class CompiledModel(Summarised):
             spec.quantity: CompiledFunction(self.library, spec, specs) for spec in self.manifest.functions
         }
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return path, manifest and structure: the library is loaded again, from the same path."""
+        return _load, (self.path, self.manifest, self.structure)
+
     def headline(self) -> str:
         """Return name, formulation and precision."""
         return f"{self.manifest.name}, {self.manifest.formulation}, {self.manifest.precision} precision"
@@ -234,11 +238,11 @@ class CompiledModel(Summarised):
 
     def has(self, quantity: str) -> bool:
         """Return whether the library computes `quantity`."""
-        return quantity in self._functions
+        return isinstance(quantity, str) and quantity in self._functions
 
     def function(self, quantity: str) -> CompiledFunction:
         """Return the function of `quantity`; raises UnknownNameError listing the ones there are."""
-        if quantity not in self._functions:
+        if not self.has(quantity):
             raise UnknownNameError(
                 "the library does not compute this quantity",
                 where=str(self.path),
@@ -249,7 +253,7 @@ class CompiledModel(Summarised):
 
     def nominal(self, argument: str) -> FloatArray:
         """Return a copy of the scene's own value of an argument, in its shape."""
-        if argument not in self._nominal:
+        if not isinstance(argument, str) or argument not in self._nominal:
             raise UnknownNameError(
                 "the library has no such argument",
                 where=str(self.path),
@@ -373,6 +377,10 @@ class CompiledModel(Summarised):
             )
         nominal = self._nominal
         return [arguments[name] if name in arguments else nominal[name] for name in function.arguments]
+
+
+def _load(path: Path, manifest: Manifest, structure: Structure | BodySystem | None) -> CompiledModel:
+    return CompiledModel(path, manifest, structure=structure)
 
 
 def require_precision(manifest: Manifest, precision: str, where: str, hint: str = "") -> None:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.quantities import ARGUMENTS
+from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_doubles
 
 __all__ = ["INPUT", "merge_inputs", "read_arguments", "unify_name"]
 
@@ -57,7 +58,8 @@ def merge_inputs(
             allowed=f"names of inputs, or {INPUT}: {', '.join(manifest.input_name)}",
         )
     values = {name: _number(name, given.pop(name), is_batch=is_batch) for name in named}
-    rows = np.broadcast_shapes(*(value.shape for value in values.values()))
+    lengths = {name: len(value) for name, value in values.items() if value.ndim}
+    rows = (agree_on_rows(lengths, "arguments", "one number for a single motion"),) if lengths else ()
     start = _stated(manifest) if base is None else np.asarray(base, dtype=np.float64)
     merged = np.array(np.broadcast_to(start, (*rows, len(manifest.input_name))), dtype=dtype)
     for name, value in values.items():
@@ -67,7 +69,8 @@ def merge_inputs(
 
 def read_arguments(arguments: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return run-time arguments by name as a new dictionary; raises InvalidValueError for anything else."""
-    if arguments is not None and not isinstance(arguments, Mapping):
+    is_named = isinstance(arguments, Mapping) and all(isinstance(name, str) for name in arguments)
+    if arguments is not None and not is_named:
         raise InvalidValueError(
             "not values by name",
             where="arguments",
@@ -90,13 +93,10 @@ def _stated(manifest: Manifest) -> NDArray[np.float64]:
 
 def _number(name: str, value: Any, *, is_batch: bool) -> NDArray[np.float64]:
     allowed = "a number, or one for each element of the batch: (n_batch,)" if is_batch else "a number"
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros((0, 0))
+    array = np.zeros((0, 0)) if value is None else to_doubles(value, f"arguments.{name}", allowed)
     if array.shape == (1,) and not is_batch:
         array = array.reshape(())
-    if array.ndim > int(is_batch) or value is None:
+    if array.ndim > int(is_batch):
         raise InvalidValueError(
             "not the value of one input", where=f"arguments.{name}", given=value, allowed=allowed
         )

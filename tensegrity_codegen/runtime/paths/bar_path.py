@@ -19,6 +19,7 @@ from scipy import sparse
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, Pattern
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 
@@ -123,5 +124,6 @@ def build_path(model: Model, pattern: Pattern, arguments: Mapping[str, Any] | No
     FormulationError, InvalidValueError
         As for ModelPath.
     """
+    require_model(model)
     kind = BarPath if model.manifest.rigid_bar else ModelPath
     return kind(model, pattern, arguments)

@@ -8,13 +8,19 @@ and the path taken up anew with the stiffness of the far side.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_callback, check_instance, check_positive, check_whole, is_number
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.passes import describe_pass
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.path_events import Crossing, EventTracker, LostError, Step
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
@@ -50,6 +56,11 @@ class StepControl:
     largest: float = 0.1
     smallest: float = 1e-7
     most_steps: int = 1000
+
+    def __post_init__(self) -> None:
+        check_positive(self.largest, "largest")
+        check_positive(self.smallest, "smallest")
+        check_whole(self.most_steps, "most_steps", 1)
 
 
 def follow_path(
@@ -105,9 +116,24 @@ def follow_path(
     The next point is where g = 0 and t . (z' - z) = h, with the unit tangent t and the step h, so that the
     path continues through limit points (Riks 1979, Keller 1977).
     """
+    control = StepControl() if control is None else control
+    check_instance(control, StepControl, "control", "a StepControl")
+    for name in ("residual", "stiffness", "load_vector"):
+        if not callable(getattr(problem, name, None)):
+            allowed = "what build_path(...) returns"
+            raise InvalidValueError("wrong type", where="problem", given=problem, allowed=allowed)
+    check_callback(neutral, "neutral")
+    check_callback(progress, "progress")
+    _check_lists(watches, stop_at)
     first = _check_start(start, least, most)
-    path = _Path(problem, tuple(watches), neutral, control or StepControl(), (least, most))
-    path.tracker.floor = least if floor is None else floor
+    _check_floor(floor)
+    expected = first.shape
+    with suppress(NonFiniteError):  # then the path has no start
+        expected = np.shape(problem.residual(first, float(least)))
+    if first.shape != expected:
+        raise InvalidValueError("wrong shape", where="start", given=first.shape, allowed=f"shape {expected}")
+    path = _Path(problem, tuple(watches), neutral, control, (least, most))
+    path.tracker.floor = least if floor is None else float(floor)
     path.stop_at = frozenset(stop_at)
     status, message = path.run(first, progress)
     return collect_path(path.points, path.events, status, message, path.solver.n_iterations)
@@ -157,6 +183,9 @@ class _Path:
             ended = self._find_stop(known) or self._find_loop(step, tangent)
             if ended:
                 return ended
+            describe_pass(
+                f"following a load path: point {len(self.points):,}, load factor {state.load_factor:.4g}"
+            )
             if progress is not None:
                 progress(len(self.points), state.load_factor)
         return "step_limit", f"the load was not reached in {self.control.most_steps} steps"
@@ -357,11 +386,30 @@ class _Path:
         self.points.append(point)
 
 
+def _check_lists(watches: Any, stop_at: Any) -> None:
+    """Raise InvalidValueError unless these are a list of Watch and a list of kinds of events."""
+    for given, kind, place in ((watches, Watch, "watches"), (stop_at, str, "stop_at")):
+        check_instance(given, (tuple, list), place, f"a list of {kind.__name__}")
+        for item in given:
+            check_instance(item, kind, place, f"a list of {kind.__name__}")
+
+
+def _check_floor(floor: Any) -> None:
+    if floor is not None and not (is_number(floor) or (isinstance(floor, float) and math.isinf(floor))):
+        raise InvalidValueError(
+            "not a load factor", where="floor", given=floor, allowed="a number, -inf for none, or None"
+        )
+
+
 def _check_start(start: ArrayLike, least: float, most: float) -> FloatArray:
     """Return a copy of the start; raise for what no path can begin with."""
-    first = np.array(start, dtype=float)
-    if not (np.isfinite(first).all() and np.isfinite([least, most]).all()):
+    first = to_doubles(start, "start", "coordinates of shape (n,)").copy()
+    factors = [to_doubles(value, name, "a number") for name, value in (("least", least), ("most", most))]
+    if not (np.isfinite(first).all() and all(np.isfinite(value).all() for value in factors)):
         raise NonFiniteError("start and load factors have to be finite", where="follow_path")
+    for name, value in (("least", least), ("most", most)):
+        if not is_number(value):
+            raise InvalidValueError("not a load factor", where=name, given=value, allowed="a finite number")
     if first.ndim != 1 or first.size == 0:
         raise InvalidValueError("the start is not a vector", where="start", given=first.shape, allowed="(n,)")
     if most == least:

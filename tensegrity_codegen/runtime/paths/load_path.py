@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import Fact, Summarised, describe_range
+
 __all__ = ["LoadPath", "PathEvent"]
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class PathEvent:
+@dataclass(frozen=True, repr=False)
+class PathEvent(Summarised):
     """Something that happens on the path, located by root finding.
 
     kind: "slack", "taut", "contact", "separation" or what a Watch calls it; "limit": the load turns back;
@@ -37,8 +39,8 @@ class PathEvent:
         return {"kind": self.kind, "names": self.names, "load_factor": self.load_factor, "point": self.point}
 
 
-@dataclass(frozen=True)
-class LoadPath:
+@dataclass(frozen=True, repr=False)
+class LoadPath(Summarised):
     """Equilibria along a load path, and its events.
 
     Attributes
@@ -69,6 +71,20 @@ class LoadPath:
     load_rate: FloatArray  # (n_points,) dlambda/ds; negative where the load falls along the path
     events: tuple[PathEvent, ...]
     n_iterations: int
+
+    def headline(self) -> str:
+        """Return status and message."""
+        return f"{self.status}, {self.message}"
+
+    def facts(self) -> list[Fact]:
+        """Return sizes, ranges and events, for `repr` and notebooks."""
+        events = [f"{event.kind} at {event.load_factor:.6g}" for event in self.events]
+        return [
+            ("points", f"{len(self.load_factor)}, load factor {describe_range(self.load_factor)}"),
+            ("smallest eigenvalue", describe_range(self.smallest_eigenvalue, "N/m")),
+            ("events", ", ".join(events) or "none"),
+            ("largest residual", describe_range(self.residual.max(initial=0.0), "N")),
+        ]
 
     @property
     def is_followed(self) -> bool:

@@ -11,10 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.checks import check_instance, check_switch
+from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.named_inputs import read_arguments
 from tensegrity_codegen.runtime.model.placement import place_nodes
-from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
 
@@ -60,6 +63,7 @@ class ModelPath:
     has_rigid_bars: ClassVar[bool] = False
 
     def __init__(self, model: Model, pattern: Pattern, arguments: Mapping[str, Any] | None = None) -> None:
+        require_model(model)
         require_double(model.manifest, "a load path")
         self.model = model
         if bool(model.manifest.rigid_bar) != self.has_rigid_bars:
@@ -73,11 +77,17 @@ class ModelPath:
         self._force = next((name for name in FORCES if model.has(name)), "")
         if not self._force or not model.has("tangent_stiffness"):
             require_quantities(model, LOAD_PATH_QUANTITIES, PURPOSE)
-        given = dict(arguments or {})
+        given = read_arguments(arguments)
         patterns = dict(pattern) if isinstance(pattern, Mapping) else {"node_load": pattern}
         _check_growing(model, patterns)
-        self.bases = {name: np.array(given.pop(name, model.nominal(name)), dtype=float) for name in patterns}
-        self.patterns = {name: np.array(value, dtype=float) for name, value in patterns.items()}
+        shapes = {name: f"numbers of shape {model.nominal(name).shape}" for name in patterns}
+        self.bases = {
+            name: to_doubles(given.pop(name, model.nominal(name)), name, shapes[name]).copy()
+            for name in patterns
+        }
+        self.patterns = {
+            name: to_doubles(value, "pattern", shapes[name]).copy() for name, value in patterns.items()
+        }
         _check_patterns(self.patterns, self.bases)
         self.size = len(model.manifest.coordinate_name)
         self.arguments = {**given, "velocity": np.zeros(self.size)}
@@ -204,6 +214,7 @@ def watch_slack(path: ModelPath, members: Sequence[str]) -> Watch:
     UnknownNameError
         An unknown member.
     """
+    check_instance(path, ModelPath, "path", "what build_path(...) returns")
     rows = _find_rows(members, path.model.manifest.member_name, "members")
     require_quantities(path.model, ("member_extension",), PURPOSE)
 
@@ -229,6 +240,7 @@ def watch_switch(path: ModelPath, members: Sequence[str] = ()) -> list[Watch]:
     list of Watch
         For follow_path, one or none.
     """
+    check_instance(path, ModelPath, "path", "what build_path(...) returns")
     if not path.model.has("switch_margin"):
         return []
     count = len(np.asarray(path.model.compute("switch_margin")))
@@ -264,10 +276,12 @@ def watch_contact(path: ModelPath, pairs: Sequence[str] | None = None, *, stops:
     UnknownNameError
         An unknown pair.
     """
+    check_instance(path, ModelPath, "path", "what build_path(...) returns")
     require_quantities(path.model, ("bar_distance",), PURPOSE)
     known = path.model.manifest.bar_pair_name
-    names = known if pairs is None else tuple(pairs)
-    rows = _find_rows(names, known, "pairs of bars")
+    rows = _find_rows(known if pairs is None else pairs, known, "pairs of bars")
+    names = tuple(known[row] for row in rows)
+    check_switch(stops, "stops")
 
     def distance(coordinate: FloatArray, load_factor: float) -> FloatArray:
         return np.asarray(path.compute("bar_distance", coordinate, load_factor))[rows]
@@ -276,15 +290,9 @@ def watch_contact(path: ModelPath, pairs: Sequence[str] | None = None, *, stops:
 
 
 def _find_rows(names: Sequence[str], known: Sequence[str], what: str) -> list[int]:
+    check_instance(names, (tuple, list), "watch", f"a list of names of {what}")
     for name in names:
-        if name not in known:
-            raise UnknownNameError(
-                "the name is not defined",
-                where="watch",
-                given=name,
-                allowed=f"names of {what}",
-                hint=suggest(name, known),
-            )
+        check_choice(name, known, f"name among {what}", "watch")
     return [known.index(name) for name in names]
 
 
@@ -292,8 +300,7 @@ def _check_growing(model: Model, patterns: Mapping[str, Any]) -> None:
     """Raise where what is to grow is no load, or no run-time argument of the model."""
     known = {item.name for item in model.manifest.arguments}
     for name in patterns:
-        if name not in GROWING:
-            raise UnknownNameError("not a load", where="pattern", given=name, allowed=", ".join(GROWING))
+        check_choice(name, GROWING, "load", "pattern")
         if name not in known:
             raise FormulationError(
                 "a load path needs loads that may change at run time",
@@ -306,6 +313,8 @@ def _check_patterns(patterns: Mapping[str, FloatArray], bases: Mapping[str, Floa
     for name, pattern in patterns.items():
         if pattern.shape != bases[name].shape or not np.isfinite(pattern).all():
             _refuse_pattern(pattern, bases[name].shape)
+    if not patterns:
+        raise InvalidValueError("no load pattern", where="pattern", given={}, allowed=", ".join(GROWING))
     if not any(pattern.any() for pattern in patterns.values()):
         _refuse_pattern(np.concatenate([pattern.ravel() for pattern in patterns.values()]), None)
 

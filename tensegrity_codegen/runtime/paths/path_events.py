@@ -79,6 +79,7 @@ class EventTracker:
         self.name = [name for watch in self.watches for name in watch.names]
         self.n_watched = len(self.name)
         self.limit, self.ended, self.returned = range(self.n_watched, self.n_watched + 3)
+        self.loads = slice(self.ended, self.returned + 1)
         self.first_eigenvalue = self.n_watched + 3
         self.side = np.zeros(0)
 
@@ -119,29 +120,41 @@ class EventTracker:
         Raises LostError where the path between the ends of the step is not found.
         """
         before = self.values(step.start, step.tangent)
-        after = self.values(step.end, step.tangent_at(step.end))
-        crossing = self.side * after < 0
-        if not crossing.any():
-            return None
-        change = np.where(crossing, np.abs(after - before), 1.0)
-        change[change == 0] = 1.0
-        seen: dict[float, tuple[PathState, FloatArray]] = {step.length: (step.end, after)}
+        seen = {step.length: (step.end, self.values(step.end, step.tangent_at(step.end)))}
 
-        def nearest(length: float) -> float:
+        def look(length: float) -> tuple[PathState, FloatArray]:
             if length not in seen:
                 state = step.at(length)
                 if state is None:
                     raise LostError
                 seen[length] = state, self.values(state, step.tangent_at(state))
-            return float((self.side * seen[length][1] / change)[crossing].min())
+            return seen[length]
 
-        length = _first_root(nearest, least, step.length)
-        nearest(length)
-        state, values = seen[length]
-        left = self.side * values / change
-        near = crossing & (np.abs(left) <= SAME)
-        # Where none is near zero, one has jumped through it.
-        return Crossing(length, state, near if near.any() else crossing & (left <= left[crossing].min()))
+        def locate(crossing: BoolArray, end: float) -> Crossing:
+            change = np.where(crossing, np.abs(look(end)[1] - before), 1.0)
+            change[change == 0] = 1.0
+            length = _first_root(
+                lambda part: float((self.side * look(part)[1] / change)[crossing].min()), least, end
+            )
+            state, values = look(length)
+            left = self.side * values / change
+            near = crossing & (np.abs(left) <= SAME)
+            # Where none is near zero, one has jumped through it.
+            return Crossing(length, state, near if near.any() else crossing & (left <= left[crossing].min()))
+
+        found, crossing, end = None, self.side * look(step.length)[1] < 0, step.length
+        while crossing.any():
+            found = locate(crossing, end)
+            # What crosses twice is not seen at the end: the load, where it turns back at a limit point or a
+            # kink, and before a kink what jumps there.
+            for end, among in ((found.length, self.loads), (found.length - NUDGE * step.length, slice(None))):
+                crossing = np.zeros(len(before), dtype=bool)
+                if end > least:
+                    crossing[among] = (self.side * look(end)[1] < 0)[among]
+                    crossing &= ~found.crossed
+                if crossing.any():
+                    break
+        return found
 
     def find_touch(self, step: Step) -> float | None:
         """Return a length within the step at which a value is beyond zero though it is not at its end.

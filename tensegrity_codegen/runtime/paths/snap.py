@@ -15,8 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.checks import check_instance
+from tensegrity_codegen.errors import InvalidValueError, TensegrityError, check_choice
+from tensegrity_codegen.runtime.model.arrays import to_doubles, to_sized
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.named_inputs import read_arguments
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
 from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
 
@@ -94,7 +99,11 @@ def find_snap(
         Unknown where there is no equilibrium at the start, where the path ends early, and above MOST_FOLLOWED
         coordinates.
     """
-    pattern = np.asarray(load, dtype=float) - np.asarray(base, dtype=float)
+    _check_call(model, found, cables, arguments)
+    base, load = (to_doubles(value, name, "loads [N]") for name, value in (("base", base), ("load", load)))
+    if base.shape != load.shape:
+        raise InvalidValueError("wrong shape", where="base", given=base.shape, allowed=f"shape {load.shape}")
+    pattern = load - base
     if not pattern.any():
         return Snap(False)
     ramp = Ramp(
@@ -145,9 +154,15 @@ def find_load_snap(
     -----
     First the prestress acts, then all loads increase in proportion (decision 0028).
     """
-    full = {name: np.asarray(value, dtype=float) for name, value in loads.items()}
+    _check_call(model, found, cables, arguments)
+    check_instance(loads, Mapping, "loads", "a dictionary of node_load [N] and gravity [m/s2]")
+    for name in loads:
+        check_choice(name, GROWING, "load", "loads")
+    full = {name: to_doubles(value, name, "loads, or gravity") for name, value in loads.items()}
     ramp = Ramp(model, {name: 0 * value for name, value in full.items()}, full, cables, arguments)
-    start = model.nominal("coordinate").ravel() if coordinate is None else np.asarray(coordinate, dtype=float)
+    start = model.nominal("coordinate").ravel()
+    if coordinate is not None:
+        start = to_sized(coordinate, start.shape, "coordinate").ravel()
     if len(start) > MOST_FOLLOWED:
         return Snap(None, reason=f"paths of more than {MOST_FOLLOWED} coordinates are not followed")
     try:
@@ -161,6 +176,14 @@ def find_load_snap(
         return _compare(ramp.follow(settled.coordinate), found)
     except TensegrityError as error:
         return Snap(None, reason=error.problem)
+
+
+def _check_call(model: Any, found: Any, cables: Any, arguments: Any) -> None:
+    """Raise InvalidValueError for arguments of the wrong kinds."""
+    require_model(model)
+    check_instance(found, Equilibrium, "found", "what find_equilibrium(...) returns")
+    check_instance(cables, (tuple, list), "cables", "a list of names of members")
+    read_arguments(arguments)
 
 
 def _compare(way: Way, found: Equilibrium) -> Snap:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.errors import InvalidValueError, StructureError, check_choice
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.structure.actuators import Actuator
@@ -89,6 +90,7 @@ def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actu
             hint="add [[actuators]] to the scene, or let each cable have one: `actuate=cables`",
         )
     by_name = {actuator.name: actuator for actuator in known}
+    check_instance([] if names is None else names, (list, tuple), "actuators", "a list of names")
     wanted = list(by_name) if names is None else list(names)
     for name in wanted:
         check_choice(name, by_name, "actuator", "actuators")

@@ -1,4 +1,4 @@
-"""Proofs that no plan exists: certificates of shapes, and targets that limits of one member contradict."""
+"""Proofs that no plan exists by targets that limits of one member contradict, whatever the path."""
 
 from __future__ import annotations
 
@@ -9,28 +9,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.runtime.analysis.certificate import Certificate, find_certificate
-from tensegrity_codegen.runtime.analysis.rank import find_rank
 from tensegrity_codegen.runtime.planning.limits import PlanLimits
-from tensegrity_codegen.runtime.planning.plan_point import PlanModel
+from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.runtime.planning.targets.target_text import parse_shape
 from tensegrity_codegen.runtime.planning.targets.targets import Targets
-from tensegrity_codegen.runtime.statics.static_problem import EPSILON, StaticProblem
+from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["Contradiction", "find_contradiction", "find_fixed_shape", "find_shape_certificate"]
+__all__ = ["Contradiction", "find_contradiction", "find_unreachable_place"]
 
 FloatArray = NDArray[np.float64]
+Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
 
 ENTRY = re.compile(
     r"(member_length|member_tension|rest_length|bar_distance)\s*[(\[]\s*[\"']?([^\"'\])]+)[\"']?\s*[)\]]"
 )
+PLACE = re.compile(r"(\w+)\s*\.\s*([xyz])")
 SURE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
-PROVED = 1e-6  # part of the largest shortening, or of the work that loads could do: a proof by less is none
-STRAIGHT = 1e-5  # change of the targets' slopes, over the largest, that counts as none
-MOST_ITERATIONS = 30
-CONVERGED = 1e-10  # of the structure's size
-RANK = 1e-8  # of the largest singular value
-STEP = 1e-6  # of the structure's size
+MOST_CHANGE = (
+    5.0  # times the length of a member, and part of its rest length, that plans are expected to reach
+)
+WORDS = {
+    "least_value": "the least value that it can have",
+    "balance": f"the most that members beside it balance, {MOST_CHANGE:g} times as long as at the start,",
+}
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,9 @@ class Contradiction:
     message: str
 
 
-def find_contradiction(plan_model: PlanModel, limits: PlanLimits, targets: Targets) -> Contradiction | None:
+def find_contradiction(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> Contradiction | None:
     """Return a target that limits of one member contradict, whatever the path.
 
     Parameters
@@ -72,7 +75,10 @@ def find_contradiction(plan_model: PlanModel, limits: PlanLimits, targets: Targe
     limits : PlanLimits
         The limits.
     targets : Targets
-        The targets: those of a member's length, tension or rest length, or of a distance of two bars.
+        The targets: heights, and those of a member's length, tension or rest length, or of a distance of two
+        bars.
+    start : PlanPoint
+        The start.
 
     Returns
     -------
@@ -81,38 +87,124 @@ def find_contradiction(plan_model: PlanModel, limits: PlanLimits, targets: Targe
     """
     manifest = plan_model.model.manifest
     for target in targets.parts:
-        match = ENTRY.fullmatch(target.text.strip())
-        if match is None or target.expression is None:
+        text, value = target.text.strip(), float(target.goal[0])
+        match, name = ENTRY.fullmatch(text), "the top"
+        call = None if target.shape is None else parse_shape(text)
+        if call is not None and call.name == "height":
+            found = _below("least_value", value, 0.0, "m")
+        elif match is None or target.expression is None:
             continue
-        quantity, word = match[1], match[2].strip()
-        names = manifest.member_name if quantity != "bar_distance" else manifest.bar_pair_name
-        index = int(word) % len(names) if re.fullmatch(r"-?\d+", word) else names.index(word)
-        value = float(target.goal[0])
-        found = _compare(plan_model, limits, quantity, index, value)
+        else:
+            quantity, word = match[1], match[2].strip()
+            names = manifest.member_name if quantity != "bar_distance" else manifest.bar_pair_name
+            index = int(word) % len(names) if re.fullmatch(r"-?\d+", word) else names.index(word)
+            found, name = _compare(plan_model, limits, start, quantity, index, value), names[index]
         if found is not None:
-            limit, given, allowed, unit = found
-            text = (
-                f"the target {target.text} = {value:.6g} needs {given:.6g} {unit} of {names[index]}, "
-                f"and the limit {limit} is {allowed:.6g} {unit}: off by {abs(given - allowed):.3g} {unit}"
-            )
-            return Contradiction(target.text, names[index], limit, float(given), float(allowed), unit, text)
+            return _describe(text, f"{text} = {value:.6g}", name, found)
     return None
 
 
+def find_unreachable_place(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> Contradiction | None:
+    """Return a member whose length targets of node positions make impossible, such as a bar of a fixed end.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model and its actuators.
+    limits : PlanLimits
+        The limits.
+    targets : Targets
+        The targets: those of a coordinate of a node, ``node.x``.
+    start : PlanPoint
+        The start.
+
+    Returns
+    -------
+    Contradiction or None
+        None where the lengths, as far as targets and anchors fix them, are possible.
+    """
+    structure = plan_model.model.structure
+    if not isinstance(structure, Structure):
+        return None
+    known = np.where(structure.node_anchored, start.position, np.nan)
+    rest = [axis for axis in range(3) if axis not in structure.axes]
+    known[:, rest] = start.position[:, rest]
+    goals: dict[int, list[str]] = {}
+    for target in targets.parts:
+        match = PLACE.fullmatch(target.text.strip())
+        if match is not None and match[1] in structure.node_name:
+            node, value = structure.node_name.index(match[1]), float(target.goal[0])
+            known[node, "xyz".index(match[2])] = value
+            goals.setdefault(node, []).append(f"{target.text.strip()} = {value:.6g}")
+    for index, ends in enumerate(structure.connectivity.tolist()):
+        wanted = ", ".join(text for node in ends for text in goals.get(node, []))
+        between = known[ends[1]] - known[ends[0]]
+        length, is_exact = float(np.linalg.norm(np.nan_to_num(between))), bool(np.isfinite(between).all())
+        if not wanted:
+            continue
+        found = _compare_length(plan_model, limits, start, index, length, is_exact)
+        if found is not None:
+            return _describe(wanted, wanted, structure.member_name[index], found, length, is_exact)
+    return None
+
+
+def _describe(
+    target: str, wanted: str, name: str, found: Excess, length: float = math.nan, is_exact: bool = True
+) -> Contradiction:
+    limit, given, allowed, unit = found
+    how = "" if math.isnan(length) else f" at a length of {length:.6g} m{'' if is_exact else ' or more'}"
+    words = WORDS.get(limit, f"the limit {limit}")
+    text = (
+        f"the target {wanted} needs {given:.6g} {unit} of {name}{how}, and {words} is {allowed:.6g} {unit}: "
+        f"off by {abs(given - allowed):.3g} {unit}"
+    )
+    return Contradiction(target, name, limit, float(given), float(allowed), unit, text)
+
+
 def _compare(
-    plan_model: PlanModel, limits: PlanLimits, quantity: str, index: int, value: float
-) -> tuple[str, float, float, str] | None:
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, quantity: str, index: int, value: float
+) -> Excess | None:
     """Return limit, what is necessary, what is allowed, and the unit, where they exclude each other."""
+    structure = plan_model.model.structure
+    assert structure is not None
     if quantity == "bar_distance":
         return _below("clearance", value, limits.clearance, "m")
+    if quantity == "member_tension":
+        least = 0.0 if structure.tension_only[index] else -math.inf
+        return _below("least_value", value, least, "N") or _compare_tension(limits, index, value, value)
     low, high = _rest_lengths(plan_model, limits, index)
     if quantity == "rest_length":
         return _below("range", value, low, "m") or _above("range", value, high, "m")
-    if quantity == "member_tension":
-        least, most = value, value
-    else:
-        least, most = (_tension(plan_model, index, value, rest) for rest in (high, low))
-    load = limits.buckling[index] / value**2 if quantity == "member_length" else math.inf
+    return _below("least_value", value, 0.0, "m") or _compare_length(
+        plan_model, limits, start, index, value, True
+    )
+
+
+def _compare_length(
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, length: float, is_exact: bool
+) -> Excess | None:
+    """Return the limit that a member of a length exceeds, or of this length at least."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    low, high = _rest_lengths(plan_model, limits, index)
+    if structure.mu[index] == 0.0:  # a rigid bar
+        return _above("range", length, high, "m") or (_below("range", length, low, "m") if is_exact else None)
+    least, most = (_tension(plan_model, index, length, rest) for rest in (high, low))
+    most = most if is_exact else math.inf
+    load = limits.buckling[index] / length / length if length > 0 else math.inf
+    found = _compare_tension(limits, index, least, most, load)
+    if found is not None and found[0] == "least_tension" and length < low:
+        return "range", length, low, "m"  # too short for every rest length of the range
+    balance = _find_balance(plan_model, limits, start, index)
+    return found or _above("balance", least, balance, "N") or _below("balance", most, -balance, "N")
+
+
+def _compare_tension(
+    limits: PlanLimits, index: int, least: float, most: float, load: float = math.inf
+) -> Excess | None:
+    """Return the limit that all tensions from `least` to `most` exceed; load: that of buckling [N]."""
     return (
         _below("least_tension", most, limits.least_tension[index], "N")
         or _above("most_tension", least, limits.most_tension[index], "N")
@@ -120,6 +212,44 @@ def _compare(
         or _below("yield_stress", most, -limits.yield_force[index], "N")
         or _below("buckling", most, -load, "N")
     )
+
+
+def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int) -> float:
+    """Return the largest force of a member that others balance at a free end [N]; infinite at supports.
+
+    Loads are at most the sum of the forces at the start. Actuators may shorten members to a fifth.
+    """
+    structure = plan_model.model.structure
+    if not isinstance(structure, Structure):
+        return math.inf
+    length = np.linalg.norm(np.diff(start.position[structure.connectivity], axis=1)[:, 0], axis=1)
+    free = [
+        node
+        for node in structure.connectivity[index].tolist()
+        if not structure.node_anchored[node, list(structure.axes)].any()
+    ]
+    return min(
+        (_sum_forces(plan_model, limits, start, index, node, length) for node in free), default=math.inf
+    )
+
+
+def _sum_forces(
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, node: int, length: FloatArray
+) -> float:
+    """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
+    structure = plan_model.model.structure
+    assert isinstance(structure, Structure)
+    beside = np.flatnonzero((structure.connectivity == node).any(axis=1)).tolist()
+    total = float(np.abs(start.tension)[beside].sum())
+    for member in beside:
+        if structure.is_rigid[member]:
+            return math.inf
+        rest = float(structure.rest_length[member])
+        longest = MOST_CHANGE * max(rest, float(length[member]))
+        least_rest = max(rest / MOST_CHANGE, _rest_lengths(plan_model, limits, member)[0])
+        force = _tension(plan_model, member, longest, least_rest) if member != index else 0.0
+        total += force if structure.is_bar[member] else min(force, float(limits.most_tension[member]))
+    return total
 
 
 def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tuple[float, float]:
@@ -152,129 +282,11 @@ def _tension(plan_model: PlanModel, index: int, length: float, rest_length: floa
     return float(changed.compute_static_tension(np.full(len(rest), length))[index])
 
 
-def _below(limit: str, given: float, allowed: float, unit: str) -> tuple[str, float, float, str] | None:
+def _below(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
     short = given < allowed - SURE * abs(allowed) if math.isfinite(allowed) else False
     return (limit, given, allowed, unit) if short else None
 
 
-def _above(limit: str, given: float, allowed: float, unit: str) -> tuple[str, float, float, str] | None:
+def _above(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
     over = given > allowed + SURE * abs(allowed) if math.isfinite(allowed) else False
     return (limit, given, allowed, unit) if over else None
-
-
-def find_shape_certificate(
-    plan_model: PlanModel, problem: StaticProblem, coordinate: FloatArray, required: NDArray[np.bool_]
-) -> tuple[Certificate | None, bool]:
-    """Return the proof that no tensions with some cables in tension, and no others in compression, balance.
-
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    problem : StaticProblem
-        Its static problem.
-    coordinate : ndarray, shape (n_coordinates,)
-        The shape.
-    required : ndarray of bool, shape (n_members,)
-        Members that must be in tension; other cables may be slack, and other bars have either sign.
-
-    Returns
-    -------
-    certificate : Certificate or None
-        None where such tensions exist, where the program cannot verify the proof, and for scenes of bodies.
-    loaded : bool
-        Whether there are loads.
-    """
-    model = plan_model.model
-    structure = model.structure
-    if structure is None or not model.has("equilibrium_matrix"):
-        return None, False
-    matrix = problem.compute("equilibrium_matrix", coordinate).toarray()
-    _, tension = problem.forces(coordinate)
-    force = matrix @ tension
-    load = problem.residual(coordinate) + force
-    noise = 1e-9 * (float(np.abs(matrix).max(initial=0.0)) * float(np.abs(tension).max(initial=0.0)))
-    loaded = bool(np.abs(load).max(initial=0.0) > noise)
-    length = np.asarray(problem.compute("member_length", coordinate))
-    far = float(np.abs(problem.node_position(coordinate)).max(initial=0.0))
-    rank = find_rank(matrix, rounding=EPSILON * max(far / float(length.min()), 1.0))
-    pulled = np.asarray(structure.tension_only) | required
-    found = find_certificate(matrix, pulled, load=load if loaded else None, rank=rank, required=required)
-    return (found if found is not None and _is_sure(found, required, load) else None), loaded
-
-
-def _is_sure(found: Certificate, required: NDArray[np.bool_], load: FloatArray) -> bool:
-    """Return whether a proof holds beyond the error of the shape."""
-    shortening = float(-found.elongation[required].min(initial=0.0))
-    most_work = float(np.linalg.norm(load) * np.linalg.norm(found.displacement))
-    return found.is_verified and (shortening > PROVED or found.load_work > PROVED * most_work)
-
-
-def find_fixed_shape(
-    problem: StaticProblem, targets: Targets, start: FloatArray, neutral: FloatArray
-) -> FloatArray | None:
-    """Return the coordinates that targets fix, where they fix the whole shape.
-
-    Parameters
-    ----------
-    problem : StaticProblem
-        The static problem.
-    targets : Targets
-        The targets.
-    start : ndarray, shape (n_coordinates,)
-        Where the search begins.
-    neutral : ndarray, shape (n_coordinates, m)
-        Rigid motions that the targets need not fix.
-
-    Returns
-    -------
-    ndarray, shape (n_coordinates,), or None
-        None where the targets leave the shape free, where no shape near the start has their values, and
-        where they are not linear in the coordinates, as then other shapes may have their values too.
-    """
-    goal = targets.near(targets.goal, targets.evaluate(problem, start))
-    free = len(start) - neutral.shape[1]
-    if len(goal) < free or len(neutral) != len(start):
-        return None
-    place, size = start.copy(), problem.extent(start, np.asarray(problem.compute("member_length", start)))
-    try:
-        if not _is_linear(problem, targets, start, size):
-            return None
-        for _ in range(MOST_ITERATIONS):
-            slope = _find_slope(problem, targets, place, size)
-            if np.linalg.matrix_rank(slope, tol=RANK * float(np.linalg.norm(slope, 2))) < free:
-                return None
-            gap = goal - targets.near(targets.evaluate(problem, place), goal)
-            step = np.linalg.lstsq(slope, gap, rcond=RANK)[0]
-            place = place + step
-            if np.abs(step).max(initial=0.0) <= CONVERGED * size:
-                left = np.abs(goal - targets.near(targets.evaluate(problem, place), goal)).max()
-                return place if left <= 1e-6 * max(float(np.abs(goal).max()), size) else None
-    except (NonFiniteError, np.linalg.LinAlgError):
-        return None
-    return None
-
-
-def _is_linear(problem: StaticProblem, targets: Targets, start: FloatArray, size: float) -> bool:
-    """Return whether the slopes of the targets are the same at the start and at two shapes far from it."""
-    first = _find_slope(problem, targets, start, size)
-    largest = float(np.abs(first).max(initial=0.0))
-    draw = np.random.default_rng(0)
-    for _ in range(2):
-        other = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
-        bend = np.abs(_find_slope(problem, targets, other, size) - first).max(initial=0.0)
-        if not bend <= STRAIGHT * largest:
-            return False
-    return True
-
-
-def _find_slope(problem: StaticProblem, targets: Targets, place: FloatArray, size: float) -> FloatArray:
-    """Return the derivatives of the targets, (n_targets, n_coordinates)."""
-    return np.array([_difference(problem, targets, place, unit, size) for unit in np.eye(len(place))]).T
-
-
-def _difference(
-    problem: StaticProblem, targets: Targets, place: FloatArray, unit: FloatArray, size: float
-) -> FloatArray:
-    ends = [targets.evaluate(problem, place + sign * STEP * size * unit) for sign in (1, -1)]
-    return (ends[0] - targets.near(ends[1], ends[0])) / (2 * STEP * size)

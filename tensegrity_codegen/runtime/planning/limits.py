@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import is_number
+from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.planning.actuation import MemberRanges
 from tensegrity_codegen.runtime.planning.plan_point import PlanPoint
 from tensegrity_codegen.runtime.planning.slopes import Slopes
-from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
 
 __all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins", "keep_taut"]
 
@@ -105,10 +108,15 @@ def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | No
     -------
     PlanLimits
         The limits.
+
+    Raises
+    ------
+    InvalidValueError
+        Limits that are no numbers, or not one for each member.
     """
     structure = model.structure
     assert structure is not None
-    limits = (limits or structure.limits).for_members(len(structure.member_name))
+    limits = _read_limits(structure.limits if limits is None else limits, len(structure.member_name))
     area = np.where(structure.section_area > 0, structure.section_area, math.inf)
     flexural = math.pi**2 * structure.flexural_rigidity
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -123,6 +131,31 @@ def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | No
         *ranges.of_actuators(),
         ranges,
     )
+
+
+def _read_limits(limits: Limits, count: int) -> Limits:
+    """Return limits of `count` members, as arrays of doubles; raises InvalidValueError for others."""
+    if not isinstance(limits, Limits):
+        raise InvalidValueError(
+            "not limits", where="limits", given=limits, allowed="an object Limits, or None"
+        )
+    for key in ("clearance", "least_stiffness"):
+        value = getattr(limits, key)
+        if not is_number(value) and not (isinstance(value, float) and math.isinf(value)):
+            raise InvalidValueError("not a limit", where=f"limits.{key}", given=value, allowed="a number")
+    allowed = f"{count} numbers, without NaN"
+    arrays = {key: to_doubles(getattr(limits, key), f"limits.{key}", allowed) for key in MEMBER_LIMITS}
+    shapes = {(count,)} if any(array.size for array in arrays.values()) else {(0,), (count,)}
+    for key, array in arrays.items():
+        if array.shape not in shapes or np.isnan(array).any():
+            raise InvalidValueError(
+                "not a limit of each member",
+                where=f"limits.{key}",
+                given=getattr(limits, key),
+                allowed=allowed,
+            )
+    read = Limits(**arrays, clearance=limits.clearance, least_stiffness=limits.least_stiffness)
+    return read.for_members(count)
 
 
 def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]) -> PlanLimits:

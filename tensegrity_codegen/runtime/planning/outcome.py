@@ -114,12 +114,14 @@ class PlanResult(ByName, Summarised):
     Attributes
     ----------
     status : str
-        ``"found"``; ``"infeasible"``: proved that there is no plan, see `certificate`; ``"blocked"``: no
-        progress from the last point of the path, see `block`. A blocked path proves nothing about others.
+        ``"found"``; ``"infeasible"``: proved that there is no plan, see `certificate`; ``"blocked"``: no or
+        little progress from the last point of the path, see `block`. A blocked path proves nothing about
+        others.
     message : str
         A sentence.
     progress : ndarray, shape (n_steps,)
-        From 0 at the start to 1 at the target. All arrays have a row for the start.
+        From 0 at the start to 1 at the target. All arrays have a row for the start, also of an infeasible
+        plan; `residual` says whether that is in balance.
     target_name, target_unit : tuple of str
         Names and units of the targets' components.
     target : ndarray, shape (n_steps, n_targets)

@@ -8,16 +8,15 @@ the step is shortened. Only equilibria within all limits are kept.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError, SingularStiffnessError
-from tensegrity_codegen.runtime.planning.immobility import describe_immobility
 from tensegrity_codegen.runtime.planning.limits import WITHIN, Margins, PlanLimits, compute_margins
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
-from tensegrity_codegen.runtime.planning.slopes import Slopes, compute_slopes
+from tensegrity_codegen.runtime.planning.slopes import Slopes, compute_slopes, describe_immobility
 from tensegrity_codegen.runtime.planning.step_problem import EASED, INSIDE, Program, Step
 from tensegrity_codegen.runtime.planning.targets.targets import Targets
 
@@ -35,7 +34,7 @@ LARGEST_CHANGE = 1.0  # of the longest member: of an input in all steps together
 SMALLEST_CHANGE = 1e-6  # of the largest change: shorter steps are not tried
 UNIT = 1e-3  # of the longest member: scale of changes
 LEAST_PROGRESS = 1e-6  # of a step that counts at all
-LAST, DEAD = 8, 1e-4  # the last steps together make less progress than this: it has died out
+N_LAST, DEAD = 8, 1e-4  # the last steps together make less progress than this: it has died out
 FADED = 0.05  # of `least_progress`: the same, as a part of what such steps would make at the start
 REACH = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
 SOFT = 3.0  # steps after which the smallest eigenvalue could reach its limit
@@ -72,7 +71,11 @@ class Path:
     steps : int
         Number of steps where nothing limits them.
     least_progress : float
-        Progress, as part of that of a step which nothing limits, below which the path ends.
+        Progress, as part of that of a step which nothing limits: the path ends where several steps in a row
+        make less.
+    preferred : ndarray, shape (n_actuators,) [m], optional
+        Changes of the inputs that the first step prefers to the smallest ones, as far as targets and limits
+        leave them free.
     """
 
     def __init__(
@@ -83,10 +86,11 @@ class Path:
         start: PlanPoint,
         steps: int,
         least_progress: float,
+        preferred: FloatArray | None = None,
     ) -> None:
-        self.model, self.limits, self.targets = plan_model, limits, targets
-        self.first = targets.evaluate(plan_model.problem(start.change), start.coordinate)
-        self.goal = targets.near(targets.goal, self.first)
+        self.model, self.limits, self.targets = plan_model, limits, targets.follow(start.position)
+        self.first = self.targets.evaluate(plan_model.problem(start.change), start.coordinate)
+        self.goal = self.targets.goal
         self.direction = self.goal - self.first
         none = np.zeros(0)
         margins = compute_margins(limits, start)
@@ -94,10 +98,11 @@ class Path:
         self.unit = UNIT * start.point.longest
         self.most_radius = self.radius = LARGEST_CHANGE * start.point.longest / steps
         self.most_pace = self.pace = 1.0 / steps
-        self.least_progress = least_progress
+        self.least_progress, self.preferred = least_progress, preferred
         self.slopes = self._find_slopes(start, start)
         self.first_free: float | None = None  # progress that the largest step at the start could make
         self.expected: list[float] = []  # of each step, the progress that such a step would make at the start
+        self.n_slow = 0  # last steps in a row with less progress than `least_progress`
         self.failure = ""  # why the last step was shortened
         self.is_limited = True  # whether limits are to blame for it
         self.inside = INSIDE  # margin that the programs of the step leave to limits
@@ -115,15 +120,21 @@ class Path:
         ask = min(self.pace, 1.0 - here.progress)
         self.inside = INSIDE
         program = self._build_program(here.at, here.target, here.progress)
+        if self.preferred is not None and len(self.points) == 1:
+            furthest = program.find_furthest(0.0, ask)
+            ask = ask if furthest is None else furthest.progress / 2  # the rest is left to other changes
+            program = replace(program, preferred=self.preferred)
         step = program.find_step(ask) or self._find_last(here, ask) or program.find_furthest(0.0, ask)
         if step is None:
-            return self._shorten("no step satisfies the limits to first order")
+            return self._shorten("the limits leave no progress")
         if step.progress < LEAST_PROGRESS and here.progress + step.progress < 1.0 - END:
-            return self._stop(program, ask)
+            return self._stop(program)
         reached = self._reach(here, step)
         if reached is None:
             return self._shorten(self.failure)
         self.points.append(reached)
+        self.failure = ""
+        self.targets = self.targets.follow(reached.at.position)
         return self._judge(program, ask, reached.progress - here.progress)
 
     def _judge(self, program: Program, ask: float, made: float) -> bool:
@@ -149,8 +160,13 @@ class Path:
             return self.is_done or (self._shorten(self.failure) and not self._has_died_out())
         self.radius = min(GROW * self.radius, self.most_radius)
         self.pace = min(GROW * self.pace, self.most_pace)
-        if made < least and not self.is_done:
-            self.failure = f"the limits leave {made:.3g} of the way in a step, see `least_progress`"
+        self.n_slow = self.n_slow + 1 if made < least else 0
+        if self.n_slow == N_LAST and not self.is_done:
+            self.failure = (
+                f"the limits leave little progress, less than {self.least_progress:g} of what a step could "
+                f"make (`least_progress`) in {N_LAST} in a row: further steps are possible, and "
+                "`least_progress` 0 takes them"
+            )
             return False
         return not self._has_died_out()
 
@@ -164,14 +180,20 @@ class Path:
             self.inside = INSIDE
         return step
 
-    def _stop(self, program: Program, ask: float) -> bool:
-        """Say why there is no progress: limits, or targets that do not move; the path ends."""
-        self.failure = "the limits leave no progress"
-        if program.find_free(ask) < LEAST_PROGRESS:
+    def _stop(self, program: Program) -> bool:
+        """Say why steps of the full size make no progress: targets do not move, or limits; the path ends.
+
+        Where such a step could, to first order, it and all shorter ones were rejected: the last one says why.
+        """
+        program = replace(program, radius=self.most_radius)
+        bound = program.find_bound(self.most_pace)
+        if program.find_free(self.most_pace) < LEAST_PROGRESS:
             self.is_limited = False
             self.failure = describe_immobility(
                 self.targets.names, self.slopes.target, self.direction, self.points[-1].at.point.longest
             )
+        elif bound is None or bound.progress < LEAST_PROGRESS or not self.failure:
+            self.failure = "the limits leave no progress"
         return False
 
     def find_bound(self) -> Step | None:
@@ -182,15 +204,15 @@ class Path:
 
     def _has_died_out(self) -> bool:
         """Return whether the last steps together make next to no progress, or little of that of the first."""
-        if self.is_done or len(self.points) <= LAST:
+        if self.is_done or len(self.points) <= N_LAST:
             return False
-        made = self.points[-1].progress - self.points[-1 - LAST].progress
+        made = self.points[-1].progress - self.points[-1 - N_LAST].progress
         meant = sum(
-            self.expected[-LAST:]
+            self.expected[-N_LAST:]
         )  # zero where the first step, to first order, does not move the targets
         share = f", {made / meant:.2g} of what they would make at the start" if meant > 0.0 else ""
         self.failure = (
-            f"progress has died out: {made:.3g} of the way in the last {LAST} steps{share}; a step changes "
+            f"progress has died out: {made:.3g} of the way in the last {N_LAST} steps{share}; a step changes "
             f"rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) permit more"
         )
         return made < DEAD or made < FADED * self.least_progress * meant
@@ -226,9 +248,8 @@ class Path:
         """Return the point within all limits near an equilibrium, by programs with the same slopes."""
         least = here.progress + LEAST_SHARE * step.progress
         for _ in range(MOST_CORRECTIONS):
-            found = self.targets.evaluate(self.model.problem(at.change), at.coordinate)
+            target = self.targets.evaluate(self.model.problem(at.change), at.coordinate)
             wanted = self.first + progress * self.direction
-            target = self.targets.near(found, wanted)
             margins = compute_margins(self.limits, at)
             if self._is_inside(margins) and self._is_exact(target - wanted) and self._is_stable(at):
                 return PathPoint(at, progress, target, margins, step.binding, step.multiplier)
@@ -242,7 +263,14 @@ class Path:
             if moved is None:
                 return None
             at = moved
-        self.failure = "the corrections of the step do not converge"
+        miss = target - wanted
+        worst = int(np.abs(miss).argmax())
+        what = (
+            f"{self.targets.names[worst]} is missed by {miss[worst]:.3g} {self.targets.units[worst]}".rstrip()
+        )
+        if self._is_exact(miss):
+            what = "the equilibrium is unstable" if self._is_inside(margins) else self._name_worst(margins)
+        self.failure = f"the corrections of the step do not converge: {what}"
         return None
 
     def _name_worst(self, margins: Margins) -> str:

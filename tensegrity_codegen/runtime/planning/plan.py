@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_whole, is_number
+from tensegrity_codegen.checks import check_callback, check_whole, is_number
 from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.planning.actuation import Actuation, find_actuation
-from tensegrity_codegen.runtime.planning.infeasible import (
-    find_contradiction,
-    find_fixed_shape,
-    find_shape_certificate,
-)
+from tensegrity_codegen.runtime.planning.fixed_shape import find_fixed_shape, find_shape_certificate
+from tensegrity_codegen.runtime.planning.infeasible import find_contradiction, find_unreachable_place
 from tensegrity_codegen.runtime.planning.limits import (
     WITHIN,
     PlanLimits,
@@ -40,6 +38,10 @@ __all__ = ["plan"]
 
 FloatArray = NDArray[np.float64]
 
+N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
+MOST_STEPS = 10**9
+FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
+FURTHER = 1e-3  # progress by which another path comes further
 SAME = 9  # digits that order limits which are exceeded; equal ones stay in the order of the structure
 
 
@@ -74,10 +76,10 @@ def plan(
     steps : int
         Number of steps where nothing limits them.
     least_progress : float
-        The path ends where limits leave less progress in a step than this part of 1/steps; 0: where they
-        leave none.
+        The path ends where limits leave less progress than this part of 1/steps, in 8 steps in a row; 0:
+        where they leave none.
     max_steps : int
-        Largest number of steps and attempts.
+        Largest number of steps and attempts of a path.
     duration : float, optional
         Time of the whole plan [s]; by default the shortest that the rates of the actuators permit.
     progress : callable, optional
@@ -101,7 +103,7 @@ def plan(
 
     Notes
     -----
-    docs/planning.md has the equations.
+    docs/planning.md has the equations. Where limits block the path of the smallest changes, others are tried.
 
     Examples
     --------
@@ -112,7 +114,7 @@ def plan(
     ('found', 20)
     """
     require_model(model)
-    _check_options(steps, max_steps, least_progress, duration)
+    _check_options(steps, max_steps, least_progress, duration, progress)
     require_solver()
     texts = read_targets(targets)
     actuation = find_actuation(model, actuators)
@@ -121,32 +123,58 @@ def plan(
     bounds = build_limits(model, plan_model.ranges, limits)
     start = find_start(plan_model, bounds)
     if start.certificate is not None:
-        return record_infeasible(plan_model, bound, start.certificate, start.message, start.shape)
-    assert start.at is not None
+        return record_infeasible(plan_model, bound, start.at, start.certificate, start.message, start.shape)
     _check_start(plan_model, bounds, start.at)
     assert model.structure is not None
     bounds = keep_taut(bounds, start.at, np.asarray(model.structure.tension_only))
     _check_held(plan_model, bound, start.at)
     proof = _find_proof(plan_model, bounds, bound, start.at)
     if proof is not None:
-        return record_infeasible(plan_model, bound, *proof)
-    path = Path(plan_model, bounds, bound, start.at, steps, least_progress)
-    _follow(path, max_steps, progress)
+        return record_infeasible(plan_model, bound, start.at, *proof)
+    path = _find_path(
+        partial(Path, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
+    )
     return _record(plan_model, path, start, actuation, duration)
 
 
-def _follow(path: Path, max_steps: int, progress: Progress | None) -> None:
-    """Take steps until the path is done or blocked, or has taken as many as allowed."""
-    for _ in range(max_steps):
+def _find_path(build: Callable[..., Path], max_steps: int, progress: Progress | None) -> Path:
+    """Return the path of the smallest changes; where limits block it, the one of several that comes furthest.
+
+    A path that keeps a symmetry of the structure may end where all of its bars are in the way of each other.
+    The others begin with random changes of the inputs, as far as targets and limits leave them free.
+    """
+    furthest = build()
+    at, draw, count = furthest.points[0].at, np.random.default_rng(0), 0
+    is_blocked = _follow(furthest, max_steps, progress)
+    while is_blocked and count < N_TRIES:
+        preferred = FIRST_CHANGE * at.point.longest * draw.uniform(-1.0, 1.0, len(at.change))
+        other, count = build(preferred), count + 1
+        is_blocked = _follow(other, max_steps, progress, furthest)
+        if other.points[-1].progress > furthest.points[-1].progress + FURTHER:
+            furthest = other
+    if is_blocked:
+        furthest.failure += f"; {count} paths that begin with other changes end no further"
+    return furthest
+
+
+def _follow(path: Path, max_steps: int, progress: Progress | None, rival: Path | None = None) -> bool:
+    """Take steps until the path ends, or as many as allowed; return whether limits block it.
+
+    A path that is behind its rival after twice as many steps and attempts is given up.
+    """
+    for count in range(max_steps):
         if path.is_done:
-            return
+            return False
+        if rival and count > 2 * len(rival.points) and path.points[-1].progress < rival.points[-1].progress:
+            return True
         can_go_on = path.advance()
         if progress is not None:
             progress(len(path.points) - 1, path.points[-1].progress)
         if not can_go_on:
-            return
+            return path.is_limited and not path.is_done
     if not path.is_done:
         path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
+    return False
 
 
 def _record(
@@ -161,17 +189,18 @@ def _find_proof(
     plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
 ) -> tuple[Any, str, FloatArray | None] | None:
     """Return the proof that no plan exists, and a sentence; None where there is none."""
-    contradiction = find_contradiction(plan_model, limits, targets)
+    contradiction = find_contradiction(plan_model, limits, targets, start)
     if contradiction is not None:
         return contradiction, contradiction.message, None
     problem = plan_model.problem(start.change)
     shape = find_fixed_shape(problem, targets, start.coordinate, start.neutral)
-    if shape is None:
-        return None
     required = np.asarray(limits.least_tension > 0.0)
-    certificate, _ = find_shape_certificate(plan_model, problem, shape, required)
+    certificate = None
+    if shape is not None:
+        certificate, _ = find_shape_certificate(plan_model, problem, shape, required)
     if certificate is None:
-        return None
+        unreachable = find_unreachable_place(plan_model, limits, targets, start)
+        return None if unreachable is None else (unreachable, unreachable.message, None)
     least = "the cables that have a least tension in tension, and " if required.any() else ""
     text = (
         f"the targets fix the whole shape, and at that shape no tensions are in balance with {least}no cable "
@@ -180,13 +209,16 @@ def _find_proof(
     return certificate, text, shape
 
 
-def _check_options(steps: int, max_steps: int, least_progress: float, duration: float | None) -> None:
+def _check_options(
+    steps: int, max_steps: int, least_progress: float, duration: float | None, progress: Progress | None
+) -> None:
     for name, value in (("steps", steps), ("max_steps", max_steps)):
-        check_whole(value, name, 1, problem="not a number of steps")
+        check_whole(value, name, 1, MOST_STEPS, problem="not a number of steps")
     if not (is_number(least_progress) and 0 <= least_progress < 1):
         raise InvalidValueError(
             "not a part of a step", where="least_progress", given=least_progress, allowed="from 0 to below 1"
         )
+    check_callback(progress, "progress")
     check_duration(duration)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.errors import NonFiniteError
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.planning.actuation import (
@@ -110,18 +111,18 @@ class PlanModel:
         self.model, self.actuation = model, actuation
         self._scale: FloatArray | None = None
         self.arguments = merge_inputs(model.manifest, arguments)
-        base = self.arguments.get(INPUT)
-        self.base = np.array(model.nominal(INPUT).ravel() if base is None else base, dtype=float)
+        base, nominal = self.arguments.get(INPUT), model.nominal(INPUT).ravel()
+        self.base = nominal if base is None else to_sized(base, nominal.shape, f"arguments.{INPUT}").ravel()
+        check_finite(self.base, f"arguments.{INPUT}")
         self.has_pairs = bool(model.manifest.bar_pair) and model.has("bar_distance")
         names = model.manifest.member_name
         self.columns = {item.name: tuple(names[e] for e in item.members) for item in actuation.actuators}
         self.incidence = np.zeros((len(names), len(self.columns)))
         for column, item in enumerate(actuation.actuators):
             self.incidence[list(item.members), column] = 1.0
-        # Inputs of a wrong shape are refused where the model is evaluated.
         held = {
             name: float(value)
-            for name, value in zip(model.manifest.input_name, self.base.ravel(), strict=False)
+            for name, value in zip(model.manifest.input_name, self.base, strict=True)
             if name not in self.columns
         }
         structure = model.structure
@@ -203,7 +204,7 @@ class PlanModel:
         final = point if point is not None and best and point.node_force <= best.node_force else best
         if final is None or not _is_balanced(final, floor):
             return None
-        return self._complete(problem, change, final)
+        return self.complete(problem, change, final)
 
     def _iterate(self, problem: StaticProblem, point: Point) -> tuple[Point | None, float]:
         """Return the point after one Newton step, and the residual that rounding explains [N]."""
@@ -227,7 +228,8 @@ class PlanModel:
         turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
         return find_neutral_motions(stiffness, problem.rigid_motions(point.coordinate), turned)
 
-    def _complete(self, problem: StaticProblem, change: FloatArray, point: Point) -> PlanPoint:
+    def complete(self, problem: StaticProblem, change: FloatArray, point: Point) -> PlanPoint:
+        """Return a point of a static problem with all that limits look at."""
         stiffness = problem.stiffness(point.coordinate)
         neutral = self.neutral(problem, point, stiffness)
         value, vector = find_lowest(stiffness, neutral)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,6 +39,7 @@ def describe_margin(
 def record_infeasible(
     plan_model: PlanModel,
     targets: Targets,
+    at: PlanPoint,
     proof: Certificate | Contradiction,
     message: str,
     shape: FloatArray | None = None,
@@ -48,6 +52,8 @@ def record_infeasible(
         The model.
     targets : Targets
         The targets.
+    at : PlanPoint
+        The start; not in balance where it is the stated shape that is proved to have no tensions.
     proof : Certificate or Contradiction
         The proof.
     message : str
@@ -58,42 +64,25 @@ def record_infeasible(
     Returns
     -------
     PlanResult
-        Of status ``"infeasible"``, with arrays of no rows.
+        Of status ``"infeasible"``, with arrays of one row, the start.
     """
-    manifest = plan_model.model.manifest
-    count, members, pairs = len(plan_model.columns), len(manifest.member_name), len(manifest.bar_pair)
-    none = np.zeros(0)
     position = moved = None
     if shape is not None and isinstance(proof, Certificate):
         problem = plan_model.problem(plan_model.start)
         position = problem.node_position(shape)
         moved = StaticProblem.node_velocities(problem, shape, proof.displacement[:, None])[:, :, 0]
+    value = targets.evaluate(plan_model.problem(at.change), at.coordinate)
     return PlanResult(
         status="infeasible",
         message=message,
-        progress=none,
-        target_name=targets.names,
-        target_unit=targets.units,
-        target=np.zeros((0, len(targets.names))),
+        progress=np.zeros(1),
+        target=value[None],
         goal=targets.goal,
-        actuator_name=plan_model.actuation.names,
-        change=np.zeros((0, count)),
-        rest_length=np.zeros((0, count)),
-        node_name=manifest.node_name,
-        member_name=manifest.member_name,
-        bar_pair_name=manifest.bar_pair_name,
-        is_cable=_find_cables(plan_model),
-        node_position=np.zeros((0, len(manifest.node_name), 3)),
-        member_tension=np.zeros((0, members)),
-        bar_distance=np.zeros((0, pairs)),
-        smallest_eigenvalue=none,
-        residual=none,
-        coordinate=np.zeros((0, len(manifest.coordinate_name))),
-        binding=(),
+        binding=((),),
         certificate=proof,
         proof_position=position,
         proof_displacement=moved,
-        structure=plan_model.model.structure,
+        **_describe_points(plan_model, targets, [at]),
     )
 
 
@@ -118,39 +107,46 @@ def record_path(
     PlanResult
         Of status ``"found"`` or ``"blocked"``.
     """
-    manifest, points = plan_model.model.manifest, path.points
-    change = np.array([point.at.change for point in points])
+    points = path.points
     block = None if path.is_done else _find_block(plan_model, path)
-    lowest = [float(p.at.eigenvalue[0]) if len(p.at.eigenvalue) else np.inf for p in points]
     return PlanResult(
         status="found" if block is None else "blocked",
         message=_describe_found(path) if block is None else _describe_block(path, block),
         progress=np.array([point.progress for point in points]),
-        target_name=path.targets.names,
-        target_unit=path.targets.units,
         target=np.array([point.target for point in points]),
         goal=path.goal,
-        actuator_name=plan_model.actuation.names,
-        change=change,
-        rest_length=plan_model.rest_length(change),
-        node_name=manifest.node_name,
-        member_name=manifest.member_name,
-        bar_pair_name=manifest.bar_pair_name,
-        is_cable=_find_cables(plan_model),
-        node_position=np.array([point.at.position for point in points]),
-        member_tension=np.array([point.at.tension for point in points]),
-        bar_distance=np.array([point.at.distance for point in points]),
-        smallest_eigenvalue=np.array(lowest),
-        residual=np.array([point.at.point.node_force for point in points]),
-        coordinate=np.array([point.at.model_coordinate for point in points]),
         binding=tuple(
             _bindings(plan_model, point.margins, point.binding, point.multiplier) for point in points
         ),
         time=time,
         block=block,
         warnings=warnings,
-        structure=plan_model.model.structure,
+        **_describe_points(plan_model, path.targets, [point.at for point in points]),
     )
+
+
+def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[PlanPoint]) -> dict[str, Any]:
+    """Return the names and the arrays of a record that points alone determine."""
+    manifest, change = plan_model.model.manifest, np.array([at.change for at in points])
+    lowest = [float(at.eigenvalue[0]) if len(at.eigenvalue) else np.inf for at in points]
+    return {
+        "target_name": targets.names,
+        "target_unit": targets.units,
+        "actuator_name": plan_model.actuation.names,
+        "change": change,
+        "rest_length": plan_model.rest_length(change),
+        "node_name": manifest.node_name,
+        "member_name": manifest.member_name,
+        "bar_pair_name": manifest.bar_pair_name,
+        "is_cable": _find_cables(plan_model),
+        "node_position": np.array([at.position for at in points]),
+        "member_tension": np.array([at.tension for at in points]),
+        "bar_distance": np.array([at.distance for at in points]),
+        "smallest_eigenvalue": np.array(lowest),
+        "residual": np.array([at.point.node_force for at in points]),
+        "coordinate": np.array([at.model_coordinate for at in points]),
+        "structure": plan_model.model.structure,
+    }
 
 
 def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
@@ -160,10 +156,13 @@ def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
 
 
 def _find_block(plan_model: PlanModel, path: Path) -> Block:
-    """Return where a path ends, with the limits that bind there by the program of most progress."""
+    """Return where a path ends, with the limits that bind there by the program of most progress.
+
+    Without limits where these leave a whole step, which is rejected for another reason.
+    """
     last = path.points[-1]
     bound = path.find_bound()
-    if bound is None or not path.is_limited:
+    if bound is None or not path.is_limited or bound.progress >= min(path.most_pace, 1.0 - last.progress):
         return Block(last.progress, last.target, float("nan"), (), path.failure)
     weight = bound.multiplier * last.margins.size[bound.binding]
     order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SAME), kind="stable")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import SingularStiffnessError, StructureError, UnstableError
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
-from tensegrity_codegen.runtime.planning.infeasible import find_shape_certificate
+from tensegrity_codegen.runtime.planning.fixed_shape import find_shape_certificate
 from tensegrity_codegen.runtime.planning.limits import PlanLimits
 from tensegrity_codegen.runtime.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -31,9 +31,9 @@ NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not wort
 
 @dataclass(frozen=True)
 class Start:
-    """The equilibrium that a plan starts from, or why there is none; and what to check."""
+    """The equilibrium that a plan starts from; with a certificate, a point that no plan starts from."""
 
-    at: PlanPoint | None
+    at: PlanPoint
     certificate: Certificate | None = None
     message: str = ""
     shape: FloatArray | None = None
@@ -73,13 +73,14 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
         required = _find_required(plan_model, problem, stated, limits)
         certificate, loaded = find_shape_certificate(plan_model, problem, stated, required)
         if certificate is not None and (near is not None or not loaded):
-            return Start(None, certificate, _describe_stated(limits), stated)
+            beginning = near or plan_model.complete(problem, change, point)
+            return Start(beginning, certificate, _describe_stated(limits), stated)
     if near is not None:
         return Start(near)
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
     found = find_equilibrium(model, arguments=arguments)
-    at = plan_model.find_point(change, plan_model.enter(found.coordinate), NEAR * longest)
-    if at is None:
+    settled = plan_model.find_point(change, plan_model.enter(found.coordinate), NEAR * longest)
+    if settled is None:
         raise StructureError(
             "the equilibrium to start from is not found exactly enough",
             where=model.manifest.name,
@@ -91,7 +92,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
         "the stated positions are no equilibrium: the plan starts from the equilibrium that is found, where "
         f"node {found.changed_node} is {found.change:.3g} m away"
     )
-    return Start(at, warnings=(text, *found.warnings))
+    return Start(settled, warnings=(text, *found.warnings))
 
 
 def _find_required(

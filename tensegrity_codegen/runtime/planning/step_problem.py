@@ -65,6 +65,8 @@ class Program:
         Scale of the changes.
     inside : float
         Margin that is left to each limit, as a part of its size.
+    preferred : ndarray, shape (n_actuators,) [m], optional
+        The changes of the inputs from which a step differs least, instead of 0.
     """
 
     margins: Margins
@@ -74,12 +76,14 @@ class Program:
     radius: float
     unit: float
     inside: float = INSIDE
+    preferred: FloatArray | None = None
 
     def find_step(self, progress: float) -> Step | None:
         """Return the step with this progress, None where there is none."""
         rows, lower, upper = self._constraints(progress)
         hessian = self._hessian()
-        found = find_minimum(hessian, np.zeros(len(hessian)), rows, lower, upper)
+        gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
+        found = find_minimum(hessian, gradient, rows, lower, upper)
         return None if found is None else self._read(found.x, progress, found.multiplier)
 
     def find_furthest(self, least: float, most: float) -> Step | None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import is_number
 from tensegrity_codegen.errors import InvalidValueError
 
 __all__ = ["check_duration", "compute_times"]
@@ -18,7 +19,7 @@ ROUNDING = 1e-9
 
 def check_duration(duration: float | None) -> None:
     """Raise InvalidValueError for a duration [s] that is not a positive finite number."""
-    if duration is not None and not (np.isfinite(duration) and duration > 0):
+    if duration is not None and not (is_number(duration) and duration > 0):
         raise InvalidValueError(
             "the duration is not positive",
             where="duration",

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.files import check_ending, replaced
+from tensegrity_codegen.files import check_ending
+from tensegrity_codegen.results.table_files import write_csv
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.planning.outcome import PlanResult
@@ -18,7 +19,7 @@ __all__ = ["ENDINGS", "write_plan"]
 ENDINGS = (".npz", ".csv")
 
 
-def write_plan(found: PlanResult, path: str | Path) -> None:
+def write_plan(found: PlanResult, path: str | Path, *, overwrite: bool = False) -> None:
     """Write a plan to a file, whole or not at all.
 
     Parameters
@@ -28,21 +29,21 @@ def write_plan(found: PlanResult, path: str | Path) -> None:
     path : str or Path
         ``.npz``: all arrays. ``.csv``: a row for each point, the first column ``time`` [s] (``progress``
         where there are no times), then the value of the input of each actuator [m].
+    overwrite : bool
+        Whether a file that exists is replaced.
 
     Raises
     ------
     OutputError
-        The file cannot be written, or has another ending.
+        The file cannot be written, exists already, or has another ending.
     """
     check_ending(path, *ENDINGS)
     if Path(path).suffix.lower() == ".npz":
-        write_arrays(path, _arrays(found))
+        write_arrays(path, _arrays(found), overwrite=overwrite)
         return
     first, column = ("progress", found.progress) if found.time is None else ("time", found.time)
-    with replaced(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:
-        stream.write(",".join((first, *found.actuator_name)) + "\n")
-        for value, row in zip(column, found.change, strict=True):
-            stream.write(",".join(repr(float(number)) for number in (value, *row)) + "\n")
+    rows = np.column_stack([column, found.change]).tolist()
+    write_csv(path, (first, *found.actuator_name), rows, overwrite=overwrite)
 
 
 def _arrays(found: PlanResult) -> dict[str, NDArray[Any]]:

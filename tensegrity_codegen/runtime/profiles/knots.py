@@ -53,5 +53,5 @@ def _find_places(manifest: Manifest) -> dict[str, int]:
     found, place = {}, 0
     for name in manifest.driven:
         found[name] = place
-        place += len(manifest.argument(name).nominal)
+        place += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
     return found

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_instance, check_names, is_number
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, check_choice
+from tensegrity_codegen.pickling import reduce_fields
 from tensegrity_codegen.results.summaries import Summarised
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.pieces import Pieces, build_cubic, build_linear
 
 __all__ = ["KINDS", "Profile"]
@@ -71,6 +74,8 @@ class Profile(Summarised):
 
     def __post_init__(self) -> None:
         check_choice(self.kind, KINDS, "kind of profile", "kind")
+        check_instance(self.values, Mapping, "profile.values", "a dictionary: name -> values at the knots")
+        check_names(self.values, "profile.values")
         time = _read_numbers(self.time, "time")
         _check_time(time)
         values = {name: _read_numbers(value, name) for name, value in dict(self.values).items()}
@@ -94,6 +99,10 @@ class Profile(Summarised):
                 allowed="knots farther apart, or smaller values",
             )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what a pickle makes the profile again from."""
+        return reduce_fields(self)
+
     @property
     def t_end(self) -> float:
         """Time of the last knot [s]."""
@@ -108,6 +117,8 @@ class Profile(Summarised):
 
     def __call__(self, time: float) -> dict[str, FloatArray]:
         """Return the values at a time [s] by name; at a jump those after it."""
+        if not is_number(time):
+            raise InvalidValueError("not a time", where="time", given=time, allowed="a finite number [s]")
         row, found, first = self.pieces.at(time), {}, 0
         for name, array in self.values.items():
             shape = array.shape[1:]
@@ -119,16 +130,11 @@ class Profile(Summarised):
 
 def _read_numbers(value: Any, name: str) -> FloatArray:
     """Return a read-only copy of an array of finite numbers with one row or more."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.zeros(())
+    allowed = "numbers, one row for each knot"
+    array = np.array(to_doubles(value, f"profile.{name}", allowed))
     if array.ndim == 0:
         raise InvalidValueError(
-            "not an array of numbers",
-            where=f"profile.{name}",
-            given=value,
-            allowed="numbers, one row for each knot",
+            "not an array of numbers", where=f"profile.{name}", given=value, allowed=allowed
         )
     if not np.isfinite(array).all():
         place = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tensegrity_codegen.checks import check_names, check_path
 from tensegrity_codegen.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
@@ -54,7 +55,8 @@ def read_profile(path: str | Path, input_name: Sequence[str], kind: Any = "linea
     >>> read_profile("pull.csv", ["motor"]).values["motor"].tolist()
     [0.0, 0.01, 0.01]
     """
-    file = Path(path)
+    check_path(path, "path")
+    file, input_name = Path(path), check_names(input_name, "input_name")
     if not input_name:
         raise InvalidValueError(
             "the scene has no inputs that a profile could change",

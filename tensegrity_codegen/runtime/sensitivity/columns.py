@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from tensegrity_codegen.checks import check_names
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, check_choice
 from tensegrity_codegen.runtime.model.interface import Model
 
@@ -45,7 +46,7 @@ def select_columns(model: Model, columns: Columns | None) -> tuple[tuple[str, ..
     member_name = model.manifest.member_name
     if columns is None:
         return tuple(member_name), sparse.eye_array(len(member_name), format="csc")
-    names = (columns,) if isinstance(columns, str) else tuple(columns)
+    names = check_names(columns, "columns")
     if not names:
         raise InvalidValueError(
             "no columns are chosen", where="columns", given=columns, allowed="one or more members or inputs",
@@ -74,7 +75,7 @@ def _find_inputs(model: Model) -> dict[str, tuple[int, ...]]:
 
 def _find_group(name: str, given: Sequence[str], member_name: Sequence[str]) -> tuple[int, ...]:
     where = f"columns.{name}"
-    members = (given,) if isinstance(given, str) else tuple(given)
+    members = check_names(given, where)
     if not members:
         raise InvalidValueError("a group without members", where=where, allowed="one or more members")
     _check_distinct(members, where)

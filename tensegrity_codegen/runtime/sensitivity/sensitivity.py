@@ -11,7 +11,7 @@ from scipy import sparse
 
 from tensegrity_codegen.checks import is_number
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
-from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.sensitivity.bordered import factorise
@@ -113,7 +113,9 @@ def _find_point(problem: StaticProblem, equilibrium: Equilibrium | ArrayLike | N
     if equilibrium is None:
         start = problem.model.nominal("coordinate").ravel()
     else:
-        start = np.array(equilibrium, dtype=float)
+        start = np.array(
+            to_doubles(equilibrium, "equilibrium", f"an Equilibrium, or shape ({problem.size},)")
+        )
         check_shape(start, (problem.size,), "equilibrium")
         check_finite(start, "equilibrium")
     point = problem.find_point(problem.enter(start))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
 from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
+from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays, read_names
 from tensegrity_codegen.runtime.model.named_inputs import unify_name
 
 __all__ = ["read_starts"]
@@ -30,8 +30,20 @@ def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
     Raises SceneSyntaxError for what is no such file, UnknownNameError for another name, InvalidValueError for
     nodes that are moved where they are held.
     """
+    arguments = [item.name for item in manifest.arguments if item.name not in OF_NODES.values()]
+    arguments += [name for name in manifest.input_name if unify_name(manifest, name) != name]
+    states = [*OF_NODES.values(), *(OF_NODES if manifest.coordinate_node_axis else ())]
     try:
-        data = read_arrays(Path(path))
+        for name in read_names(Path(path)):
+            if name not in (*states, *arguments):
+                raise UnknownNameError(
+                    "neither a state nor a run-time argument",
+                    where=str(path),
+                    given=name,
+                    allowed=", ".join((*states, *arguments)),
+                    hint=suggest(name, (*states, *arguments)),
+                )
+        data = read_arrays(Path(path), (*states, *arguments))
     except UNREADABLE as error:
         raise SceneSyntaxError(
             "not a file of initial states",
@@ -39,19 +51,8 @@ def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
             given=str(error),
             allowed="an .npz file of NumPy arrays",
         ) from error
-    arguments = [item.name for item in manifest.arguments if item.name not in OF_NODES.values()]
-    arguments += [name for name in manifest.input_name if unify_name(manifest, name) != name]
-    states = [*OF_NODES.values(), *(OF_NODES if manifest.coordinate_node_axis else ())]
     found: dict[str, Any] = {"arguments": {}}
     for name, array in data.items():
-        if name not in (*states, *arguments):
-            raise UnknownNameError(
-                "neither a state nor a run-time argument",
-                where=str(path),
-                given=name,
-                allowed=", ".join((*states, *arguments)),
-                hint=suggest(name, (*states, *arguments)),
-            )
         if name in arguments:
             found["arguments"][name] = array
             continue

@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from tensegrity_codegen.checks import check_callback, check_switch
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
@@ -80,7 +81,8 @@ def simulate(
         Values of run-time parameters and inputs by name, where they differ from the scene.
     schedule : Profile or callable, optional
         Values that change with time: knots of a `Profile`, which all methods in C follow where accelerations
-        depend on inputs, or a function time [s] -> such a mapping, for ``"auto"`` and SciPy methods.
+        depend on inputs, or a function time [s] -> such a mapping, for ``"auto"`` and SciPy methods, whose
+        steps are then at most a hundredth of the time.
     until_contact : bool
         Whether to stop at the first contact of bars; needs ``bar_distance`` and ``bar_distance_jacobian``.
     condition : str or callable, optional
@@ -129,6 +131,9 @@ def simulate(
     ('ok', (11, 2, 3))
     """
     require_model(model)
+    check_callback(progress, "progress")
+    check_switch(until_contact, "until_contact")
+    check_switch(until_condition, "until_condition")
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
     times = read_sample_times(samples, t_end)
     check_options(options, t_end, len(times))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_callback
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
@@ -129,6 +130,7 @@ def simulate_batch(
     (('ok', 'ok'), (2, 3, 2, 3))
     """
     require_model(model)
+    check_callback(progress, "progress")
     options = complete_run_options(method, rtol, atol, step, max_steps, keep, control)
     check_options(options, t_end, samples)
     options = choose_batch_control(options, control)

@@ -36,6 +36,13 @@ def watch_condition(
     """
     if condition is None:
         return None
+    if not (isinstance(condition, str) or callable(condition)):
+        raise InvalidValueError(
+            "not a condition",
+            where="condition",
+            given=condition,
+            allowed='a text such as "top.z < 0.1", or a function (time, coordinate, velocity) -> float',
+        )
     if not find_method(method).finds_events:
         raise InvalidValueError(
             "this method does not monitor conditions",

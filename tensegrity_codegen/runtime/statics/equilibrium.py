@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_whole, is_number
+from tensegrity_codegen.checks import check_callback, check_switch, check_whole, is_number
 from tensegrity_codegen.errors import (
     ConvergenceError,
     InvalidValueError,
@@ -158,14 +158,16 @@ def find_equilibrium(
     """
     require_model(model)
     check_search_options(tolerance, max_iterations, method)
+    check_callback(progress, "progress")
+    check_switch(raise_on_failure, "raise_on_failure")
     problem = build_problem(model, arguments)
     start = problem.enter(_start(problem, coordinate))
     point = problem.find_point(start)
     if point is None:
         equilibrium = record_without_forces(problem, start, method)
     else:
-        with work_pass(SETTLING) as move:
-            follow = follow_residual(move, tolerance, progress)
+        with work_pass(SETTLING):
+            follow = follow_residual(progress)
             used, outcome = _search(problem, point, tolerance, max_iterations, method, follow)
         equilibrium = record_outcome(problem, point, outcome, used)
     if raise_on_failure and not equilibrium.is_found:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.results.by_name import ByName
-from tensegrity_codegen.results.summaries import Fact, Summarised, describe_number, describe_range
+from tensegrity_codegen.results.summaries import (
+    Fact,
+    Summarised,
+    describe_count,
+    describe_number,
+    describe_range,
+)
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
-from tensegrity_codegen.runtime.statics.newton import Outcome, find_stability
+from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.member_limits import MemberChecks, check_members
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["Equilibrium", "record_outcome", "record_without_forces"]
@@ -124,8 +131,9 @@ class Equilibrium(ByName, Summarised):
         """Return tensions, residual, stability and motion, for `repr` and notebooks."""
         residual, largest = describe_number(self.residual, "N"), describe_number(self.largest_force, "N")
         node = f" at {self.displaced_node}" if self.displaced_node else ""
+        members = describe_count(len(self.member_tension), "member")
         return [
-            ("tension", f"{describe_range(self.member_tension, 'N')} in {len(self.member_tension)} members"),
+            ("tension", f"{describe_range(self.member_tension, 'N')} in {members}"),
             ("residual", f"{residual}, largest member force {largest}"),
             ("smallest eigenvalue", describe_number(self.smallest_eigenvalue, "N/m")),
             ("displacement", describe_number(self.displacement, "m") + node),
@@ -137,6 +145,13 @@ class Equilibrium(ByName, Summarised):
     def is_found(self) -> bool:
         """Whether this is a minimum of the energy, as exact as asked or as rounding permits."""
         return self.status in ("converged", "rounding_limited")
+
+    @property
+    def members(self) -> MemberChecks | None:
+        """Members against their limits; None without a structure, or where no equilibrium was found."""
+        if self.structure is None or not self.is_found:
+            return None
+        return check_members(self.structure, self.member_tension, self.member_length)
 
     def distance_of(self, node_position: FloatArray) -> float:
         """Return how far nodes (n_nodes, 3) are from these at most, neutral motions taken out [m]."""
@@ -163,7 +178,7 @@ class Equilibrium(ByName, Summarised):
                 f"structure's size ({self.extent:.6g} m): "
                 "the shape differs from that of the scene"
             )
-        return tuple(said)
+        return (*said, *([] if self.members is None else self.members.describe()))
 
     def as_evidence(self) -> dict[str, Any]:
         """Return the scalar results by name, JSON-ready, for reports and errors."""
@@ -172,7 +187,8 @@ class Equilibrium(ByName, Summarised):
             "neutral_motions", "neutral_motion_names", "energy", "displacement", "displaced_node", "change",
             "changed_node", "extent", "is_start_unstable", "saddles_left", "warnings", "message",
         )  # fmt: skip
-        return {name: getattr(self, name) for name in names}
+        limits = {"limits": None if self.members is None else self.members.as_evidence()}
+        return {name: getattr(self, name) for name in names} | limits
 
 
 def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, method: str) -> Equilibrium:
@@ -214,7 +230,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
     position, begun = problem.node_position(point.coordinate), problem.node_position(start.coordinate)
     moved = np.linalg.norm(position - begun, axis=1)
     farthest = int(moved.argmax())
-    motions = None if stability is None else find_neutral(problem, point.coordinate, stability)
+    motions = None if stability is None else _find_motions(problem, point, stability)
     apart = moved if motions is None else motions.distance(begun, position)
     node_name = problem.model.manifest.node_name
     load, given = apply_loads(problem.model, problem.arguments), problem.arguments.get("input")
@@ -248,6 +264,13 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
         node_load=None if load is None else load[0],
         input=None if given is None else np.array(given, dtype=np.float64).reshape(-1),
     )
+
+
+def _find_motions(problem: StaticProblem, point: Point, stability: Stability) -> NeutralMotions:
+    """Return the neutral motions; far from balance, mechanisms are those without any stiffness."""
+    if point.node_force > NEARLY * point.largest_force:
+        stability = replace(stability, rounding=stability.rounding - stability.unbalanced)
+    return find_neutral(problem, point.coordinate, stability)
 
 
 def record_without_forces(problem: StaticProblem, start: FloatArray, method: str) -> Equilibrium:

@@ -42,7 +42,8 @@ class Stability:
     """Smallest eigenvalue off the neutral rigid motions [N/m], its vector, how large rounding may be.
 
     told_eigenvalue: the same in the model's own coordinates, which may be angles. neutral: those motions,
-    orthonormal columns (n_directions, neutral_motions).
+    orthonormal columns (n_directions, neutral_motions). unbalanced: the part of `rounding` that is due to
+    forces that are not in balance.
     """
 
     smallest_eigenvalue: float
@@ -51,6 +52,7 @@ class Stability:
     rounding: float
     told_eigenvalue: float
     neutral: FloatArray
+    unbalanced: float = 0.0
 
     @property
     def is_unstable(self) -> bool:
@@ -89,7 +91,7 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     # What is left of the forces blurs eigenvalues too.
     rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
-    return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral)
+    return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
 
 
 def find_minimum(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["build_all_motions", "build_rigid_motions", "find_neutral_motions"]
 
@@ -20,7 +21,7 @@ ROUNDING = 1e-13  # of the norm of the stiffness
 
 
 def build_rigid_motions(
-    manifest: Manifest, position: FloatArray, *, nodes: Sequence[int] | None = None
+    manifest: Manifest | Structure, position: FloatArray, *, nodes: Sequence[int] | None = None
 ) -> FloatArray:
     """Return an orthonormal basis of the rigid motions that the anchors permit, (n_coordinates, k).
 
@@ -94,7 +95,7 @@ def _null_space(matrix: FloatArray) -> FloatArray:
     count = matrix.shape[1]
     if matrix.shape[0] == 0:
         return np.eye(count)
-    _, singular, right = np.linalg.svd(matrix, full_matrices=True)
+    _, singular, right = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < count)
     rank = int((singular > RANK_TOLERANCE).sum())
     null: FloatArray = right[rank:].T
     return null

@@ -112,6 +112,7 @@ class BatchTrajectory(Sampled):
             "n_evaluations": int(self.n_evaluations.sum()),
             "largest_energy_drift": _largest(self.energy_drift),
             "largest_error_estimate": _largest(self.error_estimate),
+            **self.extremes(),
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import SceneSyntaxError, StructureError
+from tensegrity_codegen.checks import check_names
+from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, StructureError
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
-from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED
+from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 
@@ -27,14 +28,14 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
     members.
     """
     try:
-        data = read_arrays(Path(path))
+        data = read_arrays(Path(path), ("time", *SAMPLED, *WORDS, *DRIVEN, "input_name"))
         names = tuple(data["node_name"].tolist()), tuple(data["member_name"].tolist())
         places = structure.coordinate_node_axis
         fields: dict[str, Any] = {name: data[name] for name in ("time", *SAMPLED)}
         status, message, method = (str(data[name]) for name in ("status", "message", "method"))
         driven = {name: data[name] for name in DRIVEN if name in data}
-        input_name = tuple(data["input_name"].tolist()) if "input" in data else ()
-    except UNREADABLE as error:
+        input_name = check_names(data["input_name"], "input_name") if "input" in data else ()
+    except (*UNREADABLE, InvalidValueError) as error:
         raise SceneSyntaxError(
             "not a result file",
             where=str(path),
@@ -49,6 +50,8 @@ def read_trajectory(path: str | Path, structure: Structure) -> Trajectory:
             allowed=f"the {structure.n_nodes} nodes and {structure.n_members} members of {structure.name}",
         )
     _check_shapes(fields | driven, structure, len(input_name), str(path))
+    fields = {name: np.asarray(item, float) for name, item in fields.items()}
+    driven = {name: np.asarray(item, float) for name, item in driven.items()}
     position, velocity = fields["node_position"], fields["node_velocity"]
     return Trajectory(
         coordinate=position[:, places[:, 0], places[:, 1]],
@@ -81,6 +84,6 @@ def _check_shapes(
                 "an array of the result file has the wrong type or shape",
                 where=where,
                 given=f"{name}: {array.dtype} {array.shape}",
-                allowed=f"{name}: finite float64 {shape}, one row a sample",
+                allowed=f"{name}: finite floating-point numbers {shape}, one row a sample",
                 hint="simulate again",
             )

@@ -14,9 +14,10 @@ from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, 
 from tensegrity_codegen.runtime.trajectory.frames import build_dataset, build_frame
 from tensegrity_codegen.runtime.trajectory.write_motion import write_motion
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.member_limits import MemberFlaws, check_motion, summarise_tensions
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["SAMPLED", "STATE", "Sampled"]
+__all__ = ["SAMPLED", "STATE", "WORDS", "Sampled"]
 
 FloatArray = NDArray[np.float64]
 
@@ -82,6 +83,37 @@ class Sampled(ByName, Summarised):
             ("method", self.method),
         ]
 
+    def extremes(self) -> dict[str, Any]:
+        """Return what was farthest from the start: JSON-ready, over all samples that were reached.
+
+        Returns
+        -------
+        dict
+            ``"largest_displacement"`` [m] of a node from the first sample, ``"displaced_node"`` and
+            ``"displaced_time"`` [s]; ``"cable_tension"`` and ``"bar_tension"``, the least and the largest
+            [N]; ``"slack_cables"``, slack at some sample; ``"limits"`` that members exceed. Without a
+            structure the first three only.
+        """
+        with np.errstate(all="ignore"):  # of motions that blow up
+            moved = np.linalg.norm(self.node_position - self.node_position[..., :1, :, :], axis=-1)
+        moved = np.where(np.isfinite(moved), moved, 0.0)
+        *_, sample, node = np.unravel_index(int(moved.argmax()), moved.shape)
+        data: dict[str, Any] = {
+            "largest_displacement": float(moved.max()),
+            "displaced_node": self.node_name[node],
+            "displaced_time": float(self.time[sample]),
+        }
+        if self.structure is not None:
+            data |= summarise_tensions(self.structure, self.member_tension)
+            data["limits"] = self.find_flaws().as_evidence()
+        return data
+
+    def find_flaws(self) -> MemberFlaws:
+        """Return the limits that members exceed at some sample; none where only a library is known."""
+        if self.structure is None:
+            return MemberFlaws((), ())
+        return check_motion(self.structure, self.member_tension, self.node_position)
+
     def to_pandas(self) -> Any:
         """Return the motion as a table of pandas.
 
@@ -120,7 +152,7 @@ class Sampled(ByName, Summarised):
         words = {name: np.array(getattr(self, name)) for name in WORDS}
         return {"time": self.time, **{name: getattr(self, name) for name in SAMPLED}, **words}
 
-    def write(self, path: str | Path) -> None:
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the motion to a file, whole or not at all.
 
         Parameters
@@ -128,12 +160,14 @@ class Sampled(ByName, Summarised):
         path : str or Path
             ``.npz`` or ``.mat``: all arrays with their names; ``.csv`` or ``.parquet``: a row for each
             sample, with the columns of `to_pandas`. A name without ending is an ``.npz`` file.
+        overwrite : bool
+            Whether a file that exists is replaced.
 
         Raises
         ------
         OutputError
-            The file cannot be written, or has another ending.
+            The file cannot be written, exists already, or has another ending.
         MissingExtraError
             The ending is ``.parquet`` and pyarrow is not installed.
         """
-        write_motion(self, path)
+        write_motion(self, path, overwrite=overwrite)

@@ -119,6 +119,7 @@ class Trajectory(Sampled):
             "largest_kinetic_energy": float(np.max(self.kinetic_energy)),
             "events": [event.as_dict() for event in self.events],
             "n_events": self.log.count,
+            **self.extremes(),
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:

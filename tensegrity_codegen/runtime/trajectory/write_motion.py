@@ -14,27 +14,28 @@ from tensegrity_codegen.runtime.trajectory.columns import list_columns
 __all__ = ["MOTION_ENDINGS", "check_motion_file", "write_motion"]
 
 
-def _write_npz(motion: Any, path: Path) -> None:
-    write_arrays(path, motion.arrays())
+def _write_npz(motion: Any, path: Path, overwrite: bool) -> None:
+    write_arrays(path, motion.arrays(), overwrite=overwrite)
 
 
-def _write_csv(motion: Any, path: Path) -> None:
+def _write_csv(motion: Any, path: Path, overwrite: bool) -> None:
     columns = list_columns(motion)
-    write_csv(path, list(columns), zip(*(values.tolist() for values in columns.values()), strict=True))
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    write_csv(path, list(columns), rows, overwrite=overwrite)
 
 
-def _write_parquet(motion: Any, path: Path) -> None:
+def _write_parquet(motion: Any, path: Path, overwrite: bool) -> None:
     facts = {name: getattr(motion, name) for name in ("status", "message", "method")}
     texts = {name: value if isinstance(value, str) else "\n".join(value) for name, value in facts.items()}
-    write_parquet(path, list_columns(motion), texts)
+    write_parquet(path, list_columns(motion), texts, overwrite=overwrite)
 
 
-def _write_mat(motion: Any, path: Path) -> None:
-    write_mat(path, motion.arrays())
+def _write_mat(motion: Any, path: Path, overwrite: bool) -> None:
+    write_mat(path, motion.arrays(), overwrite=overwrite)
 
 
 # Kinds of files by their endings, the usual one first.
-WRITERS: Mapping[str, Callable[[Any, Path], None]] = {
+WRITERS: Mapping[str, Callable[[Any, Path, bool], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".parquet": _write_parquet,
@@ -49,10 +50,10 @@ def check_motion_file(path: str | Path) -> None:
     require_packages(path)
 
 
-def write_motion(motion: Any, path: str | Path) -> None:
+def write_motion(motion: Any, path: str | Path, *, overwrite: bool) -> None:
     """Write a Trajectory or BatchTrajectory in the format of the path's ending; without one as .npz.
 
-    Raises OutputError if it cannot be written, and for a name with another ending.
+    Raises OutputError if it cannot be written, exists (without `overwrite`), or has another ending.
     """
     check_motion_file(path)
-    WRITERS.get(Path(path).suffix.lower(), _write_npz)(motion, Path(path))
+    WRITERS.get(Path(path).suffix.lower(), _write_npz)(motion, Path(path), overwrite)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import ValidationError
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.request import ModelRequest, complete_options
@@ -26,6 +27,7 @@ from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
 __all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble", "list_parts"]
 
+SCENE = "a Scene, as read_scene(...) returns it"
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")
 MASSLESS_QUANTITIES = ("node_residual", "potential_energy")  # after the tension
@@ -36,6 +38,7 @@ def assemble(scene: Scene, where: str = "scene") -> tuple[Structure, ModelReques
 
     Raises UnknownNameError, DuplicateNameError, InvalidValueError or StructureError, with file and key.
     """
+    check_instance(scene, Scene, "scene", SCENE)
     loads, inputs = _of_nodes(scene, where)
     parts = list_parts(scene, where)
     axes = tuple("xyz".index(letter) for letter in scene.axes)

@@ -83,7 +83,8 @@ class Targets:
         for name, (other, others) in itertools.product(names, taken.items()):
             if name in others:
                 raise DuplicateNameError(
-                    f"the name stands for a {other} too, so a list that uses it has two meanings",
+                    f"the name stands for {'an' if other[0] in 'aeiou' else 'a'} {other} too, so a list that "
+                    "uses it has two meanings",
                     where=key_path(self.where, section, name),
                     given=name,
                     allowed="different names for members, groups and classes",

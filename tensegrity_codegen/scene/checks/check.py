@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, StructureError
 from tensegrity_codegen.scene.checks.check_control import check_control
 from tensegrity_codegen.scene.checks.check_laws import check_laws
@@ -15,6 +19,7 @@ from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_f
 from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
+from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
 __all__ = ["check_structure", "find_warnings"]
@@ -48,6 +53,8 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     Raises InvalidNameError, DuplicateNameError, InvalidValueError, NonFiniteError or StructureError, with
     `where` and the node or member named.
     """
+    check_instance(structure, Structure, where, "a Structure")
+    _check_kinds(structure, where)
     _check_arrays(structure, where)
     _check_names(structure, where)
     _check_values(structure, where)
@@ -64,6 +71,33 @@ def check_structure(structure: Structure, where: str = "structure") -> None:
     for number, item in enumerate(structure.inputs):
         _check_input(structure, number, item, where)
     check_control(structure, where)
+
+
+def _check_kinds(structure: Structure, where: str) -> None:
+    """Check the kinds of all that is no array: texts, numbers of axes, groups, inputs, actuators, sensors."""
+
+    def hold(key: str, kind: Any, values: Any, allowed: str) -> None:
+        if not isinstance(values, tuple | list) or not all(isinstance(item, kind) for item in values):
+            given = type(values).__name__ if not isinstance(values, tuple | list) else values
+            raise InvalidValueError("wrong type", where=key_path(where, key), given=given, allowed=allowed)
+
+    for key in ("node_name", "member_name", "member_class"):
+        hold(key, str, getattr(structure, key), "a tuple of texts")
+    hold("axes", Integral, structure.axes, "0, 1, 2 or some, in order")
+    for key, kind in (("inputs", ActuatedInput), ("actuators", Actuator), ("sensors", Sensor)):
+        hold(key, kind, getattr(structure, key), f"a tuple of {kind.__name__}")
+    for key in ("groups", "law_parameter"):
+        check_instance(getattr(structure, key), Mapping, key_path(where, key), "a dictionary")
+    for name, members in structure.groups.items():
+        hold("groups", str, [name], "names of groups")
+        hold("groups", Integral, members, "indices of members by the name of a group")
+    pairs = structure.interference
+    hold("interference", tuple | list, () if pairs is None else pairs, "None, or pairs of indices of bars")
+    for pair in pairs or ():
+        hold("interference", Integral, pair, "None, or pairs of indices of bars")
+        if len(pair) != 2 or not all(0 <= e < structure.n_members and structure.is_bar[e] for e in pair):
+            place = key_path(where, "interference")
+            raise InvalidValueError("no pair of bars", where=place, given=pair, allowed="indices of two bars")
 
 
 def _check_arrays(structure: Structure, where: str) -> None:
@@ -103,13 +137,14 @@ def _check_arrays(structure: Structure, where: str) -> None:
 
 def _check_tubes(structure: Structure, where: str) -> None:
     inner = structure.inner_radius
-    if inner is not None and (
-        np.shape(inner) != (structure.n_members,) or not (inner <= structure.radius).all()
-    ):
+    if inner is None:
+        return
+    of_numbers = isinstance(inner, np.ndarray) and inner.dtype.kind == "f"
+    if not of_numbers or inner.shape != (structure.n_members,) or not (inner <= structure.radius).all():
         raise InvalidValueError(
             "inner radii that members cannot have",
             where=key_path(where, "inner_radius"),
-            given=np.shape(inner),
+            given=inner.shape if of_numbers else type(inner).__name__,
             allowed=f"None, or an array of shape ({structure.n_members},) with values up to radius",
         )
 

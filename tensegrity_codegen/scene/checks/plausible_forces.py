@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
@@ -24,6 +25,7 @@ FloatArray = NDArray[np.float64]
 EARTH = 9.81  # [m/s2]
 STRONG = 200.0  # [m/s2]
 UNSTRESSED = 1e-3  # tension of a bar over the largest of a cable
+BALANCED = 1e-9  # sum of loads over the sum of their sizes
 SOFT = 1e-9  # part of a node's largest stiffness below which a direction counts as free
 
 
@@ -67,25 +69,37 @@ def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
 
 
 def warn_of_falling_pieces(structure: Structure) -> list[str]:
-    """Return a warning for pieces that gravity pulls and that nothing holds along it."""
-    axis = int(np.argmax(np.abs(structure.gravity)))
-    pull = float(structure.gravity[axis])
-    if pull == 0:
-        return []
+    """Return a warning for pieces that gravity or loads push along an axis on which nothing holds them."""
     piece = _find_pieces(structure)
-    held = set(piece[structure.node_anchored[:, axis]].tolist())
-    falling = [number for number in range(int(piece.max()) + 1) if number not in held]
-    if not falling:
-        return []
-    first = [structure.node_name[int(np.argmax(piece == number))] for number in falling[:6]]
-    names = name_list(first + [""] * (len(falling) - len(first)))
-    whole = len(falling) == int(piece.max()) + 1
-    what = "no node is" if whole else f"no node of {len(falling)} pieces (that begin at {names}) is"
-    return [
-        f"gravity of {abs(pull):g} m/s2 acts along {'xyz'[axis]} and {what} anchored along it: everything "
-        f"{'' if whole else 'there '}falls, {abs(pull) / 2:.3g} m in the first second; anchor nodes, or omit "
-        "gravity"
-    ]
+    count = int(piece.max()) + 1
+    found = []
+    for axis in structure.axes:
+        pull, held = float(structure.gravity[axis]), structure.node_anchored[:, axis]
+        load, size = np.zeros(count), np.zeros(count)
+        np.add.at(load, piece, structure.node_load[:, axis])
+        np.add.at(size, piece, np.abs(structure.node_load[:, axis]))
+        pushed = np.full(count, pull != 0) | (np.abs(load) > BALANCED * size)
+        pushed[piece[held]] = False
+        loose = np.flatnonzero(pushed)
+        if not loose.size:
+            continue
+        first = [structure.node_name[int(np.argmax(piece == number))] for number in loose[:6]]
+        names = name_list(first + [""] * (len(loose) - len(first)))
+        whole = len(loose) == count
+        pieces = describe_count(len(loose), "piece")
+        what = "no node is" if whole else f"no node of {pieces} (beginning at {names}) is"
+        cause, effect = (
+            f"gravity of {abs(pull):g} m/s2 acts",
+            f"falls, {abs(pull) / 2:.3g} m in the first second",
+        )
+        if pull == 0:
+            cause, effect = f"loads add up to {load[loose[0]]:.4g} N", "slides"
+        found.append(
+            f"{cause} along {'xyz'[axis]} and {what} anchored along it: everything "
+            f"{'' if whole else 'there '}{effect}; anchor nodes, or omit "
+            f"{'gravity' if pull else 'the loads'}"
+        )
+    return found
 
 
 def _find_pieces(structure: Structure) -> NDArray[np.int64]:

@@ -1,11 +1,10 @@
-"""Warnings about actuators and limits: a start outside of them, and limits that do not reach every member."""
+"""Warnings of ranges of actuators that exclude the start, of clearances, and of limits without effect."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.bar_distance import compute_bar_distance
@@ -17,9 +16,6 @@ __all__ = ["warn_of_limits", "warn_of_ranges"]
 
 ROUNDING = 1e-9  # relative excess that is no warning
 MOST_PAIRS = 200_000  # of bars whose distances are compared
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
@@ -36,47 +32,9 @@ def warn_of_ranges(subject: Structure | BodySystem) -> list[str]:
 
 
 def warn_of_limits(subject: Structure | BodySystem) -> list[str]:
-    """Return warnings for members that are outside their limits at the stated positions, at rest.
-
-    Tensions follow from the lengths there, so that those of rigid bars are not known and not compared.
-    """
-    limits = subject.limits
-    if not limits.is_stated:
-        return []
-    structure = outline_tendons(subject)
-    tension, known = structure.static_tension(), ~structure.is_rigid
-    with np.errstate(divide="ignore", invalid="ignore"):
-        stress = np.abs(tension) / structure.section_area
-        euler = math.pi**2 * structure.flexural_rigidity
-        ratio = np.where(tension < 0, euler / structure.member_length() ** 2 / -tension, math.inf)
-    compared = (
-        ("below their least tension", tension, limits.least_tension, "N"),
-        ("above their largest tension", -tension, -limits.most_tension, "N"),
-        ("above their yield stress", -stress, -limits.yield_stress, "Pa"),
-        ("below their safety factor against buckling", ratio, limits.buckling, ""),
-    )
-    found = [
-        _sentence(structure, problem, value, least, unit, known) for problem, value, least, unit in compared
-    ]
-    return [text for text in (*found, _warn_of_clearance(subject), _without_section(structure)) if text]
-
-
-def _sentence(
-    structure: Structure, problem: str, value: FloatArray, least: FloatArray, unit: str, known: BoolArray
-) -> str:
-    """Return which members have a value below the least one, with both and the difference."""
-    stated = np.isfinite(least) & np.isfinite(value) & (least != 0)
-    rows = np.flatnonzero(known & (stated & (value < least - ROUNDING * np.abs(least)))).tolist()
-    if not rows:
-        return ""
-    rows.sort(key=lambda e: value[e] - least[e])
-    end = f" {unit}" if unit else ""
-    shown = [
-        f"{structure.member_name[e]} ({abs(value[e]):.4g}{end} against {abs(least[e]):.4g}{end}, "
-        f"by {least[e] - value[e]:.3g}{end})"
-        for e in rows
-    ]
-    return f"members start {problem}: {name_list(shown, most=3)}"
+    """Return warnings for bars nearer than the clearance, and for members that a limit cannot reach."""
+    found = (_warn_of_clearance(subject), _without_section(outline_tendons(subject)))
+    return [text for text in found if text]
 
 
 def _warn_of_clearance(subject: Structure | BodySystem) -> str:

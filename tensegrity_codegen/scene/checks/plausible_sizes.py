@@ -40,7 +40,7 @@ def warn_of_lengths(structure: Structure) -> list[str]:
     return [
         f"half of the members are longer than {middle:.4g} m (the longest, {structure.member_name[longest]}: "
         f"{length[longest]:.4g} m): lengths in mm? A scene is in metres: divide positions and rest lengths "
-        "by 1,000"
+        "by 1,000, or import with --scale 0.001"
     ]
 
 

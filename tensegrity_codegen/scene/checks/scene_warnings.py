@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_forces,
@@ -16,8 +17,15 @@ from tensegrity_codegen.scene.checks.plausible_forces import (
 )
 from tensegrity_codegen.scene.checks.plausible_limits import warn_of_limits, warn_of_ranges
 from tensegrity_codegen.scene.checks.plausible_sizes import warn_of_sizes
+from tensegrity_codegen.scene.checks.plausible_start import (
+    LARGE_STRAIN,
+    warn_of_crossing,
+    warn_of_members,
+    warn_of_outliers,
+    warn_of_slack,
+)
 from tensegrity_codegen.scene.checks.upright import warn_of_side
-from tensegrity_codegen.scene.names import name_list
+from tensegrity_codegen.scene.names import describe_pieces, name_list
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
@@ -25,18 +33,17 @@ from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["LARGE_STRAIN", "find_body_warnings", "find_scene_warnings", "find_warnings"]
 
-# A member that starts stretched (a bar: or squeezed) by more than this part of its rest length.
-LARGE_STRAIN = 0.5
-
 BoolArray = NDArray[np.bool_]
 
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
     """Return what `find_warnings` or `find_body_warnings` says; settles: the equilibrium is found first."""
-    if isinstance(subject, BodySystem):
-        return find_body_warnings(subject)
-    unsettled = warn_of_unstressed_bars(subject) if settles else []
-    return tuple(sentence for sentence in find_warnings(subject) if sentence not in unsettled)
+    with np.errstate(all="ignore"):  # numbers of any size are scenes
+        if isinstance(subject, BodySystem):
+            return find_body_warnings(subject)
+        starts = (warn_of_unstressed_bars, warn_of_members) if settles else ()
+        unsettled = [sentence for warn in starts for sentence in warn(subject)]
+        return tuple(sentence for sentence in find_warnings(subject) if sentence not in unsettled)
 
 
 def find_warnings(structure: Structure) -> tuple[str, ...]:
@@ -45,8 +52,10 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
     Doubts: extension above 50 % at the start (wrong units suspected), loads and force inputs that only
     push on anchors, members between anchored nodes, damping of rigid bars, several unconnected pieces;
     sizes (see plausible_sizes), forces (see plausible_forces), ranges and limits (see plausible_limits), a
-    structure on its side (see upright). The structure is taken as sound (see `check_structure`).
+    structure on its side (see upright), and a start without prestress, with bars that cross or buckle (see
+    plausible_start). The structure is taken as sound (see `check_structure`).
     """
+    check_instance(structure, Structure, "structure", "a Structure")
     held = find_fully_anchored(structure.node_anchored, structure.axes)
     first, second = structure.connectivity.T
     between_anchors = held[first] & held[second]
@@ -64,8 +73,12 @@ def find_warnings(structure: Structure) -> tuple[str, ...]:
         *warn_of_sizes(structure),
         *warn_of_forces(structure),
         *warn_of_side(structure),
+        *warn_of_slack(structure),
+        *warn_of_outliers(structure),
+        *warn_of_crossing(structure),
         *warn_of_ranges(structure),
         *warn_of_limits(structure),
+        *warn_of_members(structure),
     ]
     return tuple(sentence for sentence in found if sentence)
 
@@ -89,8 +102,10 @@ def find_body_warnings(system: BodySystem) -> tuple[str, ...]:
         _sentence(np.array(lonely), [b.name for b in system.bodies], "no tendon joins these bodies"),
         *warn_of_upward_gravity(system.gravity, system.axes),
         *warn_of_strong_gravity(system.gravity),
+        *warn_of_crossing(system),
         *warn_of_ranges(system),
         *warn_of_limits(system),
+        *warn_of_members(system),
     ]
     return tuple(sentence for sentence in found if sentence)
 
@@ -120,5 +135,4 @@ def _pieces_warning(structure: Structure, held: BoolArray) -> str:
     if count < 2:
         return ""
     _, start = np.unique(label, return_index=True)
-    names = name_list([structure.node_name[node] for node in np.sort(start)])
-    return f"the structure is in {count} unconnected pieces, that begin at nodes {names}"
+    return describe_pieces([structure.node_name[node] for node in np.sort(start)])

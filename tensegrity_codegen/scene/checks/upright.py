@@ -37,8 +37,7 @@ def warn_of_side(structure: Structure) -> list[str]:
     return [
         f"the structure seems to lie on its side: {len(names)} nodes ({', '.join(names[:3])}, ...) are "
         f"lowest in y and {int(feet_z.sum())} in z, but gravity acts along z; if y is up, use gravity = "
-        f"[0, {structure.gravity[2]:g}, 0] (for import `gravity=0,{structure.gravity[2]:g},0`, or "
-        "`up=y`, which turns the structure upright)"
+        f"[0, {structure.gravity[2]:g}, 0], or import with --up y, which turns the structure upright"
     ]
 
 

@@ -12,8 +12,11 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.scene.formats.change_frame import change_frame
+import numpy as np
+
+from tensegrity_codegen.checks import check_instance, check_path, is_number
+from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.scene.formats.change_frame import UP_AXES, change_frame
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.read import parse_scene
 
@@ -117,6 +120,18 @@ def read_files(
     SceneError
         Or a subclass of it, where a file cannot be used.
     """
+    check_instance(paths, (tuple, list), "paths", "a list of files")
+    for path in paths:
+        check_path(path, "paths")
+    check_choice(up, UP_AXES, "axis", "up")
+    if name is not None:
+        check_instance(name, str, "name", "a text, or None")
+    if gravity is not None:
+        gravity = gravity.tolist() if isinstance(gravity, np.ndarray) else gravity
+        is_vector = isinstance(gravity, list | tuple) and len(gravity) == 3
+        if not is_vector or not all(is_number(value) for value in gravity):
+            allowed = "three finite numbers [m/s2]"
+            raise InvalidValueError("not an acceleration", where="gravity", given=gravity, allowed=allowed)
     paths = [Path(path) for path in paths]
     chosen = find_format(paths)
     given = {key: value for key, value in options.items() if value is not None}
@@ -130,7 +145,7 @@ def read_files(
                 allowed=f"with {', '.join(others)} only",
                 hint=chosen.instead.get(key, ""),
             )
-    if up == "z" and scale == 1.0:
+    if up == "z" and is_number(scale) and scale == 1.0:
         return chosen.read(*paths, name=name, gravity=gravity, **given)
     found = chosen.read(*paths, name=name, gravity=None, **given)
     where = str(paths[0])

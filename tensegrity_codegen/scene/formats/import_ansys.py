@@ -23,6 +23,7 @@ from tensegrity_codegen.scene.formats.network import Network, NetworkMember, bui
 __all__ = ["FORMAT", "import_ansys"]
 
 LARGEST = 32 * 2**20  # bytes
+LONGEST_INDEX = 15  # digits
 WHAT = "a text of APDL commands"
 _ASSIGN = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?\s*=\s*(.+)")
 _ELEMENT = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?")
@@ -134,7 +135,7 @@ class _Reader:
             self.values[assigned[1].lower(), place] = self.number(assigned[3])
             return
         words = [word.strip() for word in text.split(",")]
-        command = words[0].lower()
+        command = words[0].lower() or ","
         handler = getattr(self, f"_{command}", None) if re.fullmatch(r"[a-z]+", command) else None
         if handler is not None and command in COMMANDS:
             handler([*words[1:], "", "", "", "", "", ""])
@@ -175,10 +176,10 @@ class _Reader:
 
     def _index(self, text: str) -> str:
         """Return a number of a keypoint, section, ... as text: "3" of "3", "3." or a parameter."""
-        if text.isdecimal():
-            return str(int(text[:18]))
+        if text.isdecimal() and len(text) <= LONGEST_INDEX:
+            return str(int(text))
         value = self.number(text)
-        if value != int(value):
+        if value != int(value) or abs(value) >= 10**LONGEST_INDEX:
             raise InvalidValueError("not a whole number", where=self.where, given=text[:80])
         return str(int(value))
 
@@ -215,7 +216,7 @@ class _Reader:
 
     def _latt(self, words: list[str]) -> None:
         chosen = self.links if self.selected is None else self.links[self.selected - 1 : self.selected]
-        if not chosen or self.selected == 0:
+        if not chosen or (self.selected is not None and self.selected < 1):
             raise InvalidValueError(
                 "no such line", where=self.where, given=self.selected, allowed=f"1 to {len(self.links)}"
             )

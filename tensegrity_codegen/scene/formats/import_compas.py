@@ -4,7 +4,8 @@
      "data": {"node": {"0": {"x": 0, "y": 0, "z": 0, "is_anchor": true}, "1": {"x": 1, "y": 0, "z": 0}},
               "edge": {"0": {"1": {"q": -2.0, "E": 2.1e11, "A": 1e-4}}}}}
 
-Of version 1 (class Network, keys as Python literals) and 2 (class Graph). docs/import.md has every attribute.
+Of version 1 (class Network, keys as Python literals) and 2 (class Graph), and of classes of other packages
+that are made from them (FDNetwork, CableNetwork). docs/import.md has every attribute.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import ast
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
+from tensegrity_codegen.scene.formats.member_rules import STIFFNESSES
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.scene.names import key_path
 
@@ -27,11 +30,11 @@ __all__ = ["FORMAT", "import_compas"]
 
 WHAT = "a network of COMPAS"
 SECTIONS = ("data", "value")  # the latter of the encoder of version 1
-CLASSES = ("Network", "Graph", "CableNetwork", "FormDiagram", "TopologyDiagram", "FofinNetwork", "Structure")
-_CLASS_KEY = re.compile(r'"d(?:ata)?type"\s*:\s*"compas')
+_CLASS_KEY = re.compile(r'"d(?:ata)?type"\s*:\s*"(?:compas|[\w.]+/\w)')
 ANCHORS = ("is_anchor", "is_anchored", "is_fixed", "is_support", "anchored")
 LOADS = ("px", "py", "pz")
 REACTIONS = ("rx", "ry", "rz")  # results of an analysis, which are not read
+SOFTEST = 1000.0  # axial stiffness by largest force, in files without any stiffness
 BARS, CABLES = ("bar", "strut", "compression"), ("cable", "tie", "tension", "string")
 KINDS = ("kind", "type", "is_strut", "is_bar")
 # Attributes of edges by the keys of a scene.
@@ -51,7 +54,7 @@ NUMBERS = {
     "force": "prestress",
     "prestress": "prestress",
 }
-OTHERS = ("q", "E", "A")
+OTHERS = ("q", "E", "A", "length")
 
 
 def import_compas(
@@ -68,13 +71,15 @@ def import_compas(
     data = content
     section = next((key for key in SECTIONS if key in content), None)
     if section is not None:
-        kind = str(content.get("dtype", content.get("datatype", "")))
-        if kind and kind.rpartition("/")[2] not in CLASSES:
-            raise InvalidValueError(
-                "not a network", where=key_path(where, "dtype"), given=kind[:80], allowed=", ".join(CLASSES)
-            )
         where = key_path(where, section)
         data = _table(content[section], where)
+        if "node" not in data:
+            raise InvalidValueError(
+                "not a network",
+                where=key_path(str(path), "dtype"),
+                given=str(content.get("dtype", content.get("datatype", "")))[:80],
+                allowed="Network, Graph, FDNetwork or another class with the sections node and edge",
+            )
     network, ignored = Network(), dict[str, int]()
     defaults = [
         _table(data.get(short, data.get(long)) or {}, f"{where}.{long}")
@@ -92,7 +97,24 @@ def import_compas(
     if ignored:
         listed = ", ".join(f"{key[:40]} ({count})" for key, count in list(ignored.items())[:10])
         network.notes.append(f"attributes that are not read, with the number of nodes and edges: {listed}")
+    _complete_stiffness(network)
     return build_result(network, path, name, gravity)
+
+
+def _complete_stiffness(network: Network) -> None:
+    """Give members an axial stiffness where the file has none at all, as after a force density method."""
+    forces = [abs(item.values.get("prestress", 0.0)) for item in network.members]
+    stated = any(key in item.values for item in network.members for key in STIFFNESSES)
+    if stated or not any(forces):
+        return
+    stiffness = SOFTEST * max(forces)
+    network.members = [
+        replace(item, values={**item.values, "axial_stiffness": stiffness}) for item in network.members
+    ]
+    network.notes.append(
+        f"the file has no stiffness: all members have the axial stiffness {stiffness:g} N, {SOFTEST:g} times "
+        "the largest force; give edges an attribute EA for another one"
+    )
 
 
 def is_compas(path: Path) -> bool:
@@ -147,7 +169,7 @@ def _flag(values: Mapping[str, Any], key: str, where: str) -> bool:
 
 def _count(ignored: dict[str, int], values: Mapping[str, Any], known: Sequence[str]) -> None:
     for key, value in values.items():
-        if key not in known and value is not None:
+        if key not in known and value not in (None, 0):
             ignored[key] = ignored.get(key, 0) + 1
 
 
@@ -180,7 +202,7 @@ def _read_edge(
     member: dict[str, Any] = {"kind": ""}
     for key, target in NUMBERS.items():
         value = _number(values, key, where)
-        if value is not None and not (key == "f" and value == 0 and "q" in values):
+        if value is not None and not (target == "prestress" and value == 0 and values.get("q")):
             member[target] = value
     density = _number(values, "q", where)
     if density is not None and "prestress" not in member and "rest_length" not in member:
@@ -191,7 +213,7 @@ def _read_edge(
     member["kind"] = _find_kind(values, member, where)
     if member["kind"] == "cable" and member.get("prestress", 0.0) < 0:
         member["tension_only"] = False
-    name = str(values.get("name") or f"{ends[0]}_{ends[1]}")
+    name = str(values.get("name") or network.name_member(f"{ends[0]}_{ends[1]}"))
     network.members.append(NetworkMember(name, ends, member, where))
     _count(ignored, values, ("name", *KINDS, *NUMBERS, *OTHERS))
 

@@ -29,6 +29,7 @@ __all__ = ["FORMAT", "import_mjcf"]
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
 NEAR = 1e-9  # of lengths, and of masses
+MOST_ASIDE = 0.1  # of a rod's length, by which its centre may be off the line between its sites
 
 
 def import_mjcf(
@@ -145,11 +146,20 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
         raise InvalidValueError(
             "the rod has no length or no mass", where=where, allowed="two sites apart, and a mass"
         )
+    axis = (tips[1] - tips[0]) / length
+    aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
+    if aside > MOST_ASIDE * length:
+        _refuse_sites(chosen, where, f"a centre of mass {aside:.3g} m off the line between its two sites")
+    if aside > NEAR * length:
+        network.notes.append(
+            f"the centre of mass of {link.name} is {aside:.3g} m off the line between its sites "
+            f"{chosen[0]} and {chosen[1]}; the bar has it on that line"
+        )
     own, ends = link.mass, np.zeros(2)
     if link.across is None:
         network.notes.append(f"the mass of {link.name} is spread evenly between {chosen[0]} and {chosen[1]}")
     else:
-        s = float((link.centre - tips[0]) @ (tips[1] - tips[0])) / length
+        s = float((link.centre - tips[0]) @ axis)
         own = 6 * (link.mass * s * (length - s) - link.across) / length**2
         ends[1] = (link.mass * s - own * length / 2) / length
         ends[0] = link.mass - own - ends[1]

@@ -3,7 +3,7 @@
 nodes:   node,x,y,z,vx,vy,vz,mass,anchored,fx,fy,fz             (needed: node, x, y, z)
 members: member,kind,node_i,node_j,rest_length,spring_constant,axial_stiffness,damping,mass,prestress,
          density,radius,tension_only                            (needed: kind, node_i, node_j)
-SI units; docs/import.md says what each column means.
+SI units; docs/import.md says what each column means, and by which other names columns are known.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ MEMBER_COLUMNS = (
     "radius",
     "tension_only",
 )
+OTHER_NODE_NAMES = {"id": "node", "name": "node", "fixed": "anchored"}
+OTHER_MEMBER_NAMES = {"id": "member", "name": "member", "type": "kind", "from": "node_i", "to": "node_j"}
 _ANCHORED = {"": False, "0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
 _FLAG = {"": None, "0": False, "false": False, "no": False, "1": True, "true": True, "yes": True}
 _AXES = ("x", "y", "z", "xy", "xz", "yz", "xyz")
@@ -61,13 +63,15 @@ def import_tables(
     """
     nodes_path, members_path = Path(nodes_path), Path(members_path)
     title, notes = scene_name(name, nodes_path, "scene_")
-    node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4])
-    member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4])
+    node_rows = read_table(nodes_path, NODE_COLUMNS, NODE_COLUMNS[:4], OTHER_NODE_NAMES)
+    member_rows = read_table(members_path, MEMBER_COLUMNS, MEMBER_COLUMNS[1:4], OTHER_MEMBER_NAMES)
     for path, rows, what in ((nodes_path, node_rows, "nodes"), (members_path, member_rows, "members")):
         if not rows:
             raise StructureError(
                 f"the table has no {what}", where=str(path), allowed="a row below the header"
             )
+        if rows[0].decimal_comma:
+            notes = [*notes, f"{path}: commas within numbers were read as decimal commas"]
     node_names, node_notes = _name_rows(node_rows, "node", "n")
     nodes = {node_names[row.text("node")]: _read_node(row) for row in node_rows}
     members, member_notes = _read_members(member_rows, node_names)

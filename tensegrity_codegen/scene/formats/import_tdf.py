@@ -45,13 +45,14 @@ def import_tdf(
             "not a tensegrity document", where=where, given=root.tag[:80], allowed="<tdf>"
         )
     for element in root.iter():
-        if element.tag.startswith("{"):
+        macros = [text for text in (element.tag, *element.attrib.values()) if text.startswith(("{", "${"))]
+        if macros:
             raise InvalidValueError(
                 "macros are not expanded",
                 where=where,
-                given=element.tag[:80],
-                allowed="elements of TDF",
-                hint="expand the file with the program xacro first",
+                given=macros[0][:80],
+                allowed="elements of TDF, and numbers",
+                hint=f"expand the file first: xacro {path.name} > {path.name.partition('.')[0]}.tdf.xml",
             )
     network = Network()
     classes = {kind: _read_classes(root, kind, where) for kind in KINDS}
@@ -113,7 +114,7 @@ def _read_members(
             )
         values = {} if own is None else classes[element.tag][own]
         member = {"kind": KINDS[element.tag], **values}
-        name = f"{element.tag}_{first}_{second}"
+        name = network.name_member(f"{element.tag}_{first}_{second}")
         network.members.append(NetworkMember(name, (first, second), member, place))
     if repeated:
         network.notes.append(f"{repeated} rods and cables are given again, and count once")
@@ -122,7 +123,7 @@ def _read_members(
 FORMAT = Format(
     title="tensegrity documents (TDF, XML)",
     sources=("structure.tdf.xml",),
-    endings=(".xml", ".tdf"),
+    endings=(".xml", ".tdf", ".xacro"),
     read=import_tdf,
     order=6,
     recognises=lambda path: find_root(path) == "tdf",

@@ -38,6 +38,19 @@ class Network:
     inputs: list[dict[str, Any]] = field(default_factory=list)
     gravity: Sequence[float] | None = None
     notes: list[str] = field(default_factory=list)
+    _given: set[str] = field(default_factory=set)
+
+    def name_member(self, name: str) -> str:
+        """Return a name for a member that has none: `name`, with a number where it was given before.
+
+        Names of two nodes can give one name twice: "a_b" and "c", "a" and "b_c".
+        """
+        found, number = name, 1
+        while found in self._given:
+            number += 1
+            found = f"{name}_{number}"
+        self._given.add(found)
+        return found
 
 
 def build_result(

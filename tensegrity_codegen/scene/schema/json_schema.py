@@ -7,7 +7,6 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core.core_schema import NullableSchema
 
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.scene.schema.schema import Scene
 
 __all__ = ["scene_json_schema"]
@@ -23,8 +22,7 @@ class _WithoutNull(GenerateJsonSchema):
 def scene_json_schema() -> dict[str, Any]:
     """Return the JSON schema of a scene file, for editors that complete and check TOML."""
     schema = Scene.model_json_schema(schema_generator=_WithoutNull)
-    head = {"$schema": _WithoutNull.schema_dialect, "$comment": MARK}
-    return {**head, **_without_null_defaults(schema)}
+    return {"$schema": _WithoutNull.schema_dialect, **_without_null_defaults(schema)}
 
 
 def _without_null_defaults(node: Any) -> Any:

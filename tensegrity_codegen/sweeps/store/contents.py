@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
+from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, FORMAT, MESSAGE, RECORD, STATUS
 from tensegrity_codegen.sweeps.tasks.operation import Output
 
-__all__ = ["MESSAGE", "NOT_COMPUTED_CODE", "RECORD", "STATUS", "StoreContents", "StoredArray"]
+__all__ = ["NOT_COMPUTED_CODE", "StoreContents", "StoredArray"]
 
-STATUS, MESSAGE, RECORD, TASK = "status", "message", "task_record", "task"
+TASK = "task"
 NOT_COMPUTED_CODE = -1  # status of a case whose task is not finished
 OWN_NAMES = (STATUS, MESSAGE, RECORD, TASK, "case", "sample")
 TEXT = "string"
@@ -126,13 +127,13 @@ class StoreContents:
         names = [array.name for array in self.list_points()]
         coordinates = {"coordinates": " ".join(names)} if names else {}
         own = {
-            "format": 1,
+            "format": FORMAT,
             "identity": dict(self.identity),
             "task_size": self.layout.task_size,
             "case_dims": list(self.case_dims),
             "keys": {key: self.name_key(key) for key in self.cases.keys},
         }
-        return {**self.facts, **coordinates, "tensegrity_codegen_sweep": own}
+        return {**self.facts, **coordinates, ATTRIBUTE: own}
 
     def _describe_key(self, key: str) -> dict[str, Any]:
         known: Mapping[str, dict[str, Any]] = self.facts.get("key_attributes", {})

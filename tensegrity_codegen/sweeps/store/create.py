@@ -1,7 +1,8 @@
-"""Make the folder of a new sweep: all of its metadata and coordinates, or nothing."""
+"""The folder of a new sweep: all of its metadata and coordinates, or nothing."""
 
 from __future__ import annotations
 
+import json
 import os
 import warnings
 from pathlib import Path
@@ -13,9 +14,17 @@ from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.files import explain_unwritable
 from tensegrity_codegen.sweeps.cases.points import Points
 from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
+from tensegrity_codegen.sweeps.store.folder import (
+    ATTRIBUTE,
+    METADATA,
+    StoredSweep,
+    compute_checksum,
+    is_whole,
+)
+from tensegrity_codegen.sweeps.store.store import open_group, writing_empty_chunks
 from tensegrity_codegen.work_folder import work_folder
 
-__all__ = ["create_store"]
+__all__ = ["create_store", "restore_coordinates"]
 
 
 def create_store(path: str | Path, contents: StoreContents) -> None:
@@ -46,16 +55,42 @@ def create_store(path: str | Path, contents: StoreContents) -> None:
 def _write_metadata(folder: Path, contents: StoreContents) -> None:
     zarr = import_extra("zarr", SWEEP)
     group = zarr.create_group(str(folder), zarr_format=3, attributes=contents.list_attributes())
-    for item in contents.list_arrays():
-        array = _create_array(group, item)
-        if item.values is not None and item.values.size:
-            array[...] = item.values.astype(object) if item.dtype == "string" else item.values
-    if contents.cases.points is not None:
-        arrays = [_create_array(group, item) for item in contents.list_points()]
-        _write_points(contents.cases.points, arrays)
+    for item in [*contents.list_arrays(), *contents.list_points()]:
+        _create_array(group, item)
+    _write_coordinates(group, contents)
     with warnings.catch_warnings():  # Zarr's reader finds all arrays in one file; other readers ignore it
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         zarr.consolidate_metadata(str(folder), zarr_format=3)
+    metadata = json.loads((folder / METADATA).read_bytes())
+    metadata["attributes"][ATTRIBUTE]["checksum"] = compute_checksum(metadata)
+    (folder / METADATA).write_text(json.dumps(metadata, indent=2), encoding="utf-8")
+
+
+def restore_coordinates(stored: StoredSweep, contents: StoreContents) -> None:
+    """Write the values of keys and labels of a sweep again where files of them are damaged.
+
+    Raises
+    ------
+    OutputError
+        They cannot be written.
+    """
+    if all(map(is_whole, stored.coordinate_files)):
+        return
+    try:
+        for file in stored.coordinate_files:
+            file.unlink(missing_ok=True)
+        _write_coordinates(open_group(stored, "r+"), contents)
+    except OSError as error:
+        raise explain_unwritable(error.filename or stored.path, error.strerror or "an error") from error
+
+
+def _write_coordinates(group: Any, contents: StoreContents) -> None:
+    with writing_empty_chunks():
+        for item in contents.list_arrays():
+            if item.values is not None and item.values.size:
+                group[item.name][...] = item.values.astype(object) if item.dtype == "string" else item.values
+        if contents.cases.points is not None:
+            _write_points(contents.cases.points, [group[item.name] for item in contents.list_points()])
 
 
 def _create_array(group: Any, item: StoredArray) -> Any:
@@ -67,19 +102,18 @@ def _create_array(group: Any, item: StoredArray) -> Any:
         dimension_names=item.dims,
         fill_value=item.fill,
         attributes=item.attributes,
-        compressors=_find_compressor(item.dtype),
+        compressors=_find_codecs(item.dtype),
     )
 
 
-def _find_compressor(dtype: str) -> Any:
-    """Return the fastest of the codecs of Zarr's core specification: LZ4 after the bytes are shuffled."""
+def _find_codecs(dtype: str) -> Any:
+    """Return the fastest compressor of Zarr's specification, LZ4 of shuffled bytes, and a checksum."""
     codecs = import_extra("zarr.codecs", SWEEP)
     if dtype == "string":
-        return codecs.ZstdCodec(level=1)
+        return codecs.ZstdCodec(level=1), codecs.Crc32cCodec()
     size = np.dtype(dtype).itemsize
-    return codecs.BloscCodec(
-        typesize=size, cname="lz4", clevel=5, shuffle="shuffle" if size > 1 else "noshuffle"
-    )
+    shuffle = "shuffle" if size > 1 else "noshuffle"
+    return codecs.BloscCodec(typesize=size, cname="lz4", clevel=5, shuffle=shuffle), codecs.Crc32cCodec()
 
 
 def _write_points(points: Points, arrays: list[Any]) -> None:

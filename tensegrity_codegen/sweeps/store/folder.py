@@ -1,37 +1,52 @@
-"""The folder of a store before it is opened: whether it is a sweep, which one, and whether it is in use."""
+"""The folder of a store before it is opened: which sweep it is, whether it is whole, whether it is in use."""
 
 from __future__ import annotations
 
+import hashlib
+import itertools
 import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
 
 from tensegrity_codegen.errors import OutputError, suggest
+from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.files import check_ending, explain_unwritable
 from tensegrity_codegen.output_folder import check_folder
+from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 
 __all__ = [
     "ATTRIBUTE",
     "FORMAT",
+    "MESSAGE",
+    "METADATA",
+    "RECORD",
+    "STATUS",
     "StoredSweep",
+    "check_not_damaged",
     "check_store_folder",
     "check_store_name",
+    "compute_checksum",
+    "find_damaged",
     "find_finished",
+    "is_whole",
     "locked_store",
     "read_stored_sweep",
 ]
 
 ATTRIBUTE = "tensegrity_codegen_sweep"
-FORMAT = 1
+FORMAT = 2
 METADATA = "zarr.json"
-RECORDS = Path("task_record", "c")  # folder of the chunks of the records, one a task
+STATUS, MESSAGE, RECORD = "status", "message", "task_record"
 ENDING = ".zarr"
+CRC_BYTES = 4  # of the checksum at the end of a chunk
+MOST_NAMED = 4
 
 
 @dataclass(frozen=True)
@@ -48,12 +63,55 @@ class StoredSweep:
         Largest number of cases of a task.
     attributes : dict
         All attributes of the data set.
+    arrays : dict
+        Metadata of each array.
     """
 
     path: Path
     identity: Mapping[str, Any]
     task_size: int
     attributes: Mapping[str, Any]
+    arrays: Mapping[str, Mapping[str, Any]] = field(repr=False)
+
+    @cached_property
+    def layout(self) -> CaseLayout:
+        """How the cases lie in the arrays."""
+        return CaseLayout(tuple(self.arrays[STATUS]["shape"]), self._chunk(STATUS))
+
+    @cached_property
+    def results(self) -> tuple[str, ...]:
+        """Names of the arrays with a chunk for each task, in the order of writing: the status is last."""
+        own = self.attributes[ATTRIBUTE]
+        dims, keys = own["case_dims"], own["keys"].values()
+        found = [
+            name
+            for name, array in self.arrays.items()
+            if name not in (STATUS, MESSAGE, *keys)
+            and array["dimension_names"][: len(dims)] == dims
+            and 0 not in array["shape"]
+        ]
+        return (*found, MESSAGE, STATUS)
+
+    @cached_property
+    def coordinate_files(self) -> tuple[Path, ...]:
+        """Chunks of the values of keys and of labels, which are written with a new folder."""
+        files = []
+        for name in sorted(self.arrays.keys() - {*self.results, RECORD}):
+            sizes = zip(self.arrays[name]["shape"], self._chunk(name), strict=True)
+            places = itertools.product(*(range(-(-size // part)) for size, part in sizes))
+            files += [self._chunk_file(name, place) for place in places]
+        return tuple(files)
+
+    def chunk_file(self, name: str, task: int) -> Path:
+        """Return the file of a result of a task, of its status or record."""
+        place = (task,) if name == RECORD else self.layout.place_of(task)
+        return self._chunk_file(name, (*place, *[0] * (len(self.arrays[name]["shape"]) - len(place))))
+
+    def _chunk(self, name: str) -> tuple[int, ...]:
+        return tuple(self.arrays[name]["chunk_grid"]["configuration"]["chunk_shape"])
+
+    def _chunk_file(self, name: str, place: tuple[int, ...]) -> Path:
+        return self.path.joinpath(name, "c", *map(str, place))
 
 
 def check_store_folder(path: str | Path) -> StoredSweep | None:
@@ -94,13 +152,12 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
     try:
         data = json.loads((folder / METADATA).read_bytes())
         attributes = data["attributes"]
-        own = attributes[ATTRIBUTE]
-        found = own["format"]
-        stored = StoredSweep(folder, own["identity"], int(own["task_size"]), attributes)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        found = attributes[ATTRIBUTE]["format"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         new = ", or a new name for another one" if is_output else ""
+        reason = f": {METADATA} is damaged or of another program" if (folder / METADATA).exists() else ""
         raise OutputError(
-            "this is not a sweep" if folder.exists() else "there is no such folder",
+            f"this is not a sweep{reason}" if folder.exists() else "there is no such folder",
             where=str(path),
             allowed=f"a Zarr folder that `sweep` wrote{new}",
             hint="choose another name, or remove what is there" if is_output else _suggest_near(folder),
@@ -113,7 +170,23 @@ def read_stored_sweep(path: str | Path, *, is_output: bool = False) -> StoredSwe
             allowed=str(FORMAT),
             hint="use the version of tensegrity_codegen that wrote it, or choose another name",
         )
-    return stored
+    own = attributes[ATTRIBUTE]
+    if own.get("checksum") != compute_checksum(data):
+        raise OutputError(
+            "this file is damaged or was edited: its checksum is not that of its content",
+            where=str(folder / METADATA),
+            allowed="the file as `sweep` wrote it",
+            hint="restore it from a copy, or remove the folder and run the sweep again",
+        )
+    arrays = data["consolidated_metadata"]["metadata"]
+    return StoredSweep(folder, own["identity"], own["task_size"], attributes, arrays)
+
+
+def compute_checksum(metadata: Mapping[str, Any]) -> str:
+    """Return the sha256 of what is read from a file of metadata: the sweep and its arrays."""
+    own = {key: value for key, value in metadata["attributes"][ATTRIBUTE].items() if key != "checksum"}
+    content = [own, metadata.get("consolidated_metadata")]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _suggest_near(folder: Path) -> str:
@@ -126,12 +199,49 @@ def _suggest_near(folder: Path) -> str:
 
 
 def find_finished(path: str | Path) -> frozenset[int]:
-    """Return the numbers of the tasks that have a record in a folder."""
-    try:
-        with os.scandir(Path(path) / RECORDS) as items:
-            return frozenset(int(item.name) for item in items if item.name.isdigit())
-    except OSError:
+    """Return the numbers of the tasks in a folder that have a record and of which no file is damaged."""
+    if not (Path(path) / METADATA).exists():
         return frozenset()
+    stored = read_stored_sweep(path)
+    return frozenset(
+        task
+        for task in range(stored.layout.n_tasks)
+        if all(is_whole(stored.chunk_file(name, task)) for name in (RECORD, *stored.results))
+    )
+
+
+def find_damaged(stored: StoredSweep) -> list[Path]:
+    """Return the files that are not as they were written, or are missing: of coordinates and results."""
+    damaged = [file for file in stored.coordinate_files if not is_whole(file)]
+    for task in range(stored.layout.n_tasks):
+        is_computed = any(os.path.lexists(stored.chunk_file(name, task)) for name in (STATUS, RECORD))
+        files = [stored.chunk_file(name, task) for name in stored.results]
+        damaged += [file for file in files if (is_computed or os.path.lexists(file)) and not is_whole(file)]
+    return damaged
+
+
+def is_whole(file: Path) -> bool:
+    """Return whether a chunk ends with the checksum (CRC-32C) of what is before it."""
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return False
+    found = import_extra("google_crc32c", SWEEP).value(data[:-CRC_BYTES])
+    return len(data) > CRC_BYTES and found == int.from_bytes(data[-CRC_BYTES:], "little")
+
+
+def check_not_damaged(stored: StoredSweep) -> None:
+    """Raise OutputError, naming files, where a stored sweep is not as it was written."""
+    damaged = [str(file.relative_to(stored.path)) for file in find_damaged(stored)]
+    if damaged:
+        more = [f"{len(damaged) - MOST_NAMED} more"] if len(damaged) > MOST_NAMED else []
+        raise OutputError(
+            "files of results are damaged or missing",
+            where=str(stored.path),
+            given=", ".join(damaged[:MOST_NAMED] + more),
+            allowed="files as `sweep` wrote them",
+            hint="run the same sweep again with this folder: it computes again what is damaged",
+        )
 
 
 @contextmanager

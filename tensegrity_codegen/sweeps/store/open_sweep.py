@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.extras import SWEEP, import_extra
-from tensegrity_codegen.sweeps.store.contents import RECORD
-from tensegrity_codegen.sweeps.store.folder import read_stored_sweep
+from tensegrity_codegen.sweeps.store.folder import RECORD, check_not_damaged, read_stored_sweep
 
 __all__ = ["open_sweep"]
 
 
 def open_sweep(path: str | Path) -> Any:
-    """Open the results of a sweep, finished or not; arrays are read when they are used.
+    """Open the results of a sweep, finished or not; arrays are verified, and read when they are used.
 
     Parameters
     ----------
@@ -31,9 +30,10 @@ def open_sweep(path: str | Path) -> Any:
     MissingExtraError
         xarray or Zarr is not installed.
     OutputError
-        The folder is not a sweep.
+        The folder is not a sweep, or files in it are damaged or missing.
     """
     stored = read_stored_sweep(path)
+    check_not_damaged(stored)
     import_extra("zarr", SWEEP)
     xarray = import_extra("xarray", SWEEP)
     found = xarray.open_zarr(str(stored.path), chunks=None, consolidated=True, zarr_format=3)

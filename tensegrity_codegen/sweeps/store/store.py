@@ -1,11 +1,11 @@
-"""A store that is being written: each task once, its chunks whole, then its record."""
+"""A store that is being written: each task once, its chunks whole and with checksums, then its record."""
 
 from __future__ import annotations
 
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,20 @@ from numpy.typing import NDArray
 from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.long_work.forked import deferred_signals
-from tensegrity_codegen.sweeps.cases.layout import CaseLayout
-from tensegrity_codegen.sweeps.store.contents import MESSAGE, RECORD, STATUS
-from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, find_finished, read_stored_sweep
+from tensegrity_codegen.sweeps.store.folder import (
+    ATTRIBUTE,
+    MESSAGE,
+    RECORD,
+    STATUS,
+    StoredSweep,
+    find_finished,
+    read_stored_sweep,
+)
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 
-__all__ = ["SweepStore"]
+__all__ = ["SweepStore", "open_group", "writing_empty_chunks"]
 
 PARTIAL = ".partial"  # ending of the temporary files of Zarr's store
-CHUNKS = "c"  # folder of an array's chunks
 
 
 class SweepStore:
@@ -48,34 +53,47 @@ class SweepStore:
     """
 
     def __init__(self, path: str | Path) -> None:
-        zarr = import_extra("zarr", SWEEP)
-        stored = read_stored_sweep(path)
-        self.path = Path(path)
-        self._group = zarr.open_group(str(self.path), mode="r+", zarr_format=3, use_consolidated=False)
+        self._stored = read_stored_sweep(path)
+        self.path, self.layout = self._stored.path, self._stored.layout
+        self.keys: Mapping[str, str] = self._stored.attributes[ATTRIBUTE]["keys"]
+        self._group = open_group(self._stored, "r+")
         self._arrays: dict[str, Any] = {}
-        status = self._array(STATUS)
-        self.layout = CaseLayout(tuple(status.shape), tuple(status.chunks))
-        self.keys: Mapping[str, str] = stored.attributes[ATTRIBUTE]["keys"]
         _remove_partial(self.path)
 
     def find_finished(self) -> frozenset[int]:
-        """Return the numbers of the tasks that have a record."""
+        """Return the numbers of the tasks that have a record and of which no file is damaged."""
         return find_finished(self.path)
+
+    def has_record(self, task: int) -> bool:
+        """Return whether a task was finished once, whatever became of its files."""
+        return os.path.lexists(self._stored.chunk_file(RECORD, task))
 
     def read_record(self, task: int) -> dict[str, Any]:
         """Return the record of a finished task."""
         record: dict[str, Any] = json.loads(str(self._array(RECORD)[task]))
         return record
 
-    def count_statuses(self) -> dict[int, int]:
-        """Return how many cases have each code of status among those that are finished."""
+    def count_statuses(self, tasks: Iterable[int]) -> dict[int, int]:
+        """Return how many cases of finished tasks have each code of status."""
         counts: dict[int, int] = {}
         array = self._array(STATUS)
-        for task in self.find_finished():
+        for task in tasks:
             codes, numbers = np.unique(array[self.layout.box_of(task)], return_counts=True)
             for code, number in zip(codes.tolist(), numbers.tolist(), strict=True):
                 counts[code] = counts.get(code, 0) + number
         return counts
+
+    def count_above(self, name: str, most: float = 1.0) -> int:
+        """Return how many finished cases have a number above `most`, 0 where it is not kept."""
+        if name not in self._group:
+            return 0
+        boxes = (self._array(name)[self.layout.box_of(task)] for task in self.find_finished())
+        return sum(int((values > most).sum()) for values in boxes)
+
+    def is_empty(self, name: str) -> bool:
+        """Return whether a result is NaN in every finished case."""
+        boxes = (self._array(name)[self.layout.box_of(task)] for task in self.find_finished())
+        return all(bool(np.isnan(values).all()) for values in boxes)
 
     def write(self, task: int, result: TaskResult, record: Mapping[str, Any]) -> None:
         """Write the results of a task, then its record; signals wait until that is done.
@@ -90,57 +108,56 @@ class SweepStore:
         facts = json.dumps({"first": first, "last": last, **record})
         values = {
             **result.arrays,
-            STATUS: result.status,
             MESSAGE: np.array(result.messages, dtype=object),
+            STATUS: result.status,
         }
         with deferred_signals():
+            self._remove(task)  # what is damaged, or was written without its record
             try:
                 for name, array in values.items():
                     self._write_box(name, task, array)
-                _flush([self._chunk_file(name, task) for name in values])
+                _flush([self._stored.chunk_file(name, task) for name in self._stored.results])
                 self._array(RECORD)[task : task + 1] = np.array([facts], dtype=object)
-                _flush([self._chunk_file(RECORD, task)])
+                _flush([self._stored.chunk_file(RECORD, task)])
             except OSError as error:
-                self._remove(task, (RECORD, *values))
+                self._remove(task)
                 raise _explain(self.path, error) from error
 
     def _array(self, name: str) -> Any:
         if name not in self._arrays:
-            self._arrays[name] = self._group[name]
+            with writing_empty_chunks():
+                self._arrays[name] = self._group[name]
         return self._arrays[name]
 
     def _write_box(self, name: str, task: int, values: NDArray[Any]) -> None:
         array, box = self._array(name), self.layout.box_of(task)
-        if name == MESSAGE and not any(values):  # as most often: an absent chunk is full of empty texts
-            self._chunk_file(name, task).unlink(missing_ok=True)
-            return
         shape = tuple(part.stop - part.start for part in box)
         array[box] = values.reshape(*shape, *array.shape[len(shape) :])
 
-    def _chunk_file(self, name: str, task: int) -> Path:
-        place = (task,) if name == RECORD else self.layout.place_of(task)
-        rest = self._array(name).ndim - len(place)
-        return self.path.joinpath(name, CHUNKS, *map(str, place), *["0"] * rest)
-
-    def _remove(self, task: int, names: tuple[str, ...]) -> None:
-        for name in names:
+    def _remove(self, task: int) -> None:
+        """Remove the files of a task, its record and its status first."""
+        for name in (RECORD, *reversed(self._stored.results)):
             with suppress(OSError):
-                self._chunk_file(name, task).unlink(missing_ok=True)
-        _remove_partial(self.path)
+                self._stored.chunk_file(name, task).unlink(missing_ok=True)
+
+
+def open_group(stored: StoredSweep, mode: str = "r") -> Any:
+    """Return a stored sweep as a group of Zarr, with the metadata that `read_stored_sweep` verified."""
+    zarr = import_extra("zarr", SWEEP)
+    return zarr.open_group(str(stored.path), mode=mode, zarr_format=3, use_consolidated=True)
+
+
+def writing_empty_chunks() -> Any:
+    """Let arrays that are opened in the block write chunks of fill values too: one that is absent is lost."""
+    return import_extra("zarr", SWEEP).config.set({"array.write_empty_chunks": True})
 
 
 def _flush(files: list[Path]) -> None:
-    """Wait until files, and that they are in their folders, are on the disk.
-
-    Chunks in which all is the fill value have no file.
-    """
-    folders = set()
+    """Wait until files, and that they are in their folders, are on the disk."""
     for path in files:
-        with suppress(FileNotFoundError):
-            _flush_one(path)
-            folders.add(path.parent)
+        _flush_one(path)
     if os.name == "posix":
-        for folder in folders:
+        for folder in {path.parent for path in files}:
             _flush_one(folder)
 
 
@@ -172,7 +189,7 @@ def _explain(path: Path, error: OSError) -> OutputError:
     reason = error.strerror or type(error).__name__
     return OutputError(
         f"the results cannot be written: {reason}",
-        where=str(path),
+        where=str(error.filename2 or error.filename or path),
         given=free or None,
         allowed="a folder with enough free space that may be written to",
         hint="make room and run the same command again: it goes on where it stopped, "

@@ -12,13 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import check_choice
-from tensegrity_codegen.extras import SWEEP, TABLES, import_extra
+from tensegrity_codegen.extras import TABLES, import_extra
 from tensegrity_codegen.files import check_ending, check_output, replaced
-from tensegrity_codegen.marks import MARK
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
-from tensegrity_codegen.sweeps.store.contents import MESSAGE, RECORD, STATUS
-from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, read_stored_sweep
+from tensegrity_codegen.sweeps.store.folder import (
+    ATTRIBUTE,
+    MESSAGE,
+    RECORD,
+    STATUS,
+    check_not_damaged,
+    read_stored_sweep,
+)
+from tensegrity_codegen.sweeps.store.store import open_group
 
 __all__ = ["TABLE_FORMATS", "check_table", "write_sweep_table"]
 
@@ -37,7 +43,7 @@ def check_table(path: str | Path, format: str, *, overwrite: bool = False) -> Pa
     MissingExtraError
         Parquet without pyarrow.
     OutputError
-        The file cannot be written, or is somebody else's.
+        The file cannot be written, or exists (without `overwrite`).
     """
     check_choice(format, TABLE_FORMATS, "format", "format")
     check_ending(path, f".{format}")
@@ -60,7 +66,7 @@ def write_sweep_table(
     format : str
         ``"csv"`` or ``"parquet"``.
     overwrite : bool
-        Whether a file may be replaced that this package did not write.
+        Whether a file that exists is replaced.
 
     Returns
     -------
@@ -70,7 +76,7 @@ def write_sweep_table(
     Raises
     ------
     OutputError
-        The folder is not a sweep, or the file cannot be written.
+        The folder is not a sweep, files in it are damaged, or the file cannot be written or exists.
     UnknownNameError, MissingExtraError
         As for `check_table`.
     """
@@ -78,13 +84,16 @@ def write_sweep_table(
     table = _SweepTable.of(store)
     pieces = table.pieces()
     if format == "csv":
-        with replaced(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        with (
+            replaced(target, overwrite=overwrite) as temporary,
+            temporary.open("w", encoding="utf-8", newline="") as file,
+        ):
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(table.header)
             for piece in pieces:
                 writer.writerows(zip(*(column.tolist() for column in piece), strict=True))
     else:
-        with replaced(target) as temporary:
+        with replaced(target, overwrite=overwrite) as temporary:
             _write_parquet(temporary, table.header, pieces)
     return table.absent
 
@@ -110,8 +119,8 @@ class _SweepTable:
     def of(cls, path: str | Path) -> _SweepTable:
         """Return the table of a store; values of keys are read, results when they are written."""
         stored = read_stored_sweep(path)
-        zarr = import_extra("zarr", SWEEP)
-        group = zarr.open_group(str(stored.path), mode="r", zarr_format=3, use_consolidated=False)
+        check_not_damaged(stored)
+        group = open_group(stored)
         own, status = stored.attributes[ATTRIBUTE], group[STATUS]
         dims = tuple(own["case_dims"])
         keys = []
@@ -129,8 +138,7 @@ class _SweepTable:
                 results.append(_Column(array, headings))
             else:
                 absent.append(name)
-        layout = CaseLayout(tuple(status.shape), tuple(status.chunks))
-        return cls(layout, tuple(keys), tuple(results), status, group[MESSAGE], tuple(absent))
+        return cls(stored.layout, tuple(keys), tuple(results), status, group[MESSAGE], tuple(absent))
 
     @property
     def header(self) -> tuple[str, ...]:
@@ -168,8 +176,8 @@ def _find_headings(group: Any, name: str, array: Any, dims: Sequence[str]) -> tu
 def _write_parquet(path: Path, header: Sequence[str], pieces: Iterator[list[NDArray[Any]]]) -> None:
     pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
     first = pyarrow.table(dict(zip(header, next(pieces), strict=True)))
-    schema = first.schema.with_metadata({"comment": MARK.encode("ascii")})
-    waiting = [first.cast(schema)]
+    schema = first.schema
+    waiting = [first]
     with parquet.ParquetWriter(path, schema) as writer:
         for piece in pieces:
             waiting.append(pyarrow.table(dict(zip(header, piece, strict=True)), schema=schema))

@@ -9,8 +9,10 @@ from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.outcomes import describe_count, is_difference_clear
+from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.statistics import Distribution
 from tensegrity_codegen.sweeps.summary.summary import SweepSummary
+from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND, LIMIT_USE
 
 __all__ = ["describe_finding", "describe_lead", "describe_range"]
 
@@ -29,11 +31,22 @@ def describe_finding(summary: SweepSummary) -> str:
     if words:
         shown = ", ".join(word.replace("_", " ") for word in words[:MOST_STATUSES])
         text += f" ({shown}{', ...' if len(words) > MOST_STATUSES else ''})"
+    beyond = _count_beyond(results)
+    if beyond:
+        text += f"; in {beyond:,} {BEYOND}"
     found = [item for item in summary.chosen if item.distribution.count]
     if not found:
         return text
     item = found[0]
     return f"{text}; {describe_range(item.result, item.distribution)}"
+
+
+def _count_beyond(results: SweepResults) -> int:
+    """Return the number of good cases with a limit_use above 1, 0 where it was not kept."""
+    if LIMIT_USE not in results.kept:
+        return 0
+    blocks = results.kept[LIMIT_USE].blocks()
+    return sum(int((results.is_good[k : k + len(use)] & (use > 1)).sum()) for k, use in blocks)
 
 
 def describe_range(result: ChosenResult, spread: Distribution) -> str:

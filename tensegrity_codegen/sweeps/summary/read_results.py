@@ -10,11 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
-from tensegrity_codegen.sweeps.store.contents import MESSAGE, NOT_COMPUTED_CODE, RECORD, STATUS
-from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, StoredSweep, read_stored_sweep
+from tensegrity_codegen.sweeps.store.contents import NOT_COMPUTED_CODE
+from tensegrity_codegen.sweeps.store.folder import (
+    ATTRIBUTE,
+    MESSAGE,
+    RECORD,
+    STATUS,
+    StoredSweep,
+    check_not_damaged,
+    read_stored_sweep,
+)
+from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 
 __all__ = ["read_results"]
@@ -28,16 +36,15 @@ def read_results(path: str | Path) -> SweepResults:
     Raises
     ------
     OutputError
-        The folder is not a sweep.
+        The folder is not a sweep, or files in it are damaged or missing.
     MissingExtraError
         Zarr is not installed.
     """
     stored = read_stored_sweep(path)
-    zarr = import_extra("zarr", SWEEP)
-    group = zarr.open_group(str(stored.path), mode="r", zarr_format=3, use_consolidated=False)
+    check_not_damaged(stored)
+    group, layout = open_group(stored), stored.layout
     own = stored.attributes[ATTRIBUTE]
     status = group[STATUS]
-    layout = CaseLayout(tuple(status.shape), tuple(status.chunks))
     cases = stored.identity.get("cases", {})
     keys: Mapping[str, str] = own["keys"]
     columns = [np.asarray(group[name][...], dtype=np.float64) for name in keys.values()]

@@ -24,12 +24,16 @@ from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_c
 from tensegrity_codegen.sweeps.tasks.dimensions import label_axis
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
 
 __all__ = ["FindEquilibrium", "find_each"]
 
-USUAL = ("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual")
+USUAL = (
+    *("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual"),
+    LIMIT_USE,
+)
 # Results of each search besides quantities: type, unit, sentence.
 RESULTS = {
     "smallest_eigenvalue": (
@@ -45,6 +49,7 @@ RESULTS = {
     "energy_change": ("float64", "J", "Change of the potential energy from the start."),
     "iterations": ("int64", "1", "Number of iterations."),
     "neutral_motions": ("int64", "1", "Number of rigid motions that cost no energy."),
+    LIMIT_USE: LIMIT_USE_RESULT,
     "saddles_left": ("int64", "1", "Number of unstable equilibria that the search passed."),
 }
 COORDINATE = "coordinate"
@@ -115,6 +120,8 @@ class FindEquilibrium(Operation):
         arrays = {
             text.name: bound[text.name].evaluate(values, (count,))
             if text.name in bound
+            else compute_limit_use(model, given, slice(count), found.member_tension, found.member_length)
+            if text.expression == LIMIT_USE
             else getattr(found, text.expression)
             for text in self._texts()
         }

@@ -24,13 +24,14 @@ from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
+from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
 from tensegrity_codegen.sweeps.tasks.reductions import reduce_output, reduce_values
 
 __all__ = ["Simulate"]
 
-USUAL = ("node_position.final", "member_tension.max", "member_tension.min", "energy_drift")
+USUAL = ("node_position.final", "member_tension.max", "member_tension.min", "energy_drift", LIMIT_USE)
 MOST_BYTES = 2**26  # of the samples of a block of motions
 VELOCITY = "node_velocity"
 # Quantities that every motion has at its samples.
@@ -48,6 +49,7 @@ RESULTS = {
         "Estimated error over the tolerance; NAN where the method makes none.",
     ),
     "n_steps": ("int64", "1", "Number of steps."),
+    LIMIT_USE: LIMIT_USE_RESULT,
 }
 
 
@@ -190,6 +192,11 @@ class Simulate(Operation):
             if text.name in bound:
                 found = bound[text.name].evaluate(values, shape)
                 arrays[text.name][rows] = reduce_values(text, found, batch.time)
+            elif text.expression == LIMIT_USE:
+                first, second = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2).T
+                apart = batch.node_position[:, :, first] - batch.node_position[:, :, second]
+                length = np.linalg.norm(apart, axis=-1)
+                arrays[text.name][rows] = compute_limit_use(model, given, rows, batch.member_tension, length)
             else:
                 arrays[text.name][rows] = getattr(batch, text.expression)
 

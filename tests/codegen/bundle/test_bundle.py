@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.bundle.bundle import LICENCE, emit_bundle
+from tensegrity_codegen.codegen.casadi_interface import derivatives
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.pipeline import BuiltLibrary, build_library, load_scene
@@ -244,6 +245,22 @@ def test_all_sources_are_compiled_where_tables_are_apart() -> None:
     assert "/triangle.c" in listed
     assert "/triangle_tables.c" in listed
     assert all(text.endswith("\n") for text in files.values())
+
+
+def test_the_folder_names_derivatives_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    structure, request = bare()
+    request = replace(request.wanting("node_residual", "acceleration"), interfaces=("casadi",))
+
+    def read_page() -> str:
+        page = emit_bundle(emit(structure, request).manifest, ["triangle.c"], "libtriangle.so")["README.md"]
+        return page.partition("## In CasADi")[2].partition("##")[0]
+
+    assert "with first derivatives.\n" in read_page()
+    monkeypatch.setattr(derivatives, "MOST_MEMBERS", 2)
+    assert "with first derivatives. These are missing, since their code would be too long: " in read_page()
+    assert "`jac_acceleration`." in read_page()
+    request = replace(request, quantities=("acceleration",))
+    assert "without derivatives. These are missing" in read_page()
 
 
 @pytest.mark.thorough

@@ -200,10 +200,38 @@ def test_what_is_too_long_is_left_out_and_listed(monkeypatch: pytest.MonkeyPatch
     assert some
     assert not [name for name in some if name in parts["casadi_derivatives"].why]
     monkeypatch.setattr(derivatives, "MOST_MEMBERS", 2)
+    request = replace(request, quantities=tuple(q for q in request.quantities if q != "node_residual"))
     parts = parts_of(structure, request)
     assert not parts["casadi_derivatives"].is_included
     assert "jac_acceleration" in parts["casadi_derivatives"].why
     assert not [name for name in names_of(structure, request) if name.startswith(("jac_", "adj1_"))]
+
+
+def test_the_jacobian_of_the_static_force_of_a_large_structure_is_its_stiffness(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(derivatives, "MOST_MEMBERS", 2)
+    structure, request = bare()
+    request = replace(
+        request.wanting("node_residual", "acceleration"), interfaces=("casadi",), emitter="table"
+    )
+    part = parts_of(structure, request)["casadi_derivatives"]
+    assert part.is_included
+    assert part.why == "interfaces names casadi: 1 function; too long for unrolled code: jac_acceleration"
+    with without_optimisation():
+        built = build_library(structure, request)
+    found = ca.external(f"{structure.name}_node_residual", str(built.path))
+    model = build_model(structure, request)
+    symbol = model.arguments["coordinate"].symbol
+    own = ca.Function(
+        "own", [symbol], [ca.densify(model.expression("node_residual"))], ["coordinate"], ["out"]
+    )
+    value = built.load().nominal("coordinate") + 0.01
+    jacobian = found.jacobian()
+    assert jacobian.class_name() == "External"
+    assert_close(jacobian(value, found(value)), own.jacobian()(value, own(value)), "node_residual")
+    with_parameter = replace(request, parameters={"rest_length": (0,)})
+    assert "jac_node_residual" in parts_of(structure, with_parameter)["casadi_derivatives"].why
 
 
 def test_the_parts_say_which_derivatives_there_are() -> None:

@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.live.live_scene import build_live_scene
+from tensegrity_codegen.report.live.live_scene import LiveStart, build_live_scene
+from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tests.cases import thorough
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
 from tests.report.live.pages import load, sway, write_page
@@ -53,7 +55,7 @@ def test_a_prism_of_200_samples_is_small_and_complete(page: Path) -> None:
     assert len(text.encode()) < 1_500_000
     assert "three.js authors" in text
     assert "Permission is hereby granted" in text
-    assert "written by tensegrity_codegen" in text[:2000]
+    assert 'content="tensegrity_codegen"' in text[:2000]
 
 
 def test_positions_read_back_equal_the_motion(tab: Tab) -> None:
@@ -139,6 +141,7 @@ def distance_of(view: dict[str, list[float]]) -> float:
 @pytest.mark.thorough
 def test_one_finger_turns_two_zoom_and_a_tap_chooses(browser: Browser, page: Path) -> None:
     phone = Tab(browser, 400, 800, "light")
+    phone.send("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
     phone.open(page)
     phone.frame()
     before = phone.ask("tensegrity.camera")
@@ -157,13 +160,182 @@ def test_one_finger_turns_two_zoom_and_a_tap_chooses(browser: Browser, page: Pat
     phone.touch([(x, y)])
     phone.wait("tensegrity.chosen !== null")
     assert phone.ask("document.getElementById('chosen').innerText").startswith(PRISM.node_name[0])
-    for name in ("play", "fit", "reset", "theme"):
+    for name in ("play", "fit", "from", "turn", "picture", "film", "theme"):
         box = f"document.getElementById('{name}').getBoundingClientRect()"
         width, height = phone.ask(f"(({{ width, height }}) => [width, height])({box})")
         assert min(width, height) >= 40
     assert phone.ask("document.documentElement.scrollWidth") <= 400
     assert phone.complaints() == []
     phone.send("Page.close")
+
+
+def box_of(tab: Tab, name: str) -> dict[str, float]:
+    """Edges of an element in the window [px]."""
+    found = tab.ask(f"document.getElementById('{name}').getBoundingClientRect().toJSON()")
+    return dict(found)
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [(400, 480), *thorough((400, 800), (700, 400), (1000, 480), (1400, 860))]
+)
+def test_nothing_covers_the_legend_and_all_is_reached_without_scrolling_the_picture_away(
+    browser: Browser, page: Path, width: int, height: int
+) -> None:
+    opened = Tab(browser, width, height, "light")
+    opened.open(page)
+    opened.frame()
+    legend, stage, bar, start = (box_of(opened, name) for name in ("legend", "stage", "transport", "start"))
+    assert stage["top"] <= legend["top"]
+    assert legend["bottom"] <= stage["bottom"] <= bar["top"]
+    assert bar["bottom"] <= height
+    assert start["left"] >= legend["right"] or start["top"] >= legend["bottom"]
+    aside = opened.ask("document.querySelector('aside').getBoundingClientRect().toJSON()")
+    assert aside["height"] >= 100
+    assert aside["bottom"] <= bar["top"] + 1
+    assert opened.ask("document.documentElement.scrollHeight <= innerHeight")
+    assert opened.ask(INSIDE)
+    texts = opened.ask("[...document.querySelectorAll('button')].map(item => item.innerText).filter(Boolean)")
+    assert len(set(texts)) == len(texts)
+    opened.ask("document.getElementById('start').click()")
+    opened.wait("document.getElementById('start').hidden && tensegrity.time > 0")
+    opened.send("Page.close")
+
+
+@pytest.mark.parametrize("name", ["stated", "chosen"])
+def test_views_along_an_axis_are_parallel_projections(browser: Browser, tmp_path: Path, name: str) -> None:
+    start = LiveStart(view=Direction("top", -90.0, 90.0)) if name == "stated" else LiveStart()
+    opened = Tab(browser, 1000, 700, "light")
+    opened.open(write_page(build_live_scene(PRISM, start=start), tmp_path / "top.html"))
+    if name == "chosen":
+        opened.ask("tensegrity.lookFrom('top')")
+    opened.frame()
+    count = len(PRISM.node_name)
+    place = np.array(opened.ask(f"[...Array({count}).keys()].map(k => tensegrity.place(k))"))
+    # Right is x, up is y, at one scale, whatever z: a plan.
+    plan = np.column_stack([PRISM.node_position[:, :2] * [1, -1], np.ones(count)])
+    scale = np.linalg.lstsq(plan, place, rcond=None)[0]
+    assert np.abs(plan @ scale - place).max() < 0.5
+    assert scale[0, 0] == pytest.approx(scale[1, 1], rel=1e-3)
+    bar = opened.ask("document.getElementById('measure').innerText"), box_of(opened, "measure")
+    length = float(bar[0].split()[0]) / 1000  # mm
+    drawn = opened.ask("document.querySelector('#measure i').getBoundingClientRect().width")
+    assert drawn == pytest.approx(length * scale[0, 0], abs=1.0)
+    opened.send("Page.close")
+
+
+KEEP_FILES = """(() => { window.files = []; const make = URL.createObjectURL;
+  URL.createObjectURL = blob => { files.push([blob.type, blob.size]); return make(blob); };
+  HTMLAnchorElement.prototype.click = function () { files.at(-1).push(this.download); }; })()"""
+
+
+def test_a_picture_and_a_film_are_saved(tab: Tab) -> None:
+    tab.ask(KEEP_FILES)
+    tab.ask("document.getElementById('picture').click()")
+    tab.wait("files.length === 1 && files[0].length === 3")
+    kind, size, name = tab.ask("files[0]")
+    assert (kind, name) == ("image/png", "prism.png")
+    assert size > 10_000
+    tab.ask("tensegrity.app.player.speed = 5; document.getElementById('film').click()")
+    tab.wait("files.length === 2 && files[1].length === 3")  # it ends with the motion
+    kind, size, name = tab.ask("files[1]")
+    assert kind.startswith("video/webm")
+    assert name == "prism.webm"
+    assert size > 10_000
+    tab.ask("tensegrity.pause(); tensegrity.seekFrame(0); tensegrity.app.player.speed = 1")
+
+
+def test_looks_can_be_changed_and_what_is_unknown_is_refused(tab: Tab) -> None:
+    tab.ask("tensegrity.seekFrame(0); tensegrity.colorBy('tension')")
+    limit = tab.ask("tensegrity.app.colorings.tension.limit")
+    tab.ask(f"tensegrity.app.colorings.tension.limit = {limit / 4}; tensegrity.app.changed()")
+    tab.wait("document.getElementById('scale-high').innerText.startsWith('≥')")
+    tab.ask(f"tensegrity.app.colorings.tension.limit = {limit}; tensegrity.app.changed()")
+    tab.wait("!document.getElementById('scale-high').innerText.startsWith('≥')")
+    radii = np.array(tab.ask("Array.from(tensegrity.app.meshes.radii)"))
+    tab.press("w")
+    tab.frame()
+    by_force = np.array(tab.ask("Array.from(tensegrity.app.meshes.radii)"))
+    bars = PRISM.is_bar
+    order = np.argsort(np.abs(MOTION.member_tension[0, bars]))
+    assert (np.diff(by_force[bars][order]) >= 0).all()
+    tab.press("w")
+    tab.frame()
+    assert np.array(tab.ask("Array.from(tensegrity.app.meshes.radii)")) == pytest.approx(radii)
+    before = tab.ask("tensegrity.camera.position")
+    tab.ask("document.getElementById('turn').click()")
+    tab.wait(f"Math.hypot(...tensegrity.camera.position.map((x, k) => x - {before}[k])) > 0.01")
+    tab.ask("document.getElementById('turn').click(); tensegrity.app.reset()")
+    for call in (
+        "colorBy('heat')",
+        "lookFrom('below')",
+        "choose({ member: 99 })",
+        "orbit(NaN, 0)",
+        "seek('a')",
+    ):
+        asked = f"(() => {{ try {{ tensegrity.{call}; }} catch (error) {{ return error.message; }} }})()"
+        assert tab.ask(asked).startswith("allowed: ")
+    tab.frame()
+    assert tab.complaints() == []
+
+
+def test_cables_and_arrows_are_thinner_than_bars(browser: Browser, tmp_path: Path) -> None:
+    thin = replace(PRISM, radius=np.where(PRISM.is_bar, 1e-3, 0.0))
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(write_page(build_live_scene(thin, MOTION), tmp_path / "thin.html"))
+    radii = np.array(opened.ask("Array.from(tensegrity.app.meshes.radii)"))
+    assert radii[PRISM.is_bar] == pytest.approx(1e-3)
+    assert radii[~PRISM.is_bar].max() < 0.7e-3
+    assert np.ptp(radii[~PRISM.is_bar]) > 0.05e-3  # by the largest force
+    assert opened.ask("tensegrity.app.arrows.mesh.material.uniforms.thinnest.value") < 0.7e-3
+    opened.send("Page.close")
+
+
+def test_axes_a_scale_bar_and_shadows_are_drawn(browser: Browser, page: Path, tmp_path: Path) -> None:
+    image = pytest.importorskip("PIL.Image")
+    opened = Tab(browser, 1000, 700, "light")
+    opened.open(page)
+    opened.ask("tensegrity.app.showArrows(false)")
+
+    def count(name: str, box: dict[str, float], tolerance: int = 5) -> int:
+        """Pixels of a colour of the palette within a box."""
+        opened.frame()
+        opened.photograph(tmp_path / "page.png")
+        pixels = np.asarray(image.open(tmp_path / "page.png").convert("RGB")).astype(int)
+        color = opened.ask(
+            f"[1, 3, 5].map(k => parseInt(tensegrity.app.palette.css.{name}.slice(k, k + 2), 16))"
+        )
+        left, top, right, bottom = (round(box[edge]) for edge in ("left", "top", "right", "bottom"))
+        return int((np.abs(pixels[top:bottom, left:right] - color).max(axis=2) <= tolerance).sum())
+
+    stage = box_of(opened, "stage")
+    corner = stage | {"right": stage["left"] + 84, "bottom": stage["top"] + 84}
+    assert count("ink", corner, 120) > 60  # three arms and letters, whose edges are smoothed
+    assert count("ink", box_of(opened, "measure")) > 80
+    assert count("shadow", stage) > 500
+    opened.ask("tensegrity.orbit(0, -10)")  # from above
+    assert count("shadow", stage) > 2000
+    opened.ask("tensegrity.app.meshes.group.children.find(mesh => mesh.renderOrder === -2).visible = false")
+    opened.ask("tensegrity.app.changed()")
+    assert count("shadow", stage) < 300  # edges of other lines
+    opened.send("Page.close")
+
+
+def test_labels_of_large_numbers_are_not_cut(browser: Browser, tmp_path: Path) -> None:
+    large = replace(
+        MOTION, kinetic_energy=MOTION.kinetic_energy * 1e25, total_energy=MOTION.total_energy * 1e25
+    )
+    opened = Tab(browser, 1400, 860, "light")
+    opened.open(write_page(build_live_scene(PRISM, large), tmp_path / "large.html"))
+    opened.ask("""(() => { window.texts = []; const write = CanvasRenderingContext2D.prototype.fillText;
+      CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        texts.push([text, x - (this.textAlign === "right" ? this.measureText(text).width : 0)]);
+        write.call(this, text, x, y); }; })()""")
+    opened.press("t")  # draws the diagrams again
+    opened.wait("texts.some(([text]) => text.includes('J'))")
+    found = opened.ask("texts.filter(([text]) => text.endsWith('J'))")
+    assert all(left >= 0 for _, left in found)
+    assert any("e25 J" in text for text, _ in found)
+    opened.send("Page.close")
 
 
 def test_the_slider_scrubs_and_keys_step(tab: Tab) -> None:
@@ -305,6 +477,9 @@ def test_other_structures_stand_still(browser: Browser, tmp_path: Path, name: st
     opened.frame()
     assert opened.ask("document.getElementById('transport').hidden") is True
     assert opened.ask("tensegrity.coverage()") > 0.0005
+    assert opened.ask("tensegrity.app.colorings.tension.scale") == (
+        "onesided" if name == "two_nodes" else "diverging"
+    )
     unknown = opened.ask("tensegrity.state.tensions.filter(value => Number.isNaN(value)).length")
     assert unknown == (9 if name == "svd_tower" else 0)
     keys = opened.ask("document.getElementById('keys').innerText.split('\\n')")

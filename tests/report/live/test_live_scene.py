@@ -10,8 +10,9 @@ import pytest
 from tensegrity_codegen.report.live.live_scene import build_live_scene
 from tensegrity_codegen.report.live.uses import compute_uses
 from tensegrity_codegen.report.live.views import choose_view
+from tensegrity_codegen.report.pictures.choices import read_view
 from tensegrity_codegen.report.reactions import compute_reactions
-from tensegrity_codegen.runtime.analysis.member_limits import check_members
+from tensegrity_codegen.structure.member_limits import check_members
 from tests.report.live.pages import load, sway
 from tests.report.live.test_channels import unpack
 
@@ -102,3 +103,11 @@ def test_planes_are_looked_at_along_their_normal(
         assert np.flatnonzero(view["view"]).tolist() == [across]
         assert across not in view["ground"]
     assert np.dot(view["up"], view["view"]) < 0.9 * np.linalg.norm(view["view"])
+
+
+@pytest.mark.parametrize(
+    ("text", "is_flat"), [("top", True), ("iso", True), ("-60,16", False), (None, False)]
+)
+def test_named_views_are_parallel_projections_as_in_pictures(text: str | None, is_flat: bool) -> None:
+    view = choose_view((0, 1, 2), is_supported=False, direction=read_view(text))
+    assert view["is_flat"] == is_flat

@@ -130,7 +130,7 @@ def test_failing_ffmpeg_leaves_the_old_film_and_its_message(tmp_path, monkeypatc
     monkeypatch.setenv("PATH", str(program.parent))
     (tmp_path / "a.mp4").write_text("old")
     with pytest.raises(OutputError, match="code 7: no such coder"):
-        write_animation(prism(), make_trajectory(prism()), tmp_path / "a.mp4")
+        write_animation(prism(), make_trajectory(prism()), tmp_path / "a.mp4", overwrite=True)
     assert (tmp_path / "a.mp4").read_text() == "old"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mp4", "bin"]
 

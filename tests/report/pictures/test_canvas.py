@@ -41,7 +41,7 @@ def test_figure_is_saved_at_its_own_size_as_each_kind(tmp_path):
     figure = new_figure(3.0, 2.0, dpi=100)
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
     for kind, start in starts.items():
-        save_figure(figure, tmp_path / f"a.{kind}")
+        save_figure(figure, tmp_path / f"a.{kind}", overwrite=False)
         assert (tmp_path / f"a.{kind}").read_bytes().startswith(start)
     assert png_size(tmp_path / "a.png") == (300, 200)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pdf", "a.png", "a.svg"]
@@ -52,7 +52,7 @@ def test_the_same_picture_has_the_same_bytes(tmp_path):
     for name in ("a.svg", "b.svg"):
         figure = new_figure(3.0, 2.0)
         figure.add_subplot().plot([0.0, 1.0], label="line")
-        save_figure(figure, tmp_path / name)
+        save_figure(figure, tmp_path / name, overwrite=False)
         pictures.append((tmp_path / name).read_bytes())
     assert pictures[0] == pictures[1]
     assert b"clip-path" in pictures[0]  # whose name matplotlib draws at random without a salt
@@ -61,6 +61,6 @@ def test_the_same_picture_has_the_same_bytes(tmp_path):
 def test_failing_to_save_keeps_what_was_there(tmp_path):
     (tmp_path / "folder.png").mkdir()
     with pytest.raises(OutputError):
-        save_figure(new_figure(1.0, 1.0), tmp_path / "folder.png")
+        save_figure(new_figure(1.0, 1.0), tmp_path / "folder.png", overwrite=False)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.png"]
     assert (tmp_path / "folder.png").is_dir()

@@ -1,4 +1,5 @@
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -27,9 +28,9 @@ def figures(monkeypatch):
     """Keep the figures that are saved."""
     kept = []
 
-    def keep(figure, path):
+    def keep(figure, path, overwrite):
         kept.append(figure)
-        canvas.save_figure(figure, path)
+        canvas.save_figure(figure, path, overwrite=overwrite)
 
     monkeypatch.setattr(plots, "save_figure", keep)
     return kept
@@ -183,3 +184,15 @@ def test_a_mast_or_a_sheet_is_drawn_without_a_warning(stretch, tmp_path):
     slender = structure.with_changes(node_position=structure.node_position * stretch)
     plot_structure(slender, tmp_path / "slender.png")
     assert ink(tmp_path / "slender.png") > 100
+
+
+@pytest.mark.parametrize("name", ["node_position", "node_velocity", "member_tension", "time", "total_energy"])
+def test_numbers_too_large_for_a_picture_are_named(tmp_path, name):
+    run = make_trajectory(prism())
+    large = getattr(run, name).copy()
+    large.flat[-1] = 1e300
+    with pytest.raises(NonFiniteError, match=f"{name} is too large for a picture in sample"):
+        plot_trajectory(prism(), replace(run, **{name: large}), tmp_path / "a.png")
+    with pytest.raises(NonFiniteError, match="node_load is too large"):
+        plot_structure(prism(), tmp_path / "a.png", load=np.full((6, 3), 1e300))
+    assert not (tmp_path / "a.png").exists()

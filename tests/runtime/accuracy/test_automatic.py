@@ -12,8 +12,10 @@ import pytest
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.accuracy.choice import integrators_for
+from tensegrity_codegen.runtime.accuracy.choice import choose_method, integrators_for
 from tensegrity_codegen.runtime.integrate.event_log import Watch
+from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -126,6 +128,20 @@ def test_where_radau_misses_the_tolerance_the_explicit_method_has_its_turn() -> 
     assert found.status == "ok"
     assert found.method.startswith("auto (rk853")
     assert found.error_estimate <= 1.0
+
+
+@pytest.mark.parametrize(("ratio", "words"), [(1.0, "cables limit the steps, not bars"), (250.0, "explicit")])
+def test_the_reason_names_what_limits_explicit_steps(ratio: float, words: str) -> None:
+    """Bars 250 times as stiff as cables limit explicit steps, though radau, which cables limit, is slower."""
+    model, structure = model_of(prism_of_ratio), prism_of_ratio(ratio)
+    given = {"spring_constant": structure.spring_constant[structure.is_bar]}
+    state = np.concatenate([model.nominal("coordinate"), model.nominal("velocity")])
+    motion = Motion(model, state, np.array([0.0, 500.0]), given)
+    found = choose_method(motion, RunOptions(rtol=1e-9))
+    assert found.name == "rk853"
+    assert words in found.why
+    assert ("not bars" in found.why) == (ratio == 1.0)
+    assert ("250 times stiffer than cables: estimated" in found.why) == (ratio == 250.0)
 
 
 def test_events_are_for_explicit_methods() -> None:

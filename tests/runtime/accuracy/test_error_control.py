@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -13,6 +14,7 @@ from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
+from tensegrity_codegen.runtime.integrate.event_log import EventLog
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -85,6 +87,21 @@ def test_runs_that_stay_a_few_tolerances_apart_are_not_ok_and_the_worst_node_is_
     assert found.error_estimate is not None
     assert 1.0 < found.error_estimate < 20.0
     assert "in the velocity of node top at t = 0.75 s" in found.message
+
+
+@pytest.mark.parametrize(("events", "state"), [(3, 1.0), (0, 2.0)])
+def test_runs_with_loose_steps_that_pass_over_the_same_events_are_not_enough(
+    events: int, state: float
+) -> None:
+    """Two runs at steps above 1e-3 agree on 2, and tighter ones find events and 1."""
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        found = trajectory(np.full((5, 6), 2.0 if rtol > 5e-4 else 1.0))
+        return replace(found, log=EventLog(count=events))
+
+    found = tighten_until_converged(run, of_one_node(2e-2, 1e-3))
+    assert found.status == "ok"
+    np.testing.assert_array_equal(found.state, state)
 
 
 def test_errors_do_not_depend_on_how_the_axes_lie() -> None:

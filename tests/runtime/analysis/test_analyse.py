@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tests.reference import ReferenceModel
@@ -27,13 +31,23 @@ def test_a_prism_at_its_twist_is_stable() -> None:
     found = of(prism())
     assert found.status == "stable"
     assert found.is_good
-    assert (found.rank.rank, len(found.rank.selfstress)) == (11, 1)
+    assert (found.rank.rank, found.rank.n_coordinates, found.rank.n_members) == (11, 18, 12)
+    assert (found.n_selfstress, found.n_rigid_motions, found.n_mechanisms) == (1, 6, 1)
     assert found.rigid_motion.shape == (6, 3, 6)
     assert found.mechanism.shape == (6, 3, 1)
     assert found.stability.smallest_eigenvalue > 0.1
     assert found.certificate is None
     assert found.load_prestress is None
     assert found.members.worst is None
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda found: pickle.loads(pickle.dumps(found))])
+def test_an_analysis_can_be_copied_and_pickled(duplicate) -> None:
+    found = of(prism())
+    again = duplicate(found)
+    assert describe_analysis(again, "abcdefghijkl", "123456")["limits"] is not None
+    np.testing.assert_array_equal(again.member_tension, found.member_tension)
+    np.testing.assert_array_equal(again.members.use["buckling"], found.members.use["buckling"])
 
 
 @pytest.mark.parametrize("anchored", [{}, dict.fromkeys(range(3), "z")])
@@ -111,7 +125,7 @@ def test_the_sign_of_bars_is_chosen_for_stability() -> None:
     found = of(make_structure(both, members, anchored=dict.fromkeys((0, 2, 3, 5), "xyz")))
     assert found.status == "stable"
     assert found.prestress.tension.min() > 0
-    assert len(found.parts) == 1 or "parts that no members join" in found.warnings[0]
+    assert len(found.parts) == 1 or "unconnected pieces" in found.warnings[0]
 
 
 @pytest.mark.parametrize(("rest", "status"), [(1.0, "stable"), (1.005, "stable"), (1.02, "unstable")])
@@ -199,7 +213,7 @@ def test_parts_are_named() -> None:
     found = of(structure)
     assert found.parts == (("n0", "n1"), ("n2", "n3"))
     assert (found.rigid_motion.shape[2], found.mechanism.shape[2]) == (10, 0)
-    assert any("2 parts that no members join" in text for text in found.warnings)
+    assert any("2 unconnected pieces" in text for text in found.warnings)
 
 
 def test_without_masses_there_are_no_modes() -> None:
@@ -276,3 +290,32 @@ def test_rigid_bars_change_nothing_but_frequencies() -> None:
     np.testing.assert_allclose(rigid.member_tension, found.member_tension, rtol=1e-4)
     np.testing.assert_allclose(rigid.modes.frequency[:8], found.modes.frequency[:8], rtol=1e-3)
     assert rigid.modes.n_total == found.modes.n_total - 3
+
+
+def test_a_stable_shape_is_not_called_so_without_its_flaws() -> None:
+    """A slack prism has a prestress that would hold it, a thin bar buckles: both belong to the verdict."""
+    structure = prism()
+    slack = structure.with_changes(rest_length=structure.member_length())
+    found = analyse(ReferenceModel(slack))
+    assert found.status == "stable"
+    assert "; but " in found.message
+    assert "no stiffness at the present tensions, which are zero" in found.message
+    length = structure.member_length()
+    tense = structure.with_changes(
+        rest_length=structure.find_rest_length(length, 5 * found.prestress.tension)
+    )
+    assert "but" not in analyse(ReferenceModel(tense)).message
+    thin = tense.with_changes(radius=np.where(structure.is_bar, 1e-4, 0.0))
+    assert "but e0 buckles" in analyse(ReferenceModel(thin)).message
+
+
+WRONG = [None, "x", b"x", float("nan"), -1e300, 1 + 2j, [], {}, object(), np.zeros((2, 2)), np.array(["a"])]
+
+
+@pytest.mark.parametrize(
+    "value", [*WRONG, np.array([1j, 0]), [[1], [1, 2]], np.datetime64("2020"), range(3), "1"]
+)
+@pytest.mark.parametrize("name", ["rank_tolerance", "n_modes"])
+def test_wrong_options_raise_named_errors(name: str, value: object) -> None:
+    with pytest.raises(InvalidValueError, match=name):
+        of(prism(), **{name: value})

@@ -105,10 +105,11 @@ def build_prism(*analyses: str, **options: Any) -> CompiledModel:
     return build_library(system, want_analyses(system, request, analyses or ("control", "simulate"))).load()
 
 
-def design_gains(model: CompiledModel, motion: Motion) -> Gains:
+def design_gains(model: CompiledModel, motion: Motion, **options: Any) -> Gains:
     """Return the gains of the acceptance table: every coordinate is summed."""
     weight = np.concatenate([np.full(6, 100.0), np.full(6, 0.1), np.full(6, 10.0)])
-    return design_lqr(model, motion, weight, np.full(9, 1e6), integral_action=model.manifest.coordinate_name)
+    names = model.manifest.coordinate_name
+    return design_lqr(model, motion, weight, np.full(9, 1e6), integral_action=names, **options)
 
 
 def draw_errors(model: CompiledModel, seed: int) -> dict[str, Any]:

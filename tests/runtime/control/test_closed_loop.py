@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.control.loop.delayed_inputs import DelayedInputs
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.runtime.control.pinned_prism import draw_errors
+from tests.runtime.control.pinned_prism import design_gains, draw_errors
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,48 @@ def test_delays_act_in_the_loop(model: CompiledModel, motion: Motion, gains: Gai
     start = motion.input[0]
     assert late.input[0] == pytest.approx(start)
     assert late.input[4] == pytest.approx(late.command[3])  # 7.5 ms: in the middle of the sample after next
+
+
+def check_delay(
+    model: CompiledModel, motion: Motion, gains: Gains, delay: float | Array, t_end: float = 3.0
+) -> None:
+    """Check that a loop with delays ends within twice the error of the same loop without."""
+    errors = draw_errors(model, 1)
+    late = design_gains(model, motion, delay=delay)
+    ends = [
+        simulate_control(model, motion, item, t_end=t_end, delay=item.delay, **errors)
+        for item in (gains, late)
+    ]
+    assert [run.status for run in ends] == ["ok", "ok"]
+    assert ends[1].warnings == ()
+    assert ends[1].worst_error(0.5) < 2.0 * ends[0].worst_error(0.5)
+
+
+def test_loops_with_delays_end_as_those_without(model: CompiledModel, motion: Motion, gains: Gains) -> None:
+    """Delays from a part of a sample to four samples, another one for each actuator."""
+    delay = np.array([0.0, 0.005, 0.01, 0.02, 0.004, 0.0125, 0.02, 0.001, 0.0])
+    check_delay(model, motion, gains, delay, t_end=1.25)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("delay", [0.004, 0.005, 0.01, 0.02, 0.0375])
+def test_loops_with_equal_delays_end_as_those_without(
+    model: CompiledModel, motion: Motion, gains: Gains, delay: float
+) -> None:
+    check_delay(model, motion, gains, delay)
+
+
+def test_a_loop_worse_than_the_open_one_is_not_ok(model: CompiledModel, motion: Motion, gains: Gains) -> None:
+    """Gains that know nothing of 30 ms; without the comparison only the warning is left."""
+    options: dict[str, Any] = {"t_end": 1.0, "delay": 0.03, **draw_errors(model, 1)}
+    run = simulate_control(model, motion, gains, **options)
+    assert run.status == "does_not_hold"
+    assert "mm without feedback" in run.message
+    assert "designed for delays of up to 0 ms" in run.warnings[0]
+    alone = simulate_control(model, motion, gains, compare=False, **options)
+    assert (alone.status, alone.warnings) == ("ok", run.warnings)
+    assert alone.coordinate == pytest.approx(run.coordinate)
+    assert simulate_control(model, motion, **options).status == "ok"
 
 
 def test_slow_motors_and_long_delays_are_refused(model: CompiledModel, motion: Motion) -> None:

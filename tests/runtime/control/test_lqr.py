@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from tensegrity_codegen import compile_scene, find_equilibrium
+from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.runtime.control.design.linear_samples import sample_linear_models
 from tensegrity_codegen.runtime.control.design.reachable import describe_direction, find_uncontrolled
 from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.runtime.control.pinned_prism import build_prism, move_prism
+from tests.runtime.control.pinned_prism import build_prism, design_gains, move_prism
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def test_an_equilibrium_is_held_as_a_motion_is(model: CompiledModel, motion: Mot
         (-np.ones(12), R, "Q: the weight is not positive semidefinite"),
         (np.ones(12), np.diag([1.0] * 8 + [0.0]), "R: the weight is not positive definite"),
         (np.eye(12) + np.eye(12, k=1), R, "Q: the weight is not symmetric"),
-        ("heavy", R, "Q: the weight has another size"),
+        ("heavy", R, "Q: not an array of numbers"),
     ],
 )
 def test_wrong_weights_are_refused(model: CompiledModel, motion: Motion, q: Any, r: Any, words: str) -> None:
@@ -173,3 +174,33 @@ def test_an_unstable_mode_that_inputs_miss_is_found() -> None:
     assert np.abs(mode.direction) == pytest.approx([0.0, 1.0, 0.0], abs=1e-12)
     assert describe_direction(mode.direction, ["a", "b", "c"]) == "1 b"
     assert find_uncontrolled(a, np.ones((3, 1))) == []
+
+
+def test_delays_add_the_commands_on_their_way_to_the_states(model: CompiledModel, motion: Motion) -> None:
+    """With whole samples the gains are those without delay, of the state predicted to the arrival."""
+    plain, late = (design_gains(model, motion, delay=delay) for delay in (0.0, 0.01))
+    assert late.K.shape == (201, 9, 18 + 18)
+    assert late.delay.tolist() == [0.01] * 9
+    assert late.S.shape == plain.S.shape
+    a = np.block([[plain.A, np.zeros((12, 6))], [plain.integral_action, np.eye(6)]])
+    b = np.vstack([plain.B, np.zeros((6, 9))])
+    latest, oldest = late.K[-1][:, 18::2], late.K[-1][:, 19::2]
+    np.testing.assert_allclose(late.K[-1][:, :18], plain.K[-1] @ a @ a, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(latest, plain.K[-1] @ b, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(oldest, plain.K[-1] @ a @ b, rtol=1e-6, atol=1e-8)
+
+
+def test_gains_for_too_many_commands_on_their_way_are_refused(model: CompiledModel, motion: Motion) -> None:
+    with pytest.raises(InvalidValueError, match="commands are on their way") as caught:
+        design_gains(model, motion, delay=0.9)
+    assert caught.value.where == "delay"
+
+
+def test_an_equilibrium_has_gains_for_delays_of_several_samples(tmp_path: Path) -> None:
+    path = tmp_path / "lift.toml"
+    winch = '[[actuators]]\nname = "winch"\nmembers = "cord"\nrate = 1.0\ndelay = 0.05\n'
+    path.write_text('axes = "z"\n' + list_examples()["two_nodes"] + winch, encoding="utf-8")
+    model = compile_scene(path, for_=("equilibrium", "control"))
+    gains = design_lqr(model, find_equilibrium(model), [100.0, 1.0], [1.0], sample=0.02)
+    assert gains.K.shape == (2, 1, 2 + 3)
+    assert np.abs(gains.E).max() < 1.0

@@ -72,7 +72,7 @@ def test_tables_are_met_and_never_go_back(table: Any) -> None:
         ("linear", UnknownNameError, "quintic"),
         ([[0, 0]], InvalidValueError, "two rows"),
         (3.0, InvalidValueError, "table"),
-        ([["a", 1]], InvalidValueError, "table"),
+        ([["a", 1]], InvalidValueError, "not an array of numbers"),
         ([[0, 0], [1, 2]], InvalidValueError, "end of the path"),
         ([[0.1, 0], [1, 1]], InvalidValueError, "start"),
         ([[0, 0], [0, 0.5], [1, 1]], InvalidValueError, "times do not rise"),

@@ -221,6 +221,46 @@ def test_slack_cables_and_damping_keep_the_error_within_the_tolerance() -> None:
     assert np.abs(raw.state - np.hstack([exact.coordinate, exact.velocity])).max() < 3e-5
 
 
+def hung(damping: float) -> Structure:
+    """Two masses on a stiff bar and on damped cables that go slack, under gravity."""
+    place = [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.7, 0.05, 0.1], [1.0, 0.0, 0.0], [0.5, 0.0, 0.6]]
+    ends = ((1, 2, 0.4, 2000.0), (2, 3, 0.3, 1500.0), (1, 4, 0.55, 1000.0), (2, 4, 0.58, 1000.0))
+    return make_structure(
+        place,
+        [bar(0, 1, 0.3), *(cable(i, j, rest, mu, damping=damping) for i, j, rest, mu in ends)],
+        anchored=dict.fromkeys((0, 3, 4), "xyz"),
+        gravity=(0.0, 0.0, -9.81),
+        mass=[0.1, 0.2, 0.05, 0.1, 0.1],
+    )
+
+
+@pytest.mark.parametrize("changes", [False, True], ids=["constant", "run-time parameter"])
+@pytest.mark.parametrize("damping", [100.0, 1e5])
+def test_much_damping_of_cables_costs_no_steps(
+    monkeypatch: pytest.MonkeyPatch, damping: float, changes: bool
+) -> None:
+    """Work memory is not zero at first: what is read before it is written makes the motion NaN."""
+    prepare = BoundIntegrator.__init__
+
+    def fill(bound: BoundIntegrator, *told: Any, **more: Any) -> None:
+        prepare(bound, *told, **more)
+        bound.work.fill(np.nan)
+
+    monkeypatch.setattr(BoundIntegrator, "__init__", fill)
+    structure = hung(1.0 if changes else damping)
+    model = compiled(structure, {"damping": (1, 2, 3, 4)} if changes else {})
+    given = {"damping": np.full(4, damping)} if changes else {}
+    raw = run(model, 1e-6, np.linspace(0.0, 0.1, 11), **given)
+    assert raw.status == "ok"
+    assert raw.evidence["accepted"] + raw.evidence["rejected"] + raw.evidence["newton_failures"] < 3000
+    if damping < 1e3:
+        exact = simulate(
+            model, 0.1, samples=11, method="rk853", rtol=1e-10, arguments=given, max_steps=1_000_000
+        )
+        assert exact.status == "ok"
+        np.testing.assert_allclose(positions(raw), exact.coordinate, rtol=0.0, atol=1e-5)
+
+
 def test_energy_and_tensions_of_a_trajectory_come_from_the_unknown_tensions() -> None:
     structure = prism_of_ratio(1e9)
     given = {"spring_constant": structure.spring_constant[structure.is_bar]}

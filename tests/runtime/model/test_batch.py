@@ -303,6 +303,7 @@ def test_a_library_without_batch_functions_says_how_to_get_them() -> None:
     with pytest.raises(LibraryError, match="no batch functions") as caught:
         plain.compute_batch("member_tension", coordinate=np.zeros((3, 15)))
     assert "batch_width = 8" in caught.value.hint
+    assert 'for_="simulate_batch"' in caught.value.hint
 
 
 # --- code for this machine -------------------------------------------------------------------------

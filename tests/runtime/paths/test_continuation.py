@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,24 @@ def test_a_path_that_comes_back_ends_where_it_began() -> None:
     assert f"{truss.limit_load():.10g}" in path.message
     assert path.load_factor[-1] == pytest.approx(0, abs=1e-12)
     np.testing.assert_allclose(path.coordinate[-1], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("step", [0.07, 0.25])
+@pytest.mark.parametrize("after", [-0.5, -0.05, None])
+def test_a_path_ends_at_its_load_just_before_one_where_it_turns_back(
+    beyond: float, step: float, after: float | None
+) -> None:
+    """The load crosses its end twice within a step: at a kink, and at a smooth limit point (None)."""
+    truss = VonMises(0.3)
+    limit = truss.limit_load() if after is None else 1.0
+    problem, start = (truss, truss.start) if after is None else (Kinked(after), np.zeros(1))
+    watches = [Watch("slack", ("a",), lambda q, load: 1 - q, is_kink=True)] if after is not None else []
+    most = limit * (1 - beyond)
+    path = follow_path(problem, start, most=most, watches=watches, control=StepControl(largest=step), **FREE)
+    assert path.status == "completed"
+    assert path.load_factor.max() == path.load_factor[-1] == most
+    assert path.events == ()
 
 
 def test_a_tall_truss_bifurcates_before_its_limit_load() -> None:
@@ -262,3 +281,13 @@ def test_a_kind_of_event_may_end_the_path() -> None:
     path = follow_path(problem, problem.start, most=2 * problem.limit_load(), stop_at=("limit",))
     assert path.status == "stopped"
     assert path.load_factor[-1] == pytest.approx(problem.limit_load(), rel=1e-9)
+
+
+def test_a_path_is_pickled_and_described_in_a_few_lines() -> None:
+    truss = VonMises(0.3)
+    path = follow_path(truss, truss.start, most=10.0)
+    again = pickle.loads(pickle.dumps(path))
+    np.testing.assert_array_equal(again.coordinate, path.coordinate)
+    assert [event.kind for event in again.events] == ["limit"]
+    assert len(repr(path).splitlines()) <= 5
+    assert "returned" in repr(path)

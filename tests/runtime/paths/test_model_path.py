@@ -202,7 +202,7 @@ def test_what_a_model_lacks_is_said(prism: tuple[Structure, Any]) -> None:
     with pytest.raises(FormulationError):
         watch_contact(bare)
     path = ModelPath(model, np.ones((6, 3)))
-    with pytest.raises(UnknownNameError, match="not defined"):
+    with pytest.raises(UnknownNameError, match="unknown name"):
         watch_slack(path, ["top9"])
     with pytest.raises(UnknownNameError):
         watch_contact(path, ["bar1_bar9"])

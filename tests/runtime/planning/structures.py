@@ -24,6 +24,8 @@ __all__ = [
     "actuate",
     "assemble",
     "build_icosahedron",
+    "build_mast",
+    "build_passing_bars",
     "build_prism",
     "build_tower",
     "compile_plan",
@@ -87,6 +89,37 @@ def build_tower() -> Structure:
         "cable": {"kind": "cable", "axial_stiffness": 500.0},
     }
     return assemble({"name": "tower", "classes": classes, "shape": shape})
+
+
+@cache
+def build_mast() -> Structure:
+    """Return a tower of 3 stages on a fixed base, its cables limited to 1 to 100 N, its bars 2 mm apart."""
+    shape = {"kind": "tower", "stages": 3, "radius": 0.15, "height": 0.4, "overlap": 0.2, "prestress": 40.0}
+    classes = {
+        "bar": {"kind": "bar", "axial_stiffness": 2e6, "radius": 0.004},
+        "cable": {"kind": "cable", "axial_stiffness": 2000.0},
+    }
+    document = {"name": "mast", "classes": classes, "shape": {**shape, "anchor_bottom": True}}
+    return limit(actuate(assemble(document)), most=100.0)
+
+
+@cache
+def build_passing_bars() -> Structure:
+    """Return a bar that 8 cables hold beside a parallel fixed one, symmetrically above and below."""
+    nodes: dict[str, Any] = {
+        f"fixed{k}": {"position": [0.0, y, 0.0], "anchored": True} for k, y in ((1, -0.5), (2, 0.5))
+    }
+    members: dict[str, Any] = {
+        name: {"class": "bar", "nodes": [f"{name}1", f"{name}2"]} for name in ("fixed", "moving")
+    }
+    for k, y in ((1, -0.4), (2, 0.4)):
+        nodes[f"moving{k}"] = {"position": [-0.2, y, 0.0]}
+        for n, (x, z) in enumerate([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]):
+            nodes[f"anchor{k}{n}"] = {"position": [x, 2.25 * y, z], "anchored": True}
+            members[f"cable{k}{n}"] = {"class": "cable", "nodes": [f"anchor{k}{n}", f"moving{k}"]}
+    classes = {**CLASSES, "bar": {**CLASSES["bar"], "radius": 0.02}}
+    document = {"name": "passing", "classes": classes, "nodes": nodes, "members": members}
+    return limit(actuate(prestress(assemble(document), 20.0)), clearance=0.01)
 
 
 @cache

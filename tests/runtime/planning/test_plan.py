@@ -18,6 +18,8 @@ from tests.runtime.planning.structures import (
     actuate,
     assemble,
     build_icosahedron,
+    build_mast,
+    build_passing_bars,
     build_prism,
     build_tower,
     compile_plan,
@@ -107,6 +109,48 @@ def test_the_top_of_a_tower_tilts_by_20_degrees(targets: dict[str, Any]) -> None
 def test_the_top_of_a_tower_tilts_by_60_degrees() -> None:
     structure = limit(actuate(build_tower()))
     check(plan(compile_plan(structure), "tilt=60"), structure, steps=50, least=3.0, clearance=0.007)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("target", ["tilt=160", "tilt=-120,120"])
+def test_the_top_of_a_mast_turns_upside_down(target: str) -> None:
+    check(
+        plan(compile_plan(build_mast()), target),
+        build_mast(),
+        steps=30,
+        least=1.0 - 1e-6,
+        clearance=0.002 * (1 - 1e-6),
+    )
+
+
+@pytest.mark.parametrize("steps", [3, *thorough(10)])
+def test_a_bar_goes_round_one_that_symmetrical_changes_only_push_it_against(steps: int) -> None:
+    structure = build_passing_bars()
+    found = plan(compile_plan(structure), {"moving1.x": 0.2, "moving2.x": 0.2}, steps=steps)
+    check(found, structure, steps=20, least=1.0 - 1e-6, clearance=0.01 * (1 - 1e-6))
+    again = plan(compile_plan(structure), {"moving1.x": 0.2, "moving2.x": 0.2}, steps=steps)
+    np.testing.assert_array_equal(again.change, found.change)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("twist", [176, 179, 181, 191])
+def test_the_bars_of_a_prism_pass_each_other_by_unequal_changes(twist: int) -> None:
+    found = find("12", f"twist={twist}")
+    check(found, PRISM12, steps=40, least=1.0 - 1e-6, clearance=0.002 * (1 - 1e-6))
+
+
+@pytest.mark.thorough
+def test_a_tower_turns_by_unequal_changes() -> None:
+    found = plan(compile_plan(build_mast()), 'rotation("t3_*").z=170')
+    check(found, build_mast(), steps=40, least=1.0 - 1e-6, clearance=0.002 * (1 - 1e-6))
+
+
+def test_a_path_goes_on_after_a_few_steps_that_make_little_progress() -> None:
+    structure = limit(actuate(build_prism(155.0)), most=30.0)
+    found = plan(compile_plan(structure), "twist=150.5")
+    check(found, structure, steps=40, least=1.0 - 1e-6, clearance=0.002)
+    assert found.member_tension[:, ~structure.is_bar].max() <= 30.0 * (1 + 1e-6)
+    assert np.diff(found.progress).min() < 0.4 / 20
 
 
 @pytest.mark.thorough

@@ -8,9 +8,11 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.runtime.planning.targets import shape_parameters as shapes
+from tensegrity_codegen.runtime.planning.targets.bind_shape import turn_near
 from tensegrity_codegen.runtime.planning.targets.node_sets import find_nodes, find_rings
 from tensegrity_codegen.runtime.planning.targets.target_text import parse_shape, read_targets, rewrite
-from tests.runtime.planning.structures import build_prism
+from tensegrity_codegen.runtime.planning.targets.targets import bind_targets
+from tests.runtime.planning.structures import actuate, build_prism, compile_plan, limit
 
 PRISM = build_prism(155.0)
 BASE, TOP = np.array([0, 1, 2]), np.array([3, 4, 5])
@@ -31,16 +33,66 @@ def tilted(towards: float, sideways: float) -> np.ndarray:
 
 @pytest.mark.parametrize("where", [lambda place: place, lambda place: place @ TURN.T + [3.0, -2.0, 5.0]])
 def test_shape_parameters_do_not_depend_on_place_and_direction(where) -> None:
-    place = where(PRISM.node_position)
-    assert shapes.build_twist(TOP, BASE)(place)[0] == pytest.approx(155.0)
-    assert shapes.build_height(TOP, BASE)(place)[0] == pytest.approx(0.3)
-    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE)(place), 0.0, atol=1e-9)
+    place = start = where(PRISM.node_position)
+    assert shapes.build_twist(TOP, BASE, start)(place)[0] == pytest.approx(155.0)
+    assert shapes.build_height(TOP, BASE, start)(place)[0] == pytest.approx(0.3)
+    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE, start)(place), 0.0, atol=1e-9)
     leaning = where(tilted(12.0, -7.0))
-    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE)(leaning), [12.0, -7.0], rtol=1e-9)
+    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE, start)(leaning), [12.0, -7.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [30.0, 89.0, 91.0, 154.0, 170.0, 179.0])
+def test_normals_keep_the_side_of_the_start_where_the_centre_line_is_perpendicular_to_them(
+    angle: float,
+) -> None:
+    """Any centre of the top: also beside the base, below it, and in the plane of either set."""
+    start = PRISM.node_position
+    for shift in ([0.0, 0.0, 0.0], [0.5, 0.0, -0.3], [0.5, 0.2, -0.31], [0.0, 0.0, -0.7]):
+        place = tilted(angle, 0.0)
+        place[TOP] += shift
+        np.testing.assert_allclose(shapes.build_tilt(TOP, BASE, start)(place), [angle, 0.0], atol=1e-6)
+        place[TOP] += start[TOP] - tilted(angle, 0.0)[TOP]
+        assert shapes.build_twist(TOP, BASE, start)(place)[0] == pytest.approx(155.0)
+        assert shapes.build_height(TOP, BASE, start)(place)[0] == pytest.approx(abs(0.3 + shift[2]))
+
+
+def test_two_sets_in_one_plane_have_normals_on_the_same_side() -> None:
+    start = PRISM.node_position.copy()
+    start[TOP, 2] = start[BASE[0], 2]
+    np.testing.assert_allclose(shapes.build_tilt(TOP, BASE, start)(start), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
-    "vector", [[20.0, 0.0, 0.0], [0.0, 0.0, -170.0], [3.0, -40.0, 90.0], [0.0, 0.0, 1e-9]]
+    ("angle", "reference", "near"),
+    [
+        ([-170.0], [175.0], [190.0]),
+        ([10.0], [-5.0], [10.0]),
+        ([0.0], [350.0], [360.0]),
+        ([0.0], [0.0], [0.0]),
+    ],
+)
+def test_an_angle_goes_on_past_half_a_turn(angle: list, reference: list, near: list) -> None:
+    np.testing.assert_allclose(turn_near(np.array(angle), np.array(reference)), near)
+
+
+def test_one_component_of_a_rotation_goes_on_past_half_a_turn() -> None:
+    model = compile_plan(limit(actuate(PRISM)))
+    targets = bind_targets(read_targets(['rotation("t*").x=100', "twist=170"]), model)
+    start = PRISM.node_position
+    for angle in range(0, 300, 20):
+        turn = Rotation.from_rotvec(np.array([0.6, 0.8, 0.0]) * angle, degrees=True).as_matrix()
+        targets = targets.follow(start @ turn.T)
+        value, twist = (part.shape.evaluate(start @ turn.T, part.reference) for part in targets.parts)
+        np.testing.assert_allclose(value, [0.6 * angle, 0.8 * angle, 0.0], atol=1e-6)
+        assert twist[0] == pytest.approx(155.0)
+    node_slope = np.cross([0.6, 0.8, 0.0], start @ turn.T)[:, :, None]  # of the same rotation, per radian
+    slope = targets.slopes(start @ turn.T, node_slope, lambda *_: None, 1e-6)
+    np.testing.assert_allclose(slope[:, 0], [0.6 * 180 / np.pi, 0.0], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "vector",
+    [[20.0, 0.0, 0.0], [0.0, 0.0, -170.0], [0.0, 179.9999999, 0.0], [3.0, -40.0, 90.0], [0.0, 0.0, 1e-9]],
 )
 def test_the_rotation_of_a_body_is_its_rotation_vector(vector: list[float]) -> None:
     start = PRISM.node_position

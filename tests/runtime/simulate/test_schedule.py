@@ -40,7 +40,7 @@ def length(time: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("method", SCIPY)
 def test_a_driven_rest_length_forces_an_oscillator(model: CompiledModel, method: str) -> None:
-    run = simulate(model, 2.0, method=method, rtol=1e-9, atol=1e-12, schedule=drive)
+    run = simulate(model, 2.0, method=method, rtol=1e-9, atol=1e-12, schedule=drive, control="steps")
     expected = length(run.time)
     found = np.linalg.norm(run.node_position[:, 0] - run.node_position[:, 1], axis=1)
     np.testing.assert_allclose(found, expected, atol=3e-7)
@@ -84,6 +84,17 @@ def test_auto_takes_an_implicit_method_for_fast_damping() -> None:
     a, w, t = 100.0 / 1e5, DRIVE, 2.0
     creep = 0.05 * a * (a * np.sin(w * t) - w * np.cos(w * t) + w * np.exp(-a * t)) / (a**2 + w**2)
     assert run.node_position[-1, 1, 0] - 1.0 == pytest.approx(creep, rel=2e-3)
+
+
+def test_a_short_change_in_a_quiet_motion_is_not_passed_over(model: CompiledModel) -> None:
+    """At rest steps would grow to seconds; the rest length changes for a tenth of a second."""
+
+    def change(time: float) -> dict[str, list[float]]:
+        return {"rest_length": [1.1 if 6.9 < time < 7.0 else 1.0]}
+
+    run = simulate(model, 10.0, samples=11, schedule=change, control="steps")
+    assert np.abs(run.velocity[:7]).max() == 0.0
+    assert np.abs(run.velocity[7:]).max() > 0.1
 
 
 def test_one_run_by_auto_is_not_checked(model: CompiledModel) -> None:

@@ -77,3 +77,19 @@ def test_a_loose_end_is_a_mechanism() -> None:
     line = make_structure(place, [bar(0, 2, 1.0), spring(1, 2, 1.0)], anchored={0: "xyz", 1: "xyz"})
     found = find_equilibrium(ReferenceModel(line))
     assert found.neutral_motion_names == ("mechanism", "mechanism")
+
+
+def test_forces_out_of_balance_are_no_mechanism() -> None:
+    """A stiffness below what the forces may change it by is stiffness still, in the report of a failure."""
+    structure = prism(anchored=TABLE)
+    load = np.zeros((6, 3))
+    load[3] = [200.0, 0.0, -1000.0]
+    free = ReferenceModel(structure.with_changes(node_load=load))
+    lost = find_equilibrium(free, raise_on_failure=False)
+    assert lost.status == "no_equilibrium"
+    assert lost.neutral_motion_names == ("slide along x", "slide along y", "turn about z")
+    assert len(lost.neutral_motion_names) == lost.neutral_motions
+    held = prism(anchored=dict.fromkeys(range(3), "xyz")).with_changes(node_load=load)
+    ended = find_equilibrium(ReferenceModel(held), max_iterations=1, raise_on_failure=False)
+    assert ended.status == "iteration_limit"
+    assert ended.neutral_motion_names == ()

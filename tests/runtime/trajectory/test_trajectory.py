@@ -176,6 +176,17 @@ def test_a_changed_byte_is_never_a_crash(written: Written, tmp_path: Path, data:
         assert read_trajectory(path, swinging()).node_position.shape == (31, 3, 3)
 
 
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.longdouble, ">f8"])
+def test_numbers_of_another_precision_are_read_as_double(written: Written, tmp_path: Path, kind: str) -> None:
+    arrays = {
+        name: item.astype(kind) if item.dtype.kind == "f" else item
+        for name, item in written[0].arrays().items()
+    }
+    np.savez(tmp_path / "run.npz", **arrays)
+    found = read_trajectory(tmp_path / "run.npz", swinging())
+    assert found.node_position.dtype == found.time.dtype == np.dtype(float)
+
+
 # --- writing ---------------------------------------------------------------------------------------
 
 
@@ -217,6 +228,6 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
 
     monkeypatch.setattr(np, "savez_compressed", fail)
     with pytest.raises(OutputError, match="No space left"):
-        written[0].write(path)
+        written[0].write(path, overwrite=True)
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.npz"]
     assert path.read_bytes() == b"old"

@@ -128,7 +128,7 @@ def test_gravity_and_nothing_anchored() -> None:
     nodes = MAST["nodes"] | {name: {"position": [x, 5, 0], "mass": 1} for name, x in (("p", 0), ("q", 1))}
     members = MAST["members"] | {"loose": {"class": "tube", "nodes": ["p", "q"]}}
     found = find_warnings(build(MAST | {"nodes": nodes, "members": members}))
-    has_parts(" ".join(found), "1 pieces (that begin at p)", "4.91 m")
+    has_parts(" ".join(found), "1 piece (beginning at p)", "4.91 m")
 
 
 @pytest.mark.parametrize("slip", ["stiffness", "mass", "load", "rigid"])
@@ -153,7 +153,7 @@ def test_a_rigid_bar_takes_any_load_along_it() -> None:
     rigid = structure.with_changes(
         axial_stiffness=0 * structure.axial_stiffness, rest_length=structure.member_length(), node_load=load
     )
-    assert find_warnings(rigid) == ()
+    assert not any("unbalanced" in text for text in find_warnings(rigid))
 
 
 def test_a_structure_made_for_y_up_lies_on_its_side() -> None:

@@ -63,7 +63,7 @@ def test_pieces_that_share_no_node():
     document["nodes"]["e"] = {"position": [6, 0, 0], "mass": 1}
     document["members"]["de"] = {"class": "strut", "nodes": ["d", "e"]}
     sentence, falling = warnings_of(document)
-    assert "begin at d" in falling
+    assert "1 piece (beginning at d)" in falling
     assert "2 unconnected pieces" in sentence
     assert sentence.endswith("a, d")
 

@@ -72,6 +72,13 @@ def load(tmp_path: Path, text: str | bytes, **options: Any) -> ImportResult:
     return read_files([path], **options)
 
 
+@pytest.mark.parametrize("line", [",1,2", " , ", ",", ",,,,"])
+def test_a_line_that_begins_with_a_comma_is_no_command(line: str, tmp_path: Path) -> None:
+    result = load(tmp_path, f"{line}\n{TEXT}")
+    assert result.document == load(tmp_path, TEXT).document
+    assert any("commands that are not read: , (1)" in note for note in result.notes)
+
+
 @pytest.mark.parametrize("ending", ["", "!Unit:m\xa3\xacN"])
 def test_all_that_is_read_becomes_a_scene(ending: str, tmp_path: Path) -> None:
     result = load(tmp_path, (TEXT + ending).encode("latin-1"))  # some versions write texts that are not UTF-8

@@ -93,7 +93,7 @@ def test_defaults_of_nodes_and_edges_are_read(tmp_path: Path) -> None:
     [
         (whole(edge={"0": {"7": {"q": 1, "EA": 1}}}), UnknownNameError, "data.edge.0.7"),
         (whole(edge={"0": {"1": {"EA": 1}}}), InvalidValueError, "data.edge.0.1"),
-        (whole(edge={"0": {"1": {"q": 1}}}), InvalidValueError, "data.edge.0.1: spring_constant"),
+        (whole(edge={**EDGES, "0": {"1": {"q": 1}}}), InvalidValueError, "data.edge.0.1: spring_constant"),
         (whole(edge={"0": {"1": {"q": "1"}}}), InvalidValueError, "data.edge.0.1.q"),
         (whole(edge={"0": {"0": {"q": 1, "EA": 1}}}), StructureError, "data.edge.0.0"),
         (whole(edge={**EDGES, "1": {"0": {"q": 1, "EA": 1}}}), DuplicateNameError, "data.edge.1.0"),
@@ -111,6 +111,33 @@ def test_wrong_networks_are_refused_by_their_place(
     with pytest.raises(error) as caught:
         load(tmp_path, content)
     assert where in caught.value.where
+
+
+def test_a_network_of_jax_fdm_is_in_equilibrium_as_it_stands(tmp_path: Path) -> None:
+    """A load of 1 N between two cables of force density 1 N/m; the file has defaults, and no stiffness."""
+    data = {
+        "default_node_attributes": {"x": 0.0, "y": 0.0, "z": 0.0, "pz": 0.0, "rx": 0.0, "is_support": False},
+        "default_edge_attributes": {"q": 0.0, "length": 0.0, "force": 0.0, "px": 0.0},
+        "node": {
+            "0": {"x": -1.0, "is_support": True},
+            "1": {"z": -0.5, "pz": -1.0},
+            "2": {"x": 1.0, "is_support": True},
+        },
+        "edge": {
+            "0": {"1": {"q": 1.0, "force": 1.25**0.5, "length": 1.25**0.5}},
+            "1": {"2": {"q": 1.0}},
+            "2": {},
+        },
+    }
+    result = load(tmp_path, {"dtype": "jax_fdm.datastructures/FDNetwork", "data": data})
+    structure, _ = assemble(parse_scene(result.document))
+    assert structure.node_anchored.all(axis=1).tolist() == [True, False, True]
+    for member in result.document["members"].values():
+        assert (member["kind"], member["prestress"]) == ("cable", 1.25**0.5)
+        assert member["axial_stiffness"] == 1000.0 * 1.25**0.5
+    assert result.document["loads"] == [{"node": "n1", "force": [0.0, 0.0, -1.0]}]
+    assert any("the file has no stiffness" in note for note in result.notes)
+    assert not any("attributes that are not read" in note for note in result.notes)
 
 
 def test_the_sections_of_both_encoders_are_read(tmp_path: Path) -> None:

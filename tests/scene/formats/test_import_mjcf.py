@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -206,6 +207,20 @@ def test_what_is_not_read_is_refused_by_its_element(
     with pytest.raises(error, match=words) as caught:
         load(tmp_path, text)
     assert "model.xml" in caught.value.where
+
+
+def test_a_rod_with_sites_off_its_axis_has_its_centre_between_them_and_a_note(tmp_path: Path) -> None:
+    text = TEXT.replace('name="c" pos="0 0 -0.5"', 'name="c" pos="0.03 0 -0.5"')
+    result = load(tmp_path, text.replace('name="d" pos="0 0 0.5"', 'name="d" pos="0.03 0 0.5"'))
+    (note,) = [note for note in result.notes if "off the line" in note]
+    assert "the centre of mass of rod2 is 0.03 m off the line between its sites c and d" in note
+    nodes = result.document["nodes"]
+    assert math.dist(nodes["c"]["position"], nodes["d"]["position"]) == pytest.approx(1.0)
+    assert not any("off the line" in note for note in load(tmp_path, TEXT).notes)
+    far = text.replace('name="d" pos="0 0 0.5"', 'name="d" pos="0.3 0 0.5"')
+    with pytest.raises(InvalidValueError, match="no rod is not read") as caught:
+        load(tmp_path, far)
+    assert "off the line between its two sites" in str(caught.value.given)
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -197,7 +197,7 @@ def test_bad_node_tables(load, old, new, error, place, text):
         ("1.2,100", "1.2,0", InvalidValueError, "line 3, column spring_constant", "greater than 0"),
         (",0.5,", ",-0.5,", InvalidValueError, "line 3, column damping", "0 or more"),
         (",0.5,", ",0.5,2", InvalidValueError, "line 3, column mass", "cable has no mass"),
-        ("kind,", "type,", UnknownKeyError, "line 1", "kind"),
+        ("kind,", "sort,", UnknownKeyError, "line 1", "kind"),
         ("node_i,", "damping,", DuplicateNameError, "line 1", "twice"),
     ],
 )
@@ -307,3 +307,24 @@ def test_the_page_names_every_column():
     page = (Path(__file__).parents[3] / "docs" / "import.md").read_text(encoding="utf-8")
     for column in (*NODE_COLUMNS, *MEMBER_COLUMNS):
         assert f"`{column}`" in page
+
+
+def test_columns_have_other_names_in_upper_and_lower_case(load):
+    nodes = NODES.replace("node,x", "ID,X").replace("anchored", "Fixed")
+    members = MEMBERS.replace("member,kind,node_i,node_j", "id,Type,from,to")
+    assert load(nodes, members).document == load().document
+    with pytest.raises(DuplicateNameError, match="a column appears twice"):
+        load(nodes.replace("Y", "y").replace("ID,X,y", "id,node,y"))
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_where_they_are_none_between_cells(load, separator):
+    nodes, members = (text.replace(",", separator).replace(".", ",") for text in (NODES, MEMBERS))
+    result = load(nodes, members)
+    assert result.document == load().document
+    assert sum("decimal commas" in note for note in result.notes) == 2
+    # Beside a decimal point a comma may divide thousands.
+    with pytest.raises(InvalidValueError, match="not a number") as caught:
+        load(nodes.replace("0,2", "0.2"), members)
+    assert caught.value.given == "0,5"
+    assert "decimal comma as a point" in caught.value.hint

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree.ElementTree import XMLParser
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -18,6 +19,7 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
 )
 from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.files import xml_file
 from tensegrity_codegen.scene.formats.files.xml_file import read_xml
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_tdf import import_tdf
@@ -67,6 +69,46 @@ def test_rods_and_cables_become_a_scene(tmp_path: Path) -> None:
         0,
         1,
     ]
+
+
+def test_files_of_xacro_are_read_where_they_have_no_macros(tmp_path: Path) -> None:
+    path = tmp_path / "triangle.tdf.xacro"
+    path.write_text(TEXT, encoding="utf-8")
+    assert read_files([path], name="triangle").document == load(tmp_path, TEXT).document
+    for text in (
+        TEXT.replace("<tdf>", '<tdf xmlns:xacro="x"><xacro:property name="k" value="3"/>'),
+        TEXT.replace('stiffness="10"', 'stiffness="${k}"'),
+    ):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InvalidValueError, match="macros are not expanded") as caught:
+            read_files([path])
+        assert "xacro triangle.tdf.xacro > triangle.tdf.xml" in caught.value.hint
+
+
+def test_names_of_nodes_that_give_one_name_twice_are_told_apart(tmp_path: Path) -> None:
+    rods = '<rod class="r1" node1="p_q" node2="r"/><rod class="r1" node1="p" node2="q_r"/>'
+    nodes = "".join(f'<node id="{name}" xyz="0 {k} 3"/>' for k, name in enumerate(("p_q", "r", "p", "q_r")))
+    text = TEXT.replace("</composition>", f"{rods}</composition>").replace("</initial", f"{nodes}</initial")
+    members = load(tmp_path, text).document["members"]
+    assert members["rod_p_q_r"]["nodes"] == ["p_q", "r"]
+    assert members["rod_p_q_r_2"]["nodes"] == ["p", "q_r"]
+
+
+def test_an_element_of_any_length_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fed in pieces, the parser begins a long element again with every piece."""
+    sizes = []
+
+    class Parser(XMLParser):
+        def feed(self, data: str) -> None:  # type: ignore[override]
+            sizes.append(len(data))
+            super().feed(data)
+
+    monkeypatch.setattr(xml_file, "XMLParser", Parser)
+    path = tmp_path / "a.xml"
+    path.write_text("<tdf " + " ".join(f'attribute{k}="value"' for k in range(20_000)) + "/>")
+    assert xml_file.find_root(path) == "tdf"
+    assert len(read_xml(path, "XML").attrib) == 20_000
+    assert sizes == [path.stat().st_size] * 2
 
 
 def test_a_rod_without_class_is_rigid_and_a_cable_is_refused(tmp_path: Path) -> None:

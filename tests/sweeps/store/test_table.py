@@ -48,7 +48,9 @@ def test_a_table_has_each_case_once_with_its_keys_and_results(
     found = np.array([float(row["tension.c1 [N]"]) for row in rows[first:]])
     assert np.array_equal(found, expected.arrays["tension"][first:, 1], equal_nan=True)
     assert [row["message"] for row in rows[first:]] == list(expected.messages[first:])
-    write_sweep_table(stored, tmp_path / "a.csv", "csv")  # its own file is replaced
+    with pytest.raises(OutputError, match="exists already"):
+        write_sweep_table(stored, tmp_path / "a.csv", "csv")
+    write_sweep_table(stored, tmp_path / "a.csv", "csv", overwrite=True)
 
 
 def test_parquet_holds_the_same_numbers(stored: Path, contents: StoreContents, tmp_path: Path) -> None:

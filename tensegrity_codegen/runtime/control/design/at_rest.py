@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance, check_positive
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.model.arrays import check_shape
+from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
@@ -58,18 +59,17 @@ def build_rest(
     StructureError
         The structure has no actuators.
     """
+    check_instance(equilibrium, Equilibrium, "motion", "a Motion of time_motion, or an Equilibrium")
     if equilibrium.status not in FOUND:
         raise InvalidValueError(
             "not an equilibrium", where="motion", given=equilibrium.status, allowed=", ".join(FOUND)
         )
-    if not (np.isfinite(duration) and duration > 0.0):
-        raise InvalidValueError(
-            "out of range", where="duration", given=duration, allowed="a finite number > 0 [s]"
-        )
+    check_positive(duration, "duration", "[s]")
     check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
     actuation = find_actuation(model, actuators)
     given = merge_inputs(model.manifest, arguments)
-    value = np.asarray(given.get(INPUT, model.nominal(INPUT)), dtype=float).ravel()
+    nominal = model.nominal(INPUT)
+    value = to_sized(given.get(INPUT, nominal), nominal.shape, f"arguments.{INPUT}").ravel()
     still = np.zeros((2, len(equilibrium.coordinate)))
     rest = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
     return Motion(

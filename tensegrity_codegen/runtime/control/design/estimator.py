@@ -31,6 +31,8 @@ class Estimator(Summarised):
         Gains. A L is the gain of python-control's `dlqe`, with A the transition of the state.
     P : ndarray, shape (n_knots, n_states, n_states)
         Stationary covariances of the predictions.
+    innovation : ndarray, shape (n_knots, n_y)
+        Standard deviations of measurements minus their predictions.
     E : ndarray of complex, shape (n_states,)
         Eigenvalues of the error at the end point, from sample to sample.
     sample : float [s]
@@ -50,6 +52,7 @@ class Estimator(Summarised):
     time: FloatArray
     L: FloatArray
     P: FloatArray
+    innovation: FloatArray
     E: NDArray[np.complex128]
     sample: float
     residual: float
@@ -63,10 +66,17 @@ class Estimator(Summarised):
 
     def at(self, time: float) -> FloatArray:
         """Return the gains at a time [s], (n_states, n_y)."""
+        return self._between(self.L, time)
+
+    def weight(self, time: float) -> FloatArray:
+        """Return 1 over the standard deviations of measurements minus predictions at a time [s], (n_y,)."""
+        return self._between(1.0 / self.innovation, time)
+
+    def _between(self, rows: FloatArray, time: float) -> FloatArray:
         if len(self.time) == 1 or time >= self.time[-1]:
-            last: FloatArray = self.L[-1]
+            last: FloatArray = rows[-1]
             return last
         k = max(int(np.searchsorted(self.time, time, side="right")) - 1, 0)
         share = max(time - float(self.time[k]), 0.0) / float(self.time[k + 1] - self.time[k])
-        found: FloatArray = (1.0 - share) * self.L[k] + share * self.L[k + 1]
+        found: FloatArray = (1.0 - share) * rows[k] + share * rows[k + 1]
         return found

@@ -24,22 +24,25 @@ MOST_KNOTS = 25  # of stored gains
 class Gains(Summarised):
     """Feedback gains along a motion: u = u_motion - K (x - x_motion), as of python-control's `dlqr`.
 
-    The state x is (q, q'), then z, the sums of the outputs' errors: z[k+1] = z[k] + C (x[k] - x_motion[k]).
+    The state x is (q, q'), then z, the sums of the outputs' errors: z[k+1] = z[k] + C (x[k] - x_motion[k]),
+    then the commands on their way minus those of the motion, of each actuator the latest first.
 
     Attributes
     ----------
     time : ndarray, shape (n_t,) [s]
         Sample times, or knots among them; after the last one its gains hold.
-    K : ndarray, shape (n_t, n_actuators, n_states)
-        Gains.
+    K : ndarray, shape (n_t, n_actuators, n_states + n_past)
+        Gains; n_past commands are on their way where actuators have delays.
     S : ndarray, shape (n_t, n_states, n_states)
-        Solutions of the Riccati recursion; the last one is the stationary solution.
-    E : ndarray of complex, shape (n_states,)
+        Solutions of the Riccati recursion, of (x, z); the last one is the stationary solution.
+    E : ndarray of complex, shape (n_states + n_past,)
         Eigenvalues of the closed loop at the end point.
     A, B : ndarray, shape (n_x, n_x) and (n_x, n_actuators)
         Sampled linear model at the end point, x = (q, q').
     integral_action : ndarray, shape (n_integrals, n_x)
         C.
+    delay : ndarray, shape (n_actuators,) [s]
+        Delays of the actuators that the gains predict.
     sample : float [s]
         Sample time.
     residual : float
@@ -55,6 +58,7 @@ class Gains(Summarised):
     A: FloatArray
     B: FloatArray
     integral_action: FloatArray
+    delay: FloatArray
     sample: float
     residual: float
     actuators: tuple[str, ...]

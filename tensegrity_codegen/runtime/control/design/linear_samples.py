@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
+from tensegrity_codegen.checks import check_instance, check_positive
 from tensegrity_codegen.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.runtime.control.design.delays import hold_delayed
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 
-__all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "compute_hold", "sample_linear_models"]
+__all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "linearise", "sample_linear_models"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,11 +35,13 @@ class LinearSamples:
     Attributes
     ----------
     time : ndarray, shape (n_t,) [s]
-        Sample times; the last one is the end of the motion or just after it.
+        Sample times; the last one is the end of the motion or just after it, at rest the second one.
     sample : float [s]
         Sample time.
     A, B : ndarray, shape (n_t, n_states, n_states) and (n_t, n_states, n_actuators)
         Transition over the sample that starts there, for inputs held constant.
+    past : ndarray, shape (n_t, n_states, n_past)
+        Effect of the commands that are on their way then, see `hold_delayed`; without delays n_past = 0.
     rate, gain : ndarray, same shapes
         Continuous-time matrices x' = rate x + gain u.
     """
@@ -47,6 +50,7 @@ class LinearSamples:
     sample: float
     A: FloatArray
     B: FloatArray
+    past: FloatArray
     rate: FloatArray
     gain: FloatArray
 
@@ -57,6 +61,7 @@ def sample_linear_models(
     sample: float,
     actuators: Sequence[str],
     arguments: Mapping[str, Any] | None = None,
+    delay: FloatArray | None = None,
 ) -> LinearSamples:
     """Return the sampled linear models along a motion.
 
@@ -72,6 +77,8 @@ def sample_linear_models(
         Names of the inputs that feedback changes.
     arguments : mapping, optional
         Run-time parameters where they differ from the scene.
+    delay : ndarray, shape (n_actuators,), optional [s]
+        After which commands arrive; by default at once.
 
     Returns
     -------
@@ -95,41 +102,26 @@ def sample_linear_models(
     require_quantities(model, LINEAR_QUANTITIES, "the design of feedback needs")
     check_motion(model, motion)
     time = build_sample_time(motion, sample)
-    place = [model.manifest.input_name.index(name) for name in actuators]
+    if not (motion.velocity.any() or motion.acceleration.any() or np.ptp(motion.input, axis=0).any()):
+        time = time[:2]  # at rest all models are the same
     given = merge_inputs(model.manifest, arguments)
-    rates, gains = [], []
-    for now in time.tolist():
-        point = motion.at(now)
-        at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
-        rates.append(model.compute("state_jacobian", **at).toarray())
-        gains.append(model.compute("input_jacobian", **at).toarray()[:, place])
-    rate, gain = np.array(rates), np.array(gains)
-    hold = [compute_hold(a, b, sample) for a, b in zip(rate, gain, strict=True)]
-    return LinearSamples(
-        time, sample, np.array([a for a, _ in hold]), np.array([b for _, b in hold]), rate, gain
-    )
+    models = [linearise(model, motion, now, actuators, given) for now in time.tolist()]
+    rate, gain = (np.array(item) for item in zip(*models, strict=True))
+    late = np.zeros(len(actuators)) if delay is None else delay
+    hold = [hold_delayed(a, b, sample, late) for a, b in zip(rate, gain, strict=True)]
+    a, b, past = (np.array(item) for item in zip(*hold, strict=True))
+    return LinearSamples(time, sample, a, b, past, rate, gain)
 
 
-def compute_hold(rate: FloatArray, gain: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
-    """Return the transition over one sample for a constant input.
-
-    Parameters
-    ----------
-    rate, gain : ndarray, shape (n, n) and (n, m)
-        x' = rate x + gain u.
-    sample : float [s]
-        Sample time.
-
-    Returns
-    -------
-    A, B : ndarray
-        x[k+1] = A x[k] + B u[k], same shapes.
-    """
-    n, m = gain.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = rate, gain
-    whole = expm(sample * block)
-    return whole[:n, :n], whole[:n, n:]
+def linearise(
+    model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], given: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
+    """Return x' = rate x + gain u of a model at a time [s] of a motion, u: inputs of the actuators."""
+    point = motion.at(time)
+    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    place = [model.manifest.input_name.index(name) for name in actuators]
+    gain = model.compute("input_jacobian", **at).toarray()[:, place]
+    return model.compute("state_jacobian", **at).toarray(), gain
 
 
 def build_sample_time(motion: Motion, sample: float) -> FloatArray:
@@ -137,10 +129,7 @@ def build_sample_time(motion: Motion, sample: float) -> FloatArray:
 
     Raises InvalidValueError for a sample that is no time, or of which too many make the motion.
     """
-    if isinstance(sample, bool) or not np.isfinite(sample) or sample <= 0.0:
-        raise InvalidValueError(
-            "out of range", where="sample", given=sample, allowed="a finite number > 0 [s]"
-        )
+    check_positive(sample, "sample", "[s]")
     count = motion.duration / sample
     if count > MOST_SAMPLES or count < 1.0 - SAME:
         raise InvalidValueError(
@@ -168,6 +157,7 @@ def check_independent(model: Described) -> None:
 
 def check_motion(model: Described, motion: Motion) -> None:
     """Raise InvalidValueError for a motion of another model."""
+    check_instance(motion, Motion, "motion", "a Motion, as of time_motion")
     n, m = len(model.manifest.coordinate_name), len(model.manifest.input_name)
     names = ", ".join(motion.input_name) or "none"
     if motion.coordinate.shape[1] != n or motion.input_name != model.manifest.input_name:

@@ -107,7 +107,11 @@ def find_stationary(
 def _double(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray | None:
     """Return the limit of the recursion from P = 0 backwards by doubling; None where it has none."""
     n = len(a)
-    through, reach, cost = a, b @ cho_solve(cho_factor(r), b.T), q
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        try:
+            through, reach, cost = a, b @ cho_solve(cho_factor(r), b.T), q
+        except (LinAlgError, ValueError):  # not definite, or not finite
+            return None
     for _ in range(MOST_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
             try:

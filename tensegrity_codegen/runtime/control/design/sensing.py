@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError
+from tensegrity_codegen.checks import check_instance, is_number, is_whole
+from tensegrity_codegen.errors import InvalidValueError, StructureError, check_choice
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -109,7 +110,14 @@ def find_sensing(model: CompiledModel, sensors: Sequence[Sensor] | None = None) 
         The model does not compute what is measured.
     """
     structure, manifest = model.structure, model.manifest
-    chosen = tuple(sensors) if sensors is not None else () if structure is None else structure.sensors
+    stated: Any = sensors
+    if sensors is None:
+        stated = () if structure is None else structure.sensors
+    check_instance(stated, (list, tuple), "sensors", "a list of Sensor")
+    chosen = tuple(stated)
+    for k, sensor in enumerate(chosen):
+        check_instance(sensor, Sensor, f"sensors[{k}]", "a Sensor")
+        check_choice(sensor.kind, tuple(UNITS), "kind of sensor", f"sensors[{k}].kind")
     if not chosen:
         raise StructureError(
             "no sensors",
@@ -133,7 +141,7 @@ def find_sensing(model: CompiledModel, sensors: Sequence[Sensor] | None = None) 
 def _name(sensor: Sensor, model: CompiledModel, where: str) -> list[str]:
     """Return the names of a sensor's numbers; raises InvalidValueError for one that cannot be used."""
     manifest = model.manifest
-    if not np.isfinite(sensor.noise) or sensor.noise <= 0.0:
+    if not is_number(sensor.noise) or sensor.noise <= 0.0:
         raise InvalidValueError(
             "an estimator needs the noise of its sensors",
             where=f"{where}.noise",
@@ -141,7 +149,8 @@ def _name(sensor: Sensor, model: CompiledModel, where: str) -> list[str]:
             allowed=f"a standard deviation > 0 [{UNITS[sensor.kind]}]",
         )
     known = manifest.member_name if sensor.kind in MEMBER_KINDS else manifest.node_name
-    if not sensor.targets or min(sensor.targets) < 0 or max(sensor.targets) >= len(known):
+    is_list = isinstance(sensor.targets, list | tuple) and len(sensor.targets) > 0
+    if not is_list or not all(is_whole(e) and 0 <= e < len(known) for e in sensor.targets):
         raise InvalidValueError(
             "a sensor measures nothing that exists",
             where=f"{where}.targets",

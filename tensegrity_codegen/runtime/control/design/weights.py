@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 
 __all__ = ["read_weight"]
 
@@ -44,11 +44,8 @@ def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite:
     NonFiniteError
         A number that is not finite.
     """
-    try:
-        given = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        given = np.zeros((0, 0, 0))
     allowed = f"shape ({size}, {size}), or ({size},) for a diagonal: {over}"
+    given = to_doubles(value, where, allowed)
     if given.shape not in ((size, size), (size,)):
         raise InvalidValueError(
             "the weight has another size", where=where, given=given.shape, allowed=allowed

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.model.arrays import to_each
+from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.planning.actuation import find_actuation
 
@@ -56,6 +56,7 @@ def find_bounds(
     rate: ArrayLike | None = None,
     range: ArrayLike | None = None,
     delay: ArrayLike | None = None,
+    longest_delay: float | None = None,
 ) -> ActuatorBounds:
     """Return the bounds of a motion's actuators: those of the scene, or those given.
 
@@ -71,6 +72,8 @@ def find_bounds(
         Least and largest rest lengths.
     delay : float or array_like, shape (n_actuators,), optional [s]
         Delays.
+    longest_delay : float, optional [s]
+        That is accepted; by default the duration of the motion.
 
     Returns
     -------
@@ -100,18 +103,19 @@ def find_bounds(
     if delay is not None:
         found = replace(found, delay=_read(delay, count, "delay", "s", strictly=False))
     if range is not None:
-        pair = np.broadcast_to(np.asarray(range, dtype=float), (count, 2))
-        if not (pair[:, 0] < pair[:, 1]).all() or not (pair[:, 0] >= 0.0).all():
-            raise InvalidValueError(
-                "not a range", where="range", given=range, allowed="0 <= least < largest rest length [m]"
-            )
+        allowed = "0 <= least < largest rest length [m], one pair or one for each actuator"
+        given = to_doubles(range, "range", allowed)
+        is_range = given.shape in ((2,), (count, 2))
+        if not is_range or not (given[..., 0] < given[..., 1]).all() or not (given[..., 0] >= 0.0).all():
+            raise InvalidValueError("not a range", where="range", given=range, allowed=allowed)
+        pair = np.broadcast_to(given, (count, 2))
         rest = [structure.rest_length[list(members)] for members in found.members]
         found = replace(
             found,
             least=pair[:, 0] - np.array([row.min() for row in rest]),
             most=pair[:, 1] - np.array([row.max() for row in rest]),
         )
-    _check_rates(found, motion)
+    _check_rates(found, motion, motion.duration if longest_delay is None else longest_delay)
     return found
 
 
@@ -120,7 +124,7 @@ def _read(value: ArrayLike, count: int, where: str, unit: str, *, strictly: bool
     return to_each(value, count, where, lambda x: x > 0.0 if strictly else x >= 0.0, allowed)
 
 
-def _check_rates(bounds: ActuatorBounds, motion: Motion) -> None:
+def _check_rates(bounds: ActuatorBounds, motion: Motion, longest: float) -> None:
     """Raise InvalidValueError for a motion that needs higher rates or is shorter than a delay."""
     over = motion.peak_rate > bounds.rate * (1.0 + ROUNDING)
     if over.any():
@@ -132,7 +136,7 @@ def _check_rates(bounds: ActuatorBounds, motion: Motion) -> None:
             allowed=f"at least {motion.peak_rate[worst]:.4g} m/s",
             hint="a longer motion",
         )
-    late = bounds.delay > motion.duration
+    late = bounds.delay > longest
     if late.any():
         name = bounds.names[int(np.argmax(late))]
         raise InvalidValueError(

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_positive, is_number
+from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.structure.frozen import freeze_fields
 
@@ -23,7 +25,9 @@ class ControlRun(Summarised):
     Attributes
     ----------
     status : str
-        ``"ok"``, or ``"unstable"`` where the integration stopped; arrays end there.
+        ``"ok"``; ``"does_not_hold"`` where the last sixth of the time is further from the motion than without
+        feedback, by more than 1/200 of the size of the structure; ``"unstable"`` where the integration
+        stopped: arrays end there.
     message : str
         A sentence.
     time : ndarray, shape (n_t,) [s]
@@ -45,11 +49,14 @@ class ControlRun(Summarised):
     step_status : tuple of str, length n_t - 1
         Of each command: ``"ok"``, ``"rate_limited"``, ``"range_limited"``, and with a distribution of
         tensions ``"tension_limited"`` (least tensions prevent the forces of feedback), ``"least_tension"``
-        (one cannot be reached within rate and range) and ``"not_solved"`` (feedback was cut instead).
+        (one cannot be reached within rate and range) and ``"not_solved"`` (feedback was cut instead); with an
+        estimator ``"outlier"`` (measurements that are too far from their prediction: the last command holds).
     actuators, coordinate_name, member_name : tuple of str
         Names.
     yielding : ndarray of bool, shape (n_t - 1, n_members), or None
         Members whose least tension could not be reached; None without a distribution of tensions.
+    warnings : tuple of str
+        What to check.
     """
 
     status: str
@@ -68,6 +75,7 @@ class ControlRun(Summarised):
     coordinate_name: tuple[str, ...]
     member_name: tuple[str, ...]
     yielding: NDArray[np.bool_] | None = None
+    warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         freeze_fields(self)
@@ -87,14 +95,25 @@ class ControlRun(Summarised):
         float
             In the unit of the coordinates [m or rad].
         """
-        start = -np.inf if last is None else self.time[-1] - last
-        return float(np.abs(self.error[self.time >= start - 1e-12][:, coordinates]).max())
+        start = -np.inf if last is None else self.time[-1] - check_positive(last, "last", "[s]")
+        try:
+            chosen = self.error[:, coordinates]
+        except (IndexError, TypeError, ValueError) as error:
+            raise InvalidValueError(
+                "not an index of coordinates", where="coordinates", given=coordinates,
+                allowed=f"indices from 0 to {len(self.coordinate_name) - 1}, a mask or a slice",
+            ) from error  # fmt: skip
+        return float(np.abs(chosen[self.time >= start - 1e-12]).max(initial=0.0))
 
     def least_tension(self, since: float = 0.0) -> FloatArray:
         """Return the smallest tension of each member from a time [s] on, (n_members,) [N]."""
+        if not is_number(since) or since > self.time[-1]:
+            allowed = f"a time up to {self.time[-1]:g} [s]"
+            raise InvalidValueError("out of range", where="since", given=since, allowed=allowed)
         found: FloatArray = self.member_tension[self.time >= since - 1e-12].min(axis=0)
         return found
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name, with the names of actuators, coordinates and members."""
-        return {name: np.asarray(value) for name, value in vars(self).items() if value is not None}
+        kept = {name: value for name, value in vars(self).items() if name != "warnings"}
+        return {name: np.asarray(value) for name, value in kept.items() if value is not None}

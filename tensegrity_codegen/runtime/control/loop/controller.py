@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.control.design.delays import shift_commands
 from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.runtime.control.motion import Motion
@@ -70,8 +71,8 @@ class Controller:
 
     Notes
     -----
-    The input of the motion is that of the middle of the sample, for it is held during all of it. The sums of
-    errors stand still while a command is cut, so that they do not grow without effect.
+    The input of the motion is that of the middle of the time in which the command holds, delays included. The
+    sums of errors stand still while a command is cut, so that they do not grow without effect.
     """
 
     def __init__(
@@ -86,6 +87,8 @@ class Controller:
         self.distribution = distribution
         self.yielding: NDArray[np.bool_] | None = None
         self.sums = np.zeros(0 if gains is None else len(gains.integral_action))
+        self.shift, self.enter = shift_commands(np.zeros(0) if gains is None else gains.delay, sample)
+        self.past = np.zeros(len(self.shift))
         self.command = motion.at(0.0).input[bounds.place]
 
     def step(self, k: int, state: FloatArray) -> tuple[FloatArray, str]:
@@ -108,16 +111,35 @@ class Controller:
         if status == "ok" and self.gains is not None:
             self.sums = self.sums + self.gains.integral_action @ error
         self.command = command
+        self._remember(command - self.find_planned(k))
         return command, status
+
+    def hold(self, k: int) -> tuple[FloatArray, str]:
+        """Return the last command for another sample, where measurements were not used."""
+        self._remember(self.command - self.find_planned(k))
+        return self.command, "outlier"
+
+    def _remember(self, change: FloatArray) -> None:
+        """Take what a command differs from the motion by, (n_actuators,) [m], among those on their way."""
+        if len(self.past):
+            self.past = self.shift @ self.past + self.enter @ change
 
     def find_wanted(self, k: int, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the gains ask of the actuators [m], and the error of the state."""
         now = self.motion.at(k * self.sample)
-        wanted = self.motion.at((k + 0.5) * self.sample).input[self.bounds.place]
+        wanted = self.find_planned(k)
         error = state - np.concatenate([now.coordinate, now.velocity])
         if self.gains is not None:
-            wanted = wanted - self.gains.at(k) @ np.concatenate([error, self.sums])
+            wanted = wanted - self.gains.at(k) @ np.concatenate([error, self.sums, self.past])
         return wanted, error
+
+    def find_planned(self, k: int) -> FloatArray:
+        """Return the inputs of the motion for the command of a sample, (n_actuators,) [m]."""
+        middle, late = (k + 0.5) * self.sample, self.bounds.delay
+        inputs = {time: self.motion.at(middle + time).input for time in np.unique(late).tolist()}
+        return np.array(
+            [inputs[time][place] for time, place in zip(late.tolist(), self.bounds.place, strict=True)]
+        )
 
     def reach(self) -> tuple[FloatArray, FloatArray]:
         """Return the bounds of the next command within rates and ranges, (n_actuators,) each [m]."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.control.design.delays import split_delays
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import ActuatorBounds
 
 __all__ = ["DelayedInputs"]
 
 FloatArray = NDArray[np.float64]
-
-SAME = 1e-9  # of a sample
 
 
 class DelayedInputs:
@@ -29,10 +28,7 @@ class DelayedInputs:
 
     def __init__(self, bounds: ActuatorBounds, start: FloatArray, sample: float) -> None:
         self.sample = sample
-        share = bounds.delay / sample
-        whole = np.floor(share + SAME)
-        self.back = whole.astype(np.int64)
-        self.offset = np.where(share - whole > SAME, share - whole, 0.0) * sample
+        self.back, self.offset, _ = split_delays(bounds.delay, sample)
         self.commands = [start] * (int(self.back.max(initial=0)) + 2)
 
     def push(self, command: FloatArray) -> list[tuple[float, FloatArray]]:

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance, is_number
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 
 __all__ = ["NODE_LOAD", "Gust", "GustLoad", "bind_gust"]
@@ -104,7 +106,9 @@ def bind_gust(
     InvalidValueError
         A force that is no vector of numbers, or a time out of range.
     """
-    gusts = () if gust is None else (gust,) if isinstance(gust, Gust) else tuple(gust)
+    stated = () if gust is None else (gust,) if isinstance(gust, Gust) else gust
+    check_instance(stated, (list, tuple), "gust", "a Gust, or a list of them")
+    gusts = tuple(stated)
     if not gusts:
         return None
     spec = next((item for item in model.manifest.arguments if item.name == NODE_LOAD), None)
@@ -126,13 +130,15 @@ def bind_gust(
 
 
 def _check(gust: Gust) -> None:
-    force = np.asarray(gust.force, dtype=float)
+    check_instance(gust, Gust, "gust", "a Gust, or a list of them")
+    check_instance(gust.node, str, "gust.node", "the name of a node")
+    force = to_doubles(gust.force, "gust.force", "three finite numbers [N]")
     if force.shape != (3,) or not np.isfinite(force).all():
         raise InvalidValueError(
             "not a force", where="gust.force", given=gust.force, allowed="three finite numbers [N]"
         )
     for name, value in (("start", gust.start), ("duration", gust.duration)):
-        if not np.isfinite(value) or value < 0.0:
+        if not is_number(value) or value < 0.0:
             raise InvalidValueError(
                 "out of range", where=f"gust.{name}", given=value, allowed="a finite number >= 0 [s]"
             )

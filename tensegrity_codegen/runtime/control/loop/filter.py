@@ -17,6 +17,10 @@ __all__ = ["Filter"]
 
 FloatArray = NDArray[np.float64]
 
+GATE = 6.0  # standard deviations, up to which measurements may differ from their predictions
+START, DECAY = 100.0, 0.7  # of the recent largest difference, which is not known at the start
+DOUBLINGS = 30  # of what is accepted after outliers, at most
+
 
 class Filter:
     """An estimator that runs from the start of a motion on.
@@ -31,6 +35,12 @@ class Filter:
         Whose start is the first prediction, without disturbances.
     arguments : mapping
         Run-time parameters where they differ from the scene.
+
+    Attributes
+    ----------
+    is_outlier : bool
+        Whether the last measurements were too far from their predictions, and were not used: further than six
+        standard deviations, or twice what was accepted lately, or twice as far again after each outlier.
     """
 
     def __init__(
@@ -40,6 +50,7 @@ class Filter:
         start = motion.at(0.0)
         self.n = len(start.coordinate)
         self.state = np.concatenate([start.coordinate, start.velocity, np.zeros(len(estimator.disturbed))])
+        self.is_outlier, self.n_outliers, self.innovation = False, 0, START
 
     @property
     def disturbance(self) -> FloatArray:
@@ -49,7 +60,7 @@ class Filter:
         return found
 
     def correct(self, time: float, measured: FloatArray, value: FloatArray) -> FloatArray:
-        """Return the state (q, q') after a measurement.
+        """Return the state (q, q') after a measurement, of which outliers are not used.
 
         Parameters
         ----------
@@ -60,8 +71,14 @@ class Filter:
         value : ndarray, shape (n_inputs,)
             Inputs of the model then.
         """
-        expected = self.estimator.sensing.measure(self._at(self.state, value))
-        self.state = self.state + self.estimator.at(time) @ (measured - expected)
+        off = measured - self.estimator.sensing.measure(self._at(self.state, value))
+        most = float(np.abs(off * self.estimator.weight(time)).max(initial=0.0))
+        self.is_outlier = most > max(GATE, 2.0 * self.innovation) * 2.0**self.n_outliers
+        if self.is_outlier:
+            self.n_outliers = min(self.n_outliers + 1, DOUBLINGS)
+        else:
+            self.innovation, self.n_outliers = max(most, DECAY * self.innovation), 0
+            self.state = self.state + self.estimator.at(time) @ off
         return self.state[: 2 * self.n].copy()
 
     def predict(self, span: float, value: FloatArray) -> None:

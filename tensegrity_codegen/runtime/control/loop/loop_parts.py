@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from tensegrity_codegen.checks import check_instance, check_positive
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
@@ -15,7 +16,7 @@ from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.state_names import name_states
 
-__all__ = ["check_parts", "find_sample"]
+__all__ = ["check_parts", "describe_unknown_delays", "find_sample"]
 
 SAMPLE = 0.005  # [s], where no gains state another
 
@@ -42,6 +43,11 @@ def check_parts(
     distribution: DesignedDistribution | None,
 ) -> None:
     """Raise InvalidValueError for gains, an estimator or a distribution of another model or motion."""
+    check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
+    check_instance(estimator, (Estimator, type(None)), "estimator", "an Estimator of design_kalman, or None")
+    if distribution is not None:
+        made = getattr(distribution, "bounds", None)
+        check_instance(made, ActuatorBounds, "distribution", "a TensionDistribution of design_distribution")
     states, members = name_states(manifest), manifest.member_name
     parts = {
         "gains": gains is None or (gains.actuators == motion.actuators and gains.state_name == states),
@@ -62,10 +68,21 @@ def check_parts(
             )
 
 
+def describe_unknown_delays(gains: Gains | None, bounds: ActuatorBounds) -> str:
+    """Return a sentence where gains are designed for other delays than those of the actuators, else ""."""
+    if gains is None or np.allclose(gains.delay, bounds.delay, rtol=1e-9, atol=1e-12):
+        return ""
+    known, late = 1000 * float(gains.delay.max(initial=0.0)), 1000 * float(bounds.delay.max(initial=0.0))
+    return (
+        f"the gains are designed for delays of up to {known:.3g} ms, and the actuators answer up to "
+        f"{late:.3g} ms late: design_lqr(..., delay=...) takes the delays of the actuators"
+    )
+
+
 def find_sample(gains: Gains | None, estimator: Estimator | None, sample: float | None) -> float:
     """Return the time between two commands [s], which gains and estimator must share."""
     stated = [item.sample for item in (gains, estimator) if item is not None]
-    stated += [] if sample is None else [sample]
+    stated += [] if sample is None else [check_positive(sample, "sample", "[s]")]
     found = stated[0] if stated else SAMPLE
     if any(other != found for other in stated):
         raise InvalidValueError(
@@ -74,8 +91,4 @@ def find_sample(gains: Gains | None, estimator: Estimator | None, sample: float 
             given=", ".join(f"{other!r} s" for other in stated),
             allowed="one sample time of gains, estimator and simulation",
         )
-    if not np.isfinite(found) or found <= 0.0:
-        raise InvalidValueError(
-            "out of range", where="sample", given=found, allowed="a finite number > 0 [s]"
-        )
-    return found
+    return check_positive(found, "sample", "[s]")

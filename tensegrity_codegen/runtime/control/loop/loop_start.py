@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import is_number
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.arguments import check_arguments
-from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 
@@ -24,7 +25,7 @@ MOST_SAMPLES = 1_000_000
 
 def count_samples(t_end: float, sample: float) -> int:
     """Return the whole samples until an end [s]; raises InvalidValueError for none or too many."""
-    count = t_end / sample
+    count = t_end / sample if is_number(t_end) else np.nan
     if not np.isfinite(count) or not 1.0 - 1e-9 <= count <= MOST_SAMPLES:
         raise InvalidValueError(
             "out of range",
@@ -42,7 +43,7 @@ def find_start(motion: Motion, coordinate: ArrayLike | None, velocity: ArrayLike
     n = len(point.coordinate)
     for place, value, name in ((0, coordinate, "coordinate_error"), (n, velocity, "velocity_error")):
         if value is not None:
-            error = to_sized(value, (n,), name)
+            error = to_sized(value, (n,), name).ravel()
             check_finite(error, name)
             state[place : place + n] += error
     return state
@@ -54,6 +55,7 @@ def find_given(
     """Return the run-time arguments of the simulated model by name; raises for those that it lacks."""
     given = merge_inputs(model.manifest, arguments)
     if axial_stiffness is not None:
-        given["axial_stiffness"] = np.asarray(axial_stiffness, dtype=float)
+        allowed = "one stiffness for each member of the run-time parameter [N]"
+        given["axial_stiffness"] = to_doubles(axial_stiffness, "axial_stiffness", allowed)
     check_arguments(model.manifest, given)
     return given

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
+from tensegrity_codegen.runtime.control.design.gains import Gains
 from tensegrity_codegen.runtime.control.design.usual_forces import UNKNOWN, find_usual_forces
-from tensegrity_codegen.runtime.control.kalman import design_kalman
+from tensegrity_codegen.runtime.control.kalman import MOST_KNOTS, design_kalman
 from tensegrity_codegen.runtime.control.motion import Motion
+from tensegrity_codegen.runtime.control.study.linear_loop import build_linear_loop
 from tensegrity_codegen.runtime.control.study.scales import Scales
+from tensegrity_codegen.runtime.control.study.study_times import find_default_times
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 
@@ -20,44 +23,66 @@ __all__ = ["design_calm_estimator", "predict_displacement"]
 MOST_ERROR = 0.005  # of the size of the structure: standard deviation of a displacement that is predicted
 MARGIN = 4.0  # where this is exceeded: by which the deviation is to be smaller, for errors beside noise
 MOST_REDUCTIONS = 3
+WORTH = 0.8  # of the displacements that noise causes in the loop: less left is worth a slower estimate
+SETTLED = 5.0  # time constants of the estimate, up to the time from which errors are compared
 
 
 def design_calm_estimator(
     model: CompiledModel,
     motion: Motion,
+    gains: Gains,
     scales: Scales,
     *,
-    sample: float,
-    only_observable: bool,
-    arguments: Mapping[str, Any],
+    only_observable: bool = False,
+    arguments: Mapping[str, Any] | None = None,
 ) -> tuple[Estimator, str | None]:
     """Return an estimator with the largest disturbance forces that noise permits, and a warning.
 
     Disturbances are those of `design_kalman` by default, with which the filter may predict errors of
-    displacements up to 1/200 of the size; else they are divided by 10 until these are below 1/800, at most
-    three times. The warning is None where they are the default.
-    Where few sensors share many disturbance forces, the filter lets noise move the estimate so far that the
-    model is not linear any more.
+    displacements up to 1/200 of the size; else they are divided by 10 until these are below 1/800: where few
+    sensors share many disturbance forces, the filter lets noise move the estimate so far that the model is
+    not linear any more. They are divided by 10 further where noise then moves the nodes of the linear loop
+    by a fifth less at least (Lyapunov's equation), if the estimate still settles before errors are compared;
+    three times at most in all. The warning is None where they are the default.
     """
-    usual = UNKNOWN * find_usual_forces(model, motion, merge_inputs(model.manifest, arguments))
-    most = MOST_ERROR * scales.size
-    found: list[tuple[Estimator, float]] = []
-    for count in range(MOST_REDUCTIONS + 1):
-        estimator = design_kalman(
-            model, motion, sample=sample, disturbance=usual / 10.0**count if count else None,
-            only_observable=only_observable, arguments=arguments,
+    given = merge_inputs(model.manifest, arguments)
+    usual = UNKNOWN * find_usual_forces(model, motion, given)
+    settling = find_default_times(motion)[1] / SETTLED
+
+    def design(count: int, knots: int = MOST_KNOTS) -> Estimator:
+        return design_kalman(
+            model, motion, sample=gains.sample, disturbance=usual / 10.0**count if count else None,
+            only_observable=only_observable, knots=knots if motion.velocity.any() else 2,
+            arguments=arguments,
         )  # fmt: skip
-        found.append((estimator, predict_displacement(estimator, scales)))
-        if not found[-1][1] > (most / MARGIN if count else most):
+
+    def move(estimator: Estimator) -> float:
+        """Return by how much noise moves the nodes of the loop [m], infinite where it settles too late."""
+        loop = build_linear_loop(model, motion, gains, gains.delay, estimator, given)
+        is_slow = np.abs(estimator.E).max() > np.exp(-gains.sample / settling)
+        return np.inf if is_slow else float((loop.deviation() * scales.lever).max(initial=0.0))
+
+    found = [design(0)]
+    first, most = predict_displacement(found[0], scales), MOST_ERROR * scales.size
+    bound = most if first <= most else most / MARGIN
+    while len(found) <= MOST_REDUCTIONS:
+        count = len(found)
+        is_loud = predict_displacement(found[-1], scales) > bound
+        if not is_loud and not move(design(count, 2)) < WORTH * move(found[-1]):
             break
+        found.append(design(count))
     if len(found) == 1:
-        return estimator, None
+        return found[0], None
     divisor = 10 ** (len(found) - 1)
-    before, after = _show(found[0][1]), _show(found[-1][1])
-    return estimator, (
+    before, after = (predict_displacement(item, scales) for item in (found[0], found[-1]))
+    reason = f"more than {_show(most)}"
+    if first <= most:
+        before, after = move(found[0]), move(found[-1])
+        reason = "in the linear loop"
+    return found[-1], (
         "estimator: with disturbance forces of the default size, noise would move its nodes by "
-        f"{before} (predicted standard deviation), more than {_show(most)}. "
-        f"Divided by {divisor:,}, to at most {usual.max() / divisor:.3g} N or N m in 1 s, by {after}. "
+        f"{_show(before)} (predicted standard deviation), {reason}. "
+        f"Divided by {divisor:,}, to at most {usual.max() / divisor:.3g} N or N m in 1 s, by {_show(after)}. "
         "More sensors permit larger forces; `disturbance` states others"
     )
 

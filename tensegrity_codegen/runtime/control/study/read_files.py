@@ -43,7 +43,7 @@ def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
         The plan was not found, has no steps, or belongs to another structure.
     """
     needed = ("change", "progress", "actuator_name", "member_name", "status")
-    data = _read(path, needed, "that the verb plan wrote")
+    data = _read(path, needed, "that the verb plan wrote", optional=("coordinate",))
     status = str(data["status"])
     if status != "found" or len(data["progress"]) < 2:
         raise InvalidValueError(
@@ -85,9 +85,11 @@ def read_weights(path: str | Path) -> tuple[FloatArray, FloatArray]:
     return np.asarray(data["Q"], dtype=float), np.asarray(data["R"], dtype=float)
 
 
-def _read(path: str | Path, names: tuple[str, ...], what: str) -> dict[str, NDArray[Any]]:
+def _read(
+    path: str | Path, names: tuple[str, ...], what: str, optional: tuple[str, ...] = ()
+) -> dict[str, NDArray[Any]]:
     try:
-        data = read_arrays(Path(path))
+        data = read_arrays(Path(path), (*names, *optional))
         for name in names:
             data[name]
     except UNREADABLE as error:

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.control.loop.compare_runs import find_displacement
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
-from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.study.scales import find_angles
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.limits import Limits
 
-__all__ = ["RunMeasures", "find_cables", "find_displacement", "measure_run"]
+__all__ = ["RunMeasures", "find_cables", "measure_run"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -47,8 +46,13 @@ class RunMeasures:
     steps: Mapping[str, int]
     command_peak: float
 
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the simulation stopped."""
+        return self.status not in ("ok", "does_not_hold")
 
-def measure_run(model: CompiledModel, run: ControlRun, motion: Motion, last: float) -> RunMeasures:
+
+def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasures:
     """Return the measures of a run.
 
     Parameters
@@ -57,8 +61,6 @@ def measure_run(model: CompiledModel, run: ControlRun, motion: Motion, last: flo
         The model that was simulated.
     run : ControlRun
         The run; where it stopped, its end is that time.
-    motion : Motion
-        The motion.
     last : float [s]
         Time before the end that counts as the end.
 
@@ -67,7 +69,7 @@ def measure_run(model: CompiledModel, run: ControlRun, motion: Motion, last: flo
     RunMeasures
         Errors, tensions, limits, statuses.
     """
-    away = find_displacement(model, run, motion)
+    away = find_displacement(model, run)
     ending = run.time >= run.time[-1] - last - 1e-12
     angles = find_angles(model)
     tension = run.member_tension
@@ -94,18 +96,6 @@ def measure_run(model: CompiledModel, run: ControlRun, motion: Motion, last: flo
         steps=dict(Counter(run.step_status)),
         command_peak=float(np.abs(rates).max(initial=0.0)),
     )
-
-
-def find_displacement(model: CompiledModel, run: ControlRun, motion: Motion) -> FloatArray:
-    """Return the distance of each node from the motion at each sample, (n_t, n_nodes) [m]."""
-    if model.manifest.coordinate_node_axis:
-        moved = np.zeros((len(run.time), len(model.manifest.node_name), 3))
-        node, axis = model.manifest.coordinate_place.T
-        moved[:, node, axis] = run.error
-        return np.asarray(np.linalg.norm(moved, axis=2))
-    pairs = zip(run.coordinate, run.error, strict=True)
-    away = [np.linalg.norm(place_nodes(model, q) - place_nodes(model, q - e), axis=1) for q, e in pairs]
-    return np.array(away)
 
 
 def find_cables(model: CompiledModel) -> NDArray[np.int64]:

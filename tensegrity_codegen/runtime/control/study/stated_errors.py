@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.checks import check_instance, is_number
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.runtime.control.loop.disturbances import NODE_LOAD, Gust
 from tensegrity_codegen.runtime.control.study.scales import Scales, find_angles
+from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 
@@ -87,7 +89,8 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
     for name, unit in (("start_error", "m"), ("start_angle", "rad"), ("stiffness_error", "1")):
         value = getattr(stated, name)
         most = 1.0 if name == "stiffness_error" else np.inf
-        if value is not None and not (np.isfinite(value) and 0.0 <= value < most):
+        is_default = value is None and name != "stiffness_error"
+        if not is_default and not (is_number(value) and 0.0 <= value < most):
             allowed = f"a number >= 0{' and < 1' if most == 1.0 else ''} [{unit}]"
             raise InvalidValueError("out of range", where=name, given=value, allowed=allowed)
     if stated.start_angle is not None and not find_angles(model).any():
@@ -95,13 +98,25 @@ def check_errors(model: CompiledModel, stated: StatedErrors) -> None:
             "no coordinate is an angle", where="start_error", given=f"{stated.start_angle:g} rad",
             allowed="a displacement [m]",
         )  # fmt: skip
+    check_instance(stated.gusts, (list, tuple), "errors.gusts", "a list of Gust or RandomGust")
     for item in stated.gusts:
-        if isinstance(item, RandomGust):
-            _find_nodes(model, item)
-            sizes = np.atleast_1d(np.asarray(item.force, dtype=float))
-            if not np.isfinite(sizes).all():
+        check_instance(item, (Gust, RandomGust), "errors.gusts", "a Gust or RandomGust")
+        for name in ("start", "duration"):
+            value = getattr(item, name)
+            if not is_number(value) or value < 0.0:
                 raise InvalidValueError(
-                    "not a force", where="gust.force", given=item.force, allowed="finite numbers [N]"
+                    "out of range", where=f"gust.{name}", given=value, allowed="a finite number >= 0 [s]"
+                )
+        if isinstance(item, RandomGust):
+            check_instance(item.nodes, str, "gust.node", "the name or pattern of nodes")
+            _find_nodes(model, item)
+            sizes = to_doubles(item.force, "gust.force", "a finite number, or three [N]")
+            if sizes.shape not in ((), (3,)) or not np.isfinite(sizes).all():
+                raise InvalidValueError(
+                    "not a force",
+                    where="gust.force",
+                    given=item.force,
+                    allowed="a finite number, or three [N]",
                 )
 
 
@@ -167,8 +182,8 @@ def _draw_gust(model: CompiledModel, item: Gust | RandomGust, rng: np.random.Gen
     axes = list(model.manifest.axes)
     drawn = rng.normal(size=len(axes))
     force = np.zeros(3)
-    if isinstance(item.force, int | float):
-        force[axes] = float(item.force) * drawn / np.linalg.norm(drawn)
+    if np.ndim(item.force) == 0:
+        force[axes] = float(item.force) * drawn / np.linalg.norm(drawn)  # type: ignore[arg-type]
     else:
         force[:] = item.force
     x, y, z = force.tolist()

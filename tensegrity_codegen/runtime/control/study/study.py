@@ -9,24 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_whole
+from tensegrity_codegen.checks import check_callback, check_instance, check_positive, check_whole
 from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.runtime.control.closed_loop import simulate_control
 from tensegrity_codegen.runtime.control.design.at_rest import build_rest
 from tensegrity_codegen.runtime.control.design.estimator import Estimator
 from tensegrity_codegen.runtime.control.design.gains import Gains
-from tensegrity_codegen.runtime.control.kalman import design_kalman
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.control.lqr import design_lqr
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.control.study.control_study import (
-    LOOPS,
-    OPEN,
-    ControlStudy,
-    LoopResult,
-    judge_study,
-)
+from tensegrity_codegen.runtime.control.study.calm_estimator import design_calm_estimator
+from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+from tensegrity_codegen.runtime.control.study.linear_loop import build_linear_loop, find_margins
+from tensegrity_codegen.runtime.control.study.loop_result import LOOPS, OPEN, LoopResult
 from tensegrity_codegen.runtime.control.study.run_measures import RunMeasures, measure_run
 from tensegrity_codegen.runtime.control.study.stated_errors import (
     DrawnErrors,
@@ -38,8 +34,10 @@ from tensegrity_codegen.runtime.control.study.study_times import (
     HELD,
     check_gust_times,
     check_times,
+    find_default_times,
     read_times,
 )
+from tensegrity_codegen.runtime.control.study.study_warnings import find_time_constants, judge_study
 from tensegrity_codegen.runtime.control.study.tuning import Tuning, choose_weights
 from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -51,7 +49,6 @@ __all__ = ["study_control"]
 
 FloatArray = NDArray[np.float64]
 
-LONGER = 3.0  # simulated time over that of the motion
 SENSORS = "sensors"
 MOST_DRAWS = 10_000
 CHUNK = 32  # draws that are simulated at once
@@ -90,8 +87,8 @@ def study_control(
     gains : Gains, optional
         Feedback; by default of `design_lqr` with the weights.
     estimator : Estimator, "sensors" or None
-        ``"sensors"``: of `design_kalman` for the sensors of the scene, none without sensors. None: no loop
-        with an estimator.
+        ``"sensors"``: of `design_kalman` for the sensors of the scene, none without sensors; its disturbance
+        forces are smaller where noise then disturbs the loop less. None: no loop with an estimator.
     distribution : TensionDistribution, optional
         Keeps tensions above the least ones, in the loops with feedback.
     errors : StatedErrors, optional
@@ -99,7 +96,7 @@ def study_control(
     sample : float [s]
         Time between two commands, where no gains are given.
     t_end : float, optional [s]
-        Simulated time; by default three times the motion.
+        Simulated time; by default three times the motion, longer where the slowest error needs it.
     last : float, optional [s]
         Time before the end in which errors are compared; by default a sixth of the simulated time.
     draws : int
@@ -144,6 +141,13 @@ def study_control(
     """
     require_model(model)
     check_times(t_end=t_end, last=last)
+    check_positive(sample, "sample", "[s]")
+    check_whole(seed, "seed", 0)
+    check_instance(tuning, (Tuning, type(None)), "tuning", "a Tuning of choose_weights, or None")
+    check_instance(errors, (StatedErrors, type(None)), "errors", "StatedErrors, or None")
+    check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
+    check_callback(batch, "batch")
+    check_callback(progress, "progress")
     held = HELD if t_end is None else t_end
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     given = merge_inputs(model.manifest, arguments)
@@ -156,11 +160,14 @@ def study_control(
             model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
             arguments=arguments,
         )  # fmt: skip
-    default = (LONGER if np.any(way.velocity) else 1.0) * way.duration
+    senses, note = _find_estimator(model, way, estimator, gains, chosen, arguments)
+    default = find_default_times(way, *find_time_constants(gains, senses))[0]
     end, window = read_times(gains.sample, default, t_end, last)
     check_gust_times(stated.gusts, end)
-    senses = _find_estimator(model, way, estimator, gains.sample, arguments)
-    work = _Work(model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch)
+    notes = () if note is None else (note,)
+    work = _Work(
+        model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch, notes
+    )
     return work.study(draws, progress)
 
 
@@ -180,6 +187,7 @@ class _Work:
     last: float
     seed: int
     batch: Batch | None
+    notes: tuple[str, ...]
 
     def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
         """Simulate all draws; of the worst one the runs are kept."""
@@ -194,7 +202,7 @@ class _Work:
             runs = {}
             for k, name in enumerate(names):
                 runs[name] = self.run(name, [drawn[draw] for draw in some], first)
-                rows[name] += [measure_run(self.model, run, self.motion, self.last) for run in runs[name]]
+                rows[name] += [measure_run(self.model, run, self.last) for run in runs[name]]
                 if progress is not None:
                     progress((first + len(some) * (k + 1) / len(names)) / draws)
             for draw in some:
@@ -204,6 +212,17 @@ class _Work:
                     kept = {name: runs[name][draw - first] for name in names}
         loops = {name: LoopResult.collect(name, rows[name], kept[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
+        structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
+        assert structure is not None  # find_bounds refuses models without
+        margins = {
+            name: find_margins(
+                build_linear_loop(
+                    self.model, self.motion, self.gains, bounds.delay,
+                    self.estimator if name == LOOPS[2] else None, self.given,
+                )
+            )
+            for name in names[1:]
+        }  # fmt: skip
         return ControlStudy(
             status=status,
             message=message,
@@ -213,9 +232,12 @@ class _Work:
             estimator=self.estimator,
             distribution=self.distribution,
             errors=self.stated,
-            bounds=find_bounds(self.model, self.motion),
+            bounds=bounds,
             drawn=tuple(drawn),
             loops=loops,
+            margins=margins,
+            limits=structure.limits,
+            notes=self.notes,
             worst_draw=number,
             t_end=self.t_end,
             last=self.last,
@@ -227,7 +249,7 @@ class _Work:
         is_open = name == OPEN
         gains = None if is_open else self.gains
         spread = None if is_open else self.distribution
-        parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample}
+        parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
         parts["estimator"] = self.estimator if name == LOOPS[2] else None
         states = [self._describe(item, first + k) for k, item in enumerate(drawn)]
         if self.batch is not None and spread is None:
@@ -251,15 +273,18 @@ def _find_estimator(
     model: CompiledModel,
     motion: Motion,
     estimator: Estimator | str | None,
-    sample: float,
+    gains: Gains,
+    tuning: Tuning,
     arguments: Mapping[str, Any] | None,
-) -> Estimator | None:
+) -> tuple[Estimator | None, str | None]:
+    """Return the estimator, and a warning of its design."""
     if not isinstance(estimator, str):
-        return estimator
+        check_instance(estimator, (Estimator, type(None)), "estimator", 'an Estimator, "sensors" or None')
+        return estimator, None
     check_choice(estimator, (SENSORS,), "estimator", "estimator")
     if model.structure is None or not model.structure.sensors:
-        return None
-    return design_kalman(model, motion, sample=sample, arguments=arguments)
+        return None, None
+    return design_calm_estimator(model, motion, gains, tuning.scales, arguments=arguments)
 
 
 def _rank(row: RunMeasures) -> float:

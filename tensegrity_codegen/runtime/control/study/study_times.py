@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
+from tensegrity_codegen.checks import check_positive
 from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.control.loop.disturbances import Gust
+from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust
 
-__all__ = ["HELD", "check_gust_times", "check_times", "read_times"]
+__all__ = [
+    "HELD",
+    "check_gust_times",
+    "check_times",
+    "find_default_times",
+    "find_needed_time",
+    "read_times",
+]
 
 HELD = 2.0  # [s], of an equilibrium
+LONGER = 3.0  # simulated time over that of the motion
+CONSTANTS = 3.0  # time constants of the slowest error, from the end of the motion until errors are compared
+MOST_LONGER = 10.0  # times the usual simulated time, for slow errors
 WINDOW = 6.0  # simulated time over that at whose end errors are compared
 ROUNDING = 1e-9  # of a sample
 
@@ -28,10 +39,8 @@ def check_times(
     duration: of the motion. None: not known yet, or chosen by default.
     """
     for name, value in (("sample", sample), ("duration", duration), ("t_end", t_end), ("last", last)):
-        if value is not None and (isinstance(value, bool) or not (math.isfinite(value) and value > 0.0)):
-            raise InvalidValueError(
-                "out of range", where=name, given=value, allowed="a finite number > 0 [s]"
-            )
+        if value is not None:
+            check_positive(value, name, "[s]")
     if sample is None:
         return
     if duration is not None and not _is_least(duration, sample):
@@ -43,6 +52,24 @@ def check_times(
         )
     if t_end is not None:
         read_times(sample, t_end, t_end, last)
+
+
+def find_default_times(motion: Motion, *time_constants: float) -> tuple[float, float]:
+    """Return the simulated time by default, and that from which errors are compared [s].
+
+    Three times the motion, or once where it is at rest; up to ten times that where errors with these time
+    constants [s], in which they fall to 1/e, would else be compared before they have fallen to 5 %.
+    """
+    usual = (LONGER if motion.velocity.any() else 1.0) * motion.duration
+    needed = [find_needed_time(motion, constant) for constant in time_constants]
+    end = max([usual, *(time for time in needed if time <= MOST_LONGER * usual)])
+    return end, end * (1.0 - 1.0 / WINDOW)
+
+
+def find_needed_time(motion: Motion, time_constant: float) -> float:
+    """Return the simulated time in which an error has fallen to 5 % when errors are compared [s]."""
+    moving = motion.duration if motion.velocity.any() else 0.0
+    return (moving + CONSTANTS * time_constant) / (1.0 - 1.0 / WINDOW)
 
 
 def read_times(sample: float, default: float, t_end: float | None, last: float | None) -> tuple[float, float]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_positive
+from tensegrity_codegen.checks import check_instance, check_positive
+from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.control.design.linear_samples import check_independent, check_motion
 from tensegrity_codegen.runtime.control.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.control.motion import Motion
@@ -111,8 +112,8 @@ def choose_weights(
 
     Raises
     ------
-    InvalidValueError
-        A value out of range, a motion of another model.
+    InvalidValueError, NonFiniteError
+        A value out of range, a motion of another model, weights that are not finite.
     FormulationError
         Coordinates depend on each other.
 
@@ -138,18 +139,26 @@ def choose_weights(
     check_independent(model)
     check_motion(model, motion)
     require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
-    step = _read_positive(sample, "sample", "s")
-    assert step is not None
+    step = check_positive(sample, "sample", "[s]")
     scales = find_scales(model, motion, merge_inputs(model.manifest, arguments))
     d = _read_positive(tolerance, "tolerance", "m") or TOLERANCE * scales.size
     time = _read_positive(response_time, "response_time", "s") or _find_time(scales, motion, step)
     inputs = _find_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
     outputs, reach = _choose_outputs(model, scales, inputs, integral_action)
-    weight = (scales.lever / d) ** 2
-    summed = (step * reach / (SUMMED * d * time)) ** 2
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        weight = (scales.lever / d) ** 2
+        summed = (step * reach / (SUMMED * d * time)) ** 2
+        squares, costs = np.concatenate([weight, weight * (time * time), summed]), inputs**-2.0
+    if not (np.isfinite(squares).all() and np.isfinite(costs).all()):
+        raise NonFiniteError(
+            "the weights are not finite",
+            where="tolerance",
+            given=f"tolerance {d:g} m, effort {inputs.min():g} m, response time {time:g} s",
+            allowed="lengths and times nearer to those of the structure",
+        )
     return Tuning(
-        Q=np.concatenate([weight, weight * time**2, summed]),
-        R=inputs**-2.0,
+        Q=squares,
+        R=costs,
         integral_action=outputs,
         tolerance=d,
         effort=inputs,
@@ -187,6 +196,7 @@ def _choose_outputs(
     """Return the outputs whose errors are summed, and how many metres a unit of each one is."""
     known = name_states(model.manifest)[: len(scales.lever)]
     if names is not None:
+        check_instance(names, (list, tuple), "integral_action", "a list of names of coordinates")
         chosen = tuple(str(name) for name in names)
         place = [known.index(name) for name in chosen if name in known]  # design_lqr refuses others
         return chosen, scales.lever[place]

@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.planning.targets.shape_parameters import Shape
 from tensegrity_codegen.runtime.planning.targets.target_text import SHAPES, ShapeCall
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["BoundShape", "bind_shape"]
+__all__ = ["BoundShape", "bind_shape", "turn_near"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,16 +29,30 @@ FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which i
 class BoundShape:
     """A shape parameter of a model: (n_nodes, 3) positions -> one value for each component.
 
-    nodes: those that it depends on; period: of an angle that turns round, else 0; may_pad: one number stands
-    for itself and zeros.
+    shape: the function of all values; nodes: those that it depends on; rows, components: the values that are
+    asked for; turns: an angle, which may go on beyond half a turn; may_pad: one number stands for itself and
+    zeros.
     """
 
-    evaluate: Shape
+    shape: Shape
     nodes: IntArray
     unit: str
     components: tuple[str, ...]
-    period: float = 0.0
-    may_pad: bool = False
+    rows: slice
+    turns: bool
+    may_pad: bool
+
+    def evaluate(self, position: FloatArray, reference: FloatArray | None = None) -> FloatArray:
+        """Return all values, of angles those nearest to a reference."""
+        value = self.shape(position)
+        return value if reference is None or not self.turns else turn_near(value, reference)
+
+
+def turn_near(angle: FloatArray, reference: FloatArray) -> FloatArray:
+    """Return an angle (1,), or a vector of angle and direction (n,) [deg], by whole turns near to another."""
+    size = float(np.linalg.norm(angle))
+    axis = angle / size if size else reference / max(float(np.linalg.norm(reference)), 1e-300)
+    return np.asarray(angle + 360.0 * np.round((axis @ reference - size) / 360.0) * axis)
 
 
 def bind_shape(call: ShapeCall, where: str, model: CompiledModel) -> BoundShape:
@@ -82,12 +96,11 @@ def bind_shape(call: ShapeCall, where: str, model: CompiledModel) -> BoundShape:
         "edge": lambda: _bind_edge(call, where, model, position),
     }
     shape, nodes = bind[kind.takes]()
-    period = 360.0 if call.name == "twist" else 0.0
-    pads = call.name == "tilt"
-    if not call.component:
-        return BoundShape(shape, nodes, kind.unit, kind.components, period, pads)
-    row = kind.components.index(call.component)
-    return BoundShape(lambda position: shape(position)[row : row + 1], nodes, kind.unit, ("",))
+    rows, components = slice(None), kind.components
+    if call.component:
+        row = kind.components.index(call.component)
+        rows, components = slice(row, row + 1), ("",)
+    return BoundShape(shape, nodes, kind.unit, components, rows, kind.unit == "deg", call.name == "tilt")
 
 
 def _bind_rings(
@@ -118,7 +131,7 @@ def _bind_rings(
             allowed="two sets of equal size",
         )
     build = getattr(shape_parameters, f"build_{call.name}")
-    return build(top, base), np.unique([*top, *base])
+    return build(top, base, position), np.unique([*top, *base])
 
 
 def _bind_rotation(

@@ -1,7 +1,8 @@
 """Shape parameters: functions of node positions that describe the shape of a structure.
 
 Positions are (n_nodes, 3) [m]; angles are in degrees. The base of a function is a set of three or more nodes;
-its normal is that of the plane of least squares, on the side of the top.
+its normal is that of the plane of least squares. At the start normals point to the side of the top, and they
+keep that side: where the structure bends, the centre line may become perpendicular to them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 __all__ = [
     "Shape",
@@ -18,7 +20,6 @@ __all__ = [
     "build_rotation",
     "build_tilt",
     "build_twist",
-    "compute_normal",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -28,34 +29,38 @@ Shape = Callable[[FloatArray], FloatArray]
 TINY = 1e-9  # angle [rad] below which its series is used
 
 
-def compute_normal(points: FloatArray, towards: FloatArray) -> FloatArray:
-    """Return the unit normal of the plane of least squares of points (n, 3), on the side of a vector."""
-    local = points - points.mean(axis=0)
-    normal: FloatArray = np.linalg.svd(local)[2][-1]
-    return normal if normal @ towards >= 0 else -normal
+def _build_normal(nodes: IntArray, start: FloatArray, towards: FloatArray) -> Shape:
+    """Return the function for the unit normal of the plane of least squares of `nodes`.
+
+    It is on the side of a vector at the start, and turns with the nodes since then.
+    """
+
+    def compute(position: FloatArray, side: FloatArray) -> FloatArray:
+        local = position[nodes] - position[nodes].mean(axis=0)
+        normal: FloatArray = np.linalg.svd(local)[2][-1]
+        return normal if normal @ side >= 0 else -normal
+
+    first = compute(start, towards)
+    return lambda position: compute(position, _find_rotation(start[nodes], position[nodes]).apply(first))
 
 
-def build_height(top: IntArray, base: IntArray) -> Shape:
-    """Return the function for the distance of the centre of `top` from the plane of `base` [m]."""
-
-    def height(position: FloatArray) -> FloatArray:
-        between = position[top].mean(axis=0) - position[base].mean(axis=0)
-        return np.array([compute_normal(position[base], between) @ between])
-
-    return height
+def build_height(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
+    """Return the function for the distance of the centre of `top` from the plane of `base`, 0 or more [m]."""
+    normal = _build_normal(base, start, _find_centre_line(top, base, start))
+    return lambda position: np.abs([normal(position) @ _find_centre_line(top, base, position)])
 
 
-def build_twist(top: IntArray, base: IntArray) -> Shape:
+def build_twist(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     """Return the function for the angle from `base` to `top` about the base's normal [deg], node by node.
 
     Of each pair of nodes, the angle between their radii about the centres of their sets, in the plane of
     the base; the pairs count by the product of their radii.
     """
+    compute_normal = _build_normal(base, start, _find_centre_line(top, base, start))
 
     def twist(position: FloatArray) -> FloatArray:
         lower, upper = (position[nodes] - position[nodes].mean(axis=0) for nodes in (base, top))
-        between = position[top].mean(axis=0) - position[base].mean(axis=0)
-        normal = compute_normal(position[base], between)
+        normal = compute_normal(position)
         turned = float(np.cross(lower, upper).sum(axis=0) @ normal)
         along = float((lower * upper).sum() - (lower @ normal) @ (upper @ normal))
         return np.array([np.degrees(np.arctan2(turned, along))])
@@ -63,18 +68,20 @@ def build_twist(top: IntArray, base: IntArray) -> Shape:
     return twist
 
 
-def build_tilt(top: IntArray, base: IntArray) -> Shape:
+def build_tilt(top: IntArray, base: IntArray, start: FloatArray) -> Shape:
     """Return the function for the two angles by which the plane of `top` leans against that of `base` [deg].
 
     The normal of the top leans by the first angle towards the first node of the base (seen from the base's
     centre), and by the second one a right angle further, anticlockwise about the base's normal.
     """
+    line = _find_centre_line(top, base, start)
+    base_normal = _build_normal(base, start, line)
+    # Of two sets in one plane the centre line is perpendicular to both normals: these are on the same side.
+    top_normal = _build_normal(top, start, line + TINY * float(np.abs(start).max()) * base_normal(start))
 
     def tilt(position: FloatArray) -> FloatArray:
-        centre = position[base].mean(axis=0)
-        between = position[top].mean(axis=0) - centre
-        normal, leaning = (compute_normal(position[nodes], between) for nodes in (base, top))
-        first = position[base[0]] - centre
+        normal, leaning = base_normal(position), top_normal(position)
+        first = position[base[0]] - position[base].mean(axis=0)
         first = first - normal * (first @ normal)
         first /= np.linalg.norm(first)
         part = np.array([leaning @ first, leaning @ np.cross(normal, first)])
@@ -95,8 +102,8 @@ def build_rotation(nodes: IntArray, start: FloatArray, base: IntArray | None = N
     def rotation(position: FloatArray) -> FloatArray:
         turned = _find_rotation(start[nodes], position[nodes])
         if base is not None:
-            turned = _find_rotation(start[base], position[base]).T @ turned
-        return np.degrees(_rotation_vector(turned))
+            turned = _find_rotation(start[base], position[base]).inv() * turned
+        return np.asarray(turned.as_rotvec(degrees=True))
 
     return rotation
 
@@ -118,20 +125,13 @@ def build_edge_distance(
     return lambda position: sign * distance(position)
 
 
-def _find_rotation(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the rotation matrix (3, 3) that takes points (n, 3) nearest to others."""
-    covariance = (before - before.mean(axis=0)).T @ (after - after.mean(axis=0))
-    left, _, right = np.linalg.svd(covariance)
-    handed = np.array([1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))])
-    rotation: FloatArray = (right.T * handed) @ left.T
-    return rotation
+def _find_centre_line(top: IntArray, base: IntArray, position: FloatArray) -> FloatArray:
+    """Return the vector (3,) from the centre of `base` to that of `top` [m]."""
+    line: FloatArray = position[top].mean(axis=0) - position[base].mean(axis=0)
+    return line
 
 
-def _rotation_vector(matrix: FloatArray) -> FloatArray:
-    """Return the rotation vector [rad] of a rotation matrix."""
-    skew = (
-        np.array([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]) / 2
-    )
-    sine, cosine = float(np.linalg.norm(skew)), (float(np.trace(matrix)) - 1) / 2
-    angle = float(np.arctan2(sine, cosine))
-    return skew * (angle / sine if sine > TINY else 1.0)
+def _find_rotation(before: FloatArray, after: FloatArray) -> Rotation:
+    """Return the rotation that takes points (n, 3) nearest to others, about their centres."""
+    found, _ = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))
+    return found

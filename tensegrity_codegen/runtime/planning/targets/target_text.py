@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
@@ -87,6 +87,14 @@ def read_targets(
     """
     if isinstance(targets, str):
         targets = [targets]
+    if not isinstance(targets, Iterable):
+        raise InvalidValueError(
+            "no targets",
+            where="targets",
+            given=targets,
+            allowed="a mapping of targets to values, or texts TARGET=VALUE",
+            hint='for example {"twist": 165.0}',
+        )
     if isinstance(targets, Mapping):
         read = [_from_pair(str(text).strip(), value) for text, value in targets.items()]
     else:
@@ -223,7 +231,7 @@ def _from_pair(text: str, value: float | Sequence[float]) -> TargetText:
         return _from_text(f"{text}={value}")
     try:
         values = tuple(float(number) for number in (value if isinstance(value, Sequence) else [value]))
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         values = ()
     if not values or not text or any(isinstance(part, bool) for part in (value,)):
         raise _no_value(f"{text}={value!r}")

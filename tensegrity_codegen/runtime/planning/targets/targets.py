@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, TensegrityError
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.planning.targets.bind_shape import BoundShape, bind_shape
+from tensegrity_codegen.runtime.planning.targets.bind_shape import BoundShape, bind_shape, turn_near
 from tensegrity_codegen.runtime.planning.targets.target_text import (
     ANGLES,
     LENGTHS,
@@ -35,15 +35,18 @@ STEP = 1e-6  # of the size of the nodes of a shape parameter
 
 @dataclass(frozen=True)
 class BoundTarget:
-    """One target: an expression, or a shape parameter; its components, and the values to reach."""
+    """One target: an expression, or a shape parameter; its components, and the values to reach.
+
+    reference: values of all components of the shape parameter at the last point of a path.
+    """
 
     text: str
     unit: str
     components: tuple[str, ...]
     goal: FloatArray
-    period: float = 0.0
     expression: Expression | None = None
     shape: BoundShape | None = None
+    reference: FloatArray | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,7 +56,7 @@ class BoundTarget:
     def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
         """Return the values, one for each component; NonFiniteError where one is not finite."""
         if self.shape is not None:
-            found = self.shape.evaluate(problem.node_position(coordinate))
+            found = self.shape.evaluate(problem.node_position(coordinate), self.reference)[self.shape.rows]
         else:
             assert self.expression is not None
             state = {**problem.arguments, "coordinate": coordinate, "velocity": np.zeros(problem.size)}
@@ -89,11 +92,12 @@ class Targets:
         """Return the values of all components, (n_targets,)."""
         return np.concatenate([part.evaluate(problem, coordinate) for part in self.parts])
 
-    def near(self, value: FloatArray, reference: FloatArray) -> FloatArray:
-        """Return values moved by whole turns to within half a turn of a reference."""
-        period = np.array([part.period for part in self.parts for _ in part.components])
-        turns = np.where(period > 0, np.round((value - reference) / np.where(period > 0, period, 1.0)), 0.0)
-        return np.asarray(value - turns * period)
+    def follow(self, position: FloatArray) -> Targets:
+        """Return the targets whose angles go on from those at node positions, also past half a turn.
+
+        Goals that are not followed yet are reached by the shortest turn.
+        """
+        return Targets(tuple(_follow(part, position) for part in self.parts))
 
     @property
     def goal(self) -> FloatArray:
@@ -122,7 +126,7 @@ class Targets:
         rows = []
         for part in self.parts:
             if part.shape is not None:
-                rows.append(_slope_of_shape(part.shape, position, node_slope))
+                rows.append(_slope_of_shape(part.shape, part.reference, position, node_slope))
                 continue
             ends = [
                 [part.evaluate(*moved(k, sign * step)) for sign in (1, -1)]
@@ -132,7 +136,18 @@ class Targets:
         return np.concatenate(rows).reshape(-1, node_slope.shape[2])
 
 
-def _slope_of_shape(shape: BoundShape, position: FloatArray, node_slope: FloatArray) -> FloatArray:
+def _follow(part: BoundTarget, position: FloatArray) -> BoundTarget:
+    if part.shape is None or not part.shape.turns:
+        return part
+    value, goal = part.shape.evaluate(position, part.reference), part.goal
+    if part.reference is None and len(goal) == len(value):
+        goal = turn_near(goal, value)
+    return replace(part, goal=goal, reference=value)
+
+
+def _slope_of_shape(
+    shape: BoundShape, reference: FloatArray | None, position: FloatArray, node_slope: FloatArray
+) -> FloatArray:
     """Return the derivatives of a shape parameter along directions, through the nodes that it depends on."""
     local = position - position[shape.nodes].mean(axis=0)
     step = STEP * max(float(np.abs(local[shape.nodes]).max(initial=0.0)), 1e-300)
@@ -143,11 +158,8 @@ def _slope_of_shape(shape: BoundShape, position: FloatArray, node_slope: FloatAr
             for sign in (1, -1):
                 shifted = local.copy()
                 shifted[node, axis] += sign * step
-                ends.append(shape.evaluate(shifted))
-            change = ends[0] - ends[1]
-            if shape.period:
-                change = change - shape.period * np.round(change / shape.period)
-            result += np.outer(change / (2 * step), node_slope[node, axis])
+                ends.append(shape.evaluate(shifted, reference)[shape.rows])
+            result += np.outer((ends[0] - ends[1]) / (2 * step), node_slope[node, axis])
     return result
 
 
@@ -214,14 +226,14 @@ def _bind(target: TargetText, model: CompiledModel) -> BoundTarget:
     if len(target.values) == 1 and shape.may_pad:
         target = TargetText(target.text, (*target.values, 0.0), target.unit)
     values = _convert(target, shape.unit, len(shape.components))
-    if shape.unit == "deg" and np.linalg.norm(values) >= 180 and not shape.period:
+    if shape.unit == "deg" and np.linalg.norm(values) >= 180 and call.name != "twist":
         raise InvalidValueError(
             "angles of half a turn or more have no direction",
             where=target.where,
             given=target.values,
             allowed="less than 180 deg",
         )
-    return BoundTarget(target.text, shape.unit, shape.components, values, shape.period, shape=shape)
+    return BoundTarget(target.text, shape.unit, shape.components, values, shape=shape)
 
 
 def _convert(target: TargetText, unit: str, count: int) -> FloatArray:

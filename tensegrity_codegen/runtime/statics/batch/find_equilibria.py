@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensegrity_codegen.checks import check_callback
 from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.model.arguments import check_argument_names
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
@@ -100,6 +101,7 @@ def find_equilibria(
     (('converged', 'converged'), [1.0613, 1.0613])
     """
     require_model(model)
+    check_callback(progress, "progress")
     check_search_options(tolerance, max_iterations, method)
     check_threads(threads)
     starts = _read_starts(model, coordinate, arguments)

@@ -1,7 +1,8 @@
 """A table in a CSV file as people and spreadsheets write it: header, cells, and where each cell stands.
 
 Accepted: byte-order mark, CRLF, spaces around cells, quoted cells, blank lines, trailing empty columns, and
-`,`, `;` or tab as separator (the one that the header uses). A decimal comma is never guessed.
+`,`, `;` or tab as separator (the one that the header uses). Decimal commas are read where cells are separated
+by something else and no number of the table has a decimal point.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tensegrity_codegen.errors import (
@@ -29,15 +30,20 @@ __all__ = ["LARGEST_TABLE", "Row", "make_row", "read_lines", "read_table"]
 
 LARGEST_TABLE = 64 * 2**20  # bytes
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_COMMA_NUMBER = re.compile(_NUMBER.pattern.replace("\\.", ","))
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table: cells by column name, stripped; absent columns and empty cells are ""."""
+    """One row of a table: cells by column name, stripped; absent columns and empty cells are "".
+
+    decimal_comma: whether the table writes numbers with a decimal comma.
+    """
 
     path: Path
     line: int
     cells: dict[str, str]
+    decimal_comma: bool = False
 
     def where(self, column: str = "") -> str:
         """Return the place of a cell for messages."""
@@ -58,6 +64,8 @@ class Row:
         value = self.cells.get(column, "")
         if not value:
             return None
+        if self.decimal_comma and _COMMA_NUMBER.fullmatch(value):
+            value = value.replace(",", ".")
         if _NUMBER.fullmatch(value):
             number = float(value)
             if math.isfinite(number):
@@ -71,15 +79,18 @@ class Row:
             where=self.where(column),
             given=value,
             allowed="a number with a decimal point, such as 0.25 or 1e-3",
-            hint="write the decimal comma as a point" if comma else "",
+            hint="write the decimal comma as a point in all of the table" if comma else "",
         )
 
 
-def read_table(path: Path, columns: Sequence[str], needed: Sequence[str]) -> list[Row]:
+def read_table(
+    path: Path, columns: Sequence[str], needed: Sequence[str], other_names: Mapping[str, str] | None = None
+) -> list[Row]:
     """Return the rows of a CSV file whose header names some of `columns`, among them all `needed` ones.
 
-    Raises SceneError (unreadable), SceneSyntaxError (empty, malformed, too few or too many cells),
-    UnknownKeyError, DuplicateNameError or InvalidValueError (header).
+    other_names: columns by other names, in lower case, for headers of upper or lower case; None: there are
+    none, and case matters. Raises SceneError (unreadable), SceneSyntaxError (empty, malformed, too few or too
+    many cells), UnknownKeyError, DuplicateNameError or InvalidValueError (header).
     """
     text = read_text(path, LARGEST_TABLE, "a CSV table")
     n_rows = text.count("\n")
@@ -94,17 +105,32 @@ def read_table(path: Path, columns: Sequence[str], needed: Sequence[str]) -> lis
     first = next(lines, None)
     if first is None:
         raise SceneSyntaxError("the file has no header", where=str(path), allowed="a CSV table")
-    header = _check_header(first, path, columns, needed)
-    width = len(first[1])
-    return [make_row(path, number, cells, header, width) for number, cells in lines]
+    names = first[1]
+    if other_names is not None:
+        names = [other_names.get(name.lower(), name.lower()) for name in names]
+    header = _check_header((first[0], names), path, columns, needed)
+    rows = [make_row(path, number, cells, header, len(first[1])) for number, cells in lines]
+    if _find_separator(text) != "," and _has_decimal_commas(rows):
+        return [replace(row, decimal_comma=True) for row in rows]
+    return rows
+
+
+def _has_decimal_commas(rows: Sequence[Row]) -> bool:
+    """Return whether numbers have commas, and none a point: beside points a comma may divide thousands."""
+    cells = [cell for row in rows for cell in row.cells.values()]
+    has_point = any("." in cell and _NUMBER.fullmatch(cell) for cell in cells)
+    return not has_point and any("," in cell and _COMMA_NUMBER.fullmatch(cell) for cell in cells)
+
+
+def _find_separator(text: str) -> str:
+    first = next(line for line in text.split("\n") if line.strip())
+    return max(",;\t", key=first.count)
 
 
 def read_lines(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
     """Yield line number and stripped cells of every line that is not blank."""
-    first = next(line for line in text.split("\n") if line.strip())
-    separator = max(",;\t", key=first.count)
     reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True
+        io.StringIO(text, newline=""), delimiter=_find_separator(text), skipinitialspace=True, strict=True
     )
     try:
         for cells in reader:

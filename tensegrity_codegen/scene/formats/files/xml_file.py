@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import Element, ParseError, XMLPullParser
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SceneSyntaxError, UnknownKeyError
 from tensegrity_codegen.scene.formats.imported import read_text
@@ -34,43 +34,57 @@ def read_xml(path: Path, what: str) -> Element:
                 given=word,
                 allowed="XML without a document type",
             )
-    parser: Any = XMLPullParser(("start", "end"))
-    root: Element | None = None
-    depth = count = 0
+    parser = XMLParser(target=_LimitedBuilder(where))
     try:
-        for start in range(0, len(text), 2**16):
-            parser.feed(text[start : start + 2**16])
-            for event, element in parser.read_events():
-                root = element if root is None else root
-                depth += 1 if event == "start" else -1
-                count += event == "start"
-                if depth > DEEPEST or count > MOST_ELEMENTS:
-                    allowed = f"up to {DEEPEST} levels and {MOST_ELEMENTS} elements"
-                    raise SceneSyntaxError("too many or too deep elements", where=where, allowed=allowed)
-        parser.close()
+        # At once: in pieces the parser would begin a long element again with every piece.
+        parser.feed(text)
+        root: Element = parser.close()
     except ParseError as error:
         line, column = error.position
         raise SceneSyntaxError(
             f"not valid XML: {str(error).partition(':')[0]}",
             where=f"{where}: line {line}, column {column + 1}",
         ) from None
-    if root is None:
-        raise SceneSyntaxError("the file has no element", where=where, allowed=what)
     return root
 
 
 def find_root(path: Path) -> str:
     """Return the name of the first element of a file, "" where there is none, without reading the rest."""
-    text = read_text(path, LARGEST_XML, "XML")
-    parser: Any = XMLPullParser(("start",))
-    try:
-        for start in range(0, len(text), 2**12):
-            parser.feed(text[start : start + 2**12])
-            for _, element in parser.read_events():
-                return str(getattr(element, "tag", ""))
-    except ParseError:
-        return ""
+    with suppress(ParseError):
+        try:
+            XMLParser(target=_FirstElement()).feed(read_text(path, LARGEST_XML, "XML"))
+        except _FirstElementError as found:
+            return str(found)
     return ""
+
+
+class _LimitedBuilder(TreeBuilder):
+    """Builds a tree of limited size and depth; `where` names the file in errors."""
+
+    def __init__(self, where: str) -> None:
+        super().__init__()
+        self._where, self._depth, self._count = where, 0, 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> Element:
+        self._depth += 1
+        self._count += 1
+        if self._depth > DEEPEST or self._count > MOST_ELEMENTS:
+            allowed = f"up to {DEEPEST} levels and {MOST_ELEMENTS} elements"
+            raise SceneSyntaxError("too many or too deep elements", where=self._where, allowed=allowed)
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> Element:
+        self._depth -= 1
+        return super().end(tag)
+
+
+class _FirstElementError(Exception):
+    """The name of the first element, which ends the reading."""
+
+
+class _FirstElement:
+    def start(self, tag: str, attrs: dict[str, str]) -> None:
+        raise _FirstElementError(tag)
 
 
 def read_attribute(element: Element, key: str, where: str) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.formats.imported import NameBook
 from tensegrity_codegen.scene.formats.ntrt.bodies import Position, find_rigid_pairs, is_flat
 from tensegrity_codegen.scene.formats.ntrt.plan import Built, Plan, find_position
@@ -108,9 +109,11 @@ def _name_nodes(structure: NtrtStructure, plan: Plan) -> dict[Position, str]:
             else:
                 names[point] = book.add(node.path.replace(".", "_"))
     if unused:
-        plan.notes.append(f"{unused} nodes belong to no rod or cable and are left out")
+        plan.notes.append(f"{describe_count(unused, 'node')} of no rod or cable left out")
     if merged:
-        plan.notes.append(f"{merged} nodes lie exactly on another one and are one with it, as in the toolkit")
+        plan.notes.append(
+            f"{describe_count(merged, 'node')} exactly on another one made one with it, as in the toolkit"
+        )
     plan.notes += book.notes("nodes were")
     return names
 

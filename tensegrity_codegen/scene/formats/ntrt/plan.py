@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from tensegrity_codegen.errors import DuplicateNameError, StructureError
+from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.formats.ntrt.bodies import Position, find_bodies
 from tensegrity_codegen.scene.formats.ntrt.builders import BuilderBook, NtrtBuilder
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, NtrtStructure
@@ -101,7 +102,7 @@ def make_plan(structure: NtrtStructure, builders: BuilderBook, where: str) -> Pl
             allowed="pairs of nodes whose tags match a builder",
         )
     if unbuilt:
-        plan.notes.append(f"{unbuilt} pairs match no builder and are left out, as in the toolkit")
+        plan.notes.append(f"{describe_count(unbuilt, 'pair')} without a builder left out, as in the toolkit")
     plan.bodies = find_bodies([rod.ends for rod in plan.rods], [sphere.center for sphere in plan.spheres])
     largest = max(map(len, plan.bodies), default=0)
     braces = sum(len(points) * (len(points) - 1) // 2 for points in plan.bodies)
@@ -134,7 +135,9 @@ def _drop_inner_cables(plan: Plan) -> None:
             kept.append(cable)
     if len(kept) < len(plan.cables):
         count = len(plan.cables) - len(kept)
-        plan.notes.append(f"{count} cables between points of one rigid body act on nothing and are left out")
+        plan.notes.append(
+            f"{describe_count(count, 'cable')} between points of one rigid body left out: no effect"
+        )
     plan.cables = kept
 
 

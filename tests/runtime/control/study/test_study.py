@@ -10,11 +10,18 @@ import pytest
 
 from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
 from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.runtime.control.loop.compare_runs import find_displacement
 from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.control.study.control_study import find_warnings, judge_study
-from tensegrity_codegen.runtime.control.study.run_measures import find_displacement
+from tensegrity_codegen.runtime.control.study.linear_loop import Margins
 from tensegrity_codegen.runtime.control.study.scales import find_scales
 from tensegrity_codegen.runtime.control.study.stated_errors import draw_errors
+from tensegrity_codegen.runtime.control.study.study_times import find_default_times
+from tensegrity_codegen.runtime.control.study.study_warnings import (
+    count_worse,
+    find_margin_warnings,
+    find_warnings,
+    judge_study,
+)
 from tensegrity_codegen.runtime.control.study.tuning import choose_weights
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -78,7 +85,7 @@ def test_measures_are_those_of_the_run(study: ControlStudy, model: CompiledModel
     loop = study.loops["open"]
     row, run = loop.measures[study.worst_draw], loop.run
     assert row.end_angle == run.worst_error(0.5)
-    away = find_displacement(model, run, motion)
+    away = find_displacement(model, run)
     k = 77
     planned = place_nodes(model, motion.at(float(run.time[k])).coordinate)
     direct = np.linalg.norm(place_nodes(model, run.coordinate[k]) - planned, axis=1)
@@ -147,7 +154,8 @@ def test_an_open_loop_that_is_unstable_does_not_forbid_feedback(study: ControlSt
 
 
 def test_loops_that_are_cut_often_or_gain_little_are_warned_of(study: ControlStudy) -> None:
-    assert study.warnings == tuple(study.motion.warnings)
+    assert [text.partition(":")[0] for text in study.warnings] == ["true state", "estimator"]
+    assert all("goes slack on the way, below the least tension of 5 N" in text for text in study.warnings)
     loops, tolerance = dict(study.loops), study.tuning.tolerance
     before = float(loops["open"].end_error.max())
     loops["true_state"] = replace(
@@ -168,17 +176,50 @@ def test_loops_that_are_cut_often_or_gain_little_are_warned_of(study: ControlStu
     assert find_warnings(loops, tolerance) == (cut,)
 
 
-def test_a_loop_that_fails_with_delays_names_them(study: ControlStudy) -> None:
+def test_gains_for_other_delays_are_warned_of(study: ControlStudy) -> None:
     bounds = replace(study.bounds, delay=np.full(len(study.bounds.names), 0.013))
-    assert replace(study, bounds=bounds).warnings == study.warnings
-    failed = replace(study, bounds=bounds, status="unstable")
-    assert "13 ms late (2.6 samples)" in failed.warnings[-1]
+    (text, *others) = replace(study, bounds=bounds).warnings
+    assert "designed for delays of up to 0 ms, and the actuators answer up to 13 ms late" in text
+    assert others == list(study.warnings)
+
+
+def test_margins_below_a_sample_and_loops_without_are_warned_of(study: ControlStudy) -> None:
+    assert list(study.margins) == ["true_state", "estimator"]
+    assert all(0.005 < item.delay < 0.02 for item in study.margins.values())
+    margins = {
+        "true_state": Margins(is_stable=True, delay=0.004, gain=2.0),
+        "estimator": Margins(is_stable=False, delay=0.0, gain=1.0),
+    }
+    close, lost = find_margin_warnings(margins, study.bounds, 0.005)
+    assert close.startswith("true state: 4 ms more delay make the loop unstable, less than one sample (5 ms)")
+    assert lost.startswith("estimator: the linear loop at the end of the motion is unstable")
+
+
+def test_draws_that_end_worse_than_the_open_loop_are_counted(study: ControlStudy) -> None:
+    loops = dict(study.loops)
+    assert count_worse(loops, "estimator") == 0
+    far = replace(loops["estimator"].measures[1], end_error=1.0)
+    loops["estimator"] = replace(loops["estimator"], measures=(loops["estimator"].measures[0], far))
+    assert count_worse(loops, "estimator") == 1
+    assert "estimator worse than open loop in 1 of 2 draws" in judge_study(loops, 100.0)[1]
+
+
+def test_errors_that_decay_slowly_are_waited_for(study: ControlStudy, motion: Motion) -> None:
+    assert find_default_times(motion) == pytest.approx((3.0, 2.5))
+    assert find_default_times(motion, 0.4) == pytest.approx((3.0, 2.5))
+    end, compared = find_default_times(motion, 2.0)
+    assert compared == pytest.approx(1.0 + 3 * 2.0)
+    assert end == pytest.approx(compared * 6 / 5)
+    assert find_default_times(motion, 0.4, 10.0) == pytest.approx((3.0, 2.5))  # more than ten times as long
+    assert find_default_times(motion, np.inf)[0] == 3.0
+    short = replace(study, t_end=1.5)
+    assert "a simulated time of 2.47 s (`t_end`) covers it" in short.warnings[-1]
 
 
 def test_arrays_have_every_loop_and_can_be_read_without_pickle(study: ControlStudy, tmp_path: Any) -> None:
     from tensegrity_codegen.runtime.model.array_file import read_arrays, write_arrays
 
-    write_arrays(tmp_path / "study.npz", study.arrays())
+    write_arrays(tmp_path / "study.npz", study.arrays(), overwrite=False)
     data = read_arrays(tmp_path / "study.npz")
     assert data["estimator_draws_end_error"].shape == (2,)
     assert data["true_state_command"].shape == (600, 9)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.runtime.analysis.analyse import analyse
-from tensegrity_codegen.runtime.analysis.member_limits import check_members
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.member_limits import check_members
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure
 

@@ -1,0 +1,342 @@
+"""Members against their limits: tension, yield stress, Euler buckling, strain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.pickling import reduce_fields
+from tensegrity_codegen.results.summaries import Summarised, describe_count, describe_range
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = [
+    "MEMBER_CHECKS",
+    "Exceeded",
+    "MemberChecks",
+    "MemberFlaws",
+    "check_members",
+    "check_motion",
+    "describe_tensions",
+    "summarise_tensions",
+]
+
+FloatArray = NDArray[np.float64]
+
+MEMBER_CHECKS = ("least_tension", "most_tension", "yield_stress", "buckling")
+BLOCK = 2**20  # tensions that are compared at a time
+ROUNDING = 1e-9  # use above 1 that is no excess
+LARGEST_STRAIN = 0.01  # of bars, and of members with a section, up to which materials are mostly linear
+# What is compared with each limit, its unit, and the word of the limit.
+WORDS = {
+    "least_tension": ("tension", " N", "at least"),
+    "most_tension": ("tension", " N", "at most"),
+    "yield_stress": ("stress", " MPa", "at most"),
+    "buckling": ("safety factor against buckling", "", "at least"),
+}
+
+
+@dataclass(frozen=True)
+class Exceeded:
+    """One limit that a member exceeds.
+
+    Attributes
+    ----------
+    member : str
+        Name of the member.
+    limit : str
+        ``"least_tension"``, ``"most_tension"``, ``"yield_stress"`` or ``"buckling"``.
+    value, allowed : float
+        Its tension [N], stress [Pa], safety factor against buckling or strain, and the limit.
+    use : float
+        Part of the limit that is used, above 1.
+    """
+
+    member: str
+    limit: str
+    value: float
+    allowed: float
+    use: float
+
+
+@dataclass(frozen=True, repr=False)
+class MemberFlaws(Summarised):
+    """Limits that members exceed.
+
+    Attributes
+    ----------
+    exceeded : tuple of Exceeded
+        Stated limits, the worst first, each member's in its worst state.
+    doubtful : tuple of Exceeded
+        The same where no limit is stated: ``"buckling"`` of members that buckle, and ``"strain"`` above
+        1 %, of bars and of members with a section.
+    """
+
+    exceeded: tuple[Exceeded, ...]
+    doubtful: tuple[Exceeded, ...]
+
+    def describe(self) -> list[str]:
+        """Return a sentence for each kind of limit that is exceeded, for buckling, and for large strains."""
+        found = []
+        for group, is_stated in ((self.exceeded, True), (self.doubtful, False)):
+            for limit in dict.fromkeys(item.limit for item in group):
+                items = [item for item in group if item.limit == limit]
+                name, value = items[0].member, items[0].value
+                if is_stated:
+                    word, unit, bound = WORDS[limit]
+                    part = 1e-6 if unit == " MPa" else 1.0
+                    text = (
+                        f"{name} has a {word} of {part * value:.6g}{unit}, allowed is {bound} "
+                        f"{part * items[0].allowed:.6g}{unit}"
+                    )
+                elif limit == "buckling":
+                    text = f"{name} buckles: its compression is {1 / value:.4g} times Euler's load"
+                else:
+                    text = (
+                        f"{name} has a strain of {100 * value:.3g} %: most materials yield or are no longer "
+                        f"linear above {100 * LARGEST_STRAIN:g} %"
+                    )
+                others = f" (and {describe_count(len(items) - 1, 'more member')})"
+                found.append(text + (others if len(items) > 1 else ""))
+        return found
+
+    def as_evidence(self) -> dict[str, Any]:
+        """Return what is exceeded, and what is doubtful without a limit, JSON-ready."""
+        return {name: [vars(item) for item in getattr(self, name)] for name in ("exceeded", "doubtful")}
+
+
+@dataclass(frozen=True, repr=False)
+class MemberChecks(MemberFlaws):
+    """Members at some tensions, against their limits; with a leading axis where there are several states.
+
+    Attributes
+    ----------
+    exceeded, doubtful : tuple of Exceeded
+        As of `MemberFlaws`.
+    stress : ndarray, shape (..., n_members) [Pa]
+        Axial stress, positive in tension; nan without a section.
+    strain : ndarray, shape (..., n_members) [1]
+        Tension over EA of the unstrained member; nan of rigid bars.
+    buckling_load : ndarray, shape (..., n_members) [N]
+        Euler's load, pinned ends; nan for tension-only members, rigid bars, and without a section.
+    buckling_factor : ndarray, shape (..., n_members)
+        Euler's load over the compression: below 1 the member buckles; inf in tension, nan if not known.
+    value, allowed, use : mapping of str to ndarray, shape (..., n_members); of allowed (n_members,)
+        By the name of the limit: the value that is compared, the limit, and the part of the limit that is
+        used: above 1 it is exceeded; nan where there is no limit, or no section.
+    worst : tuple of (str, str, float), or None
+        Member, limit and use, of the member that is nearest to one of its limits or farthest beyond.
+    largest_use : ndarray, shape (...)
+        Largest part that any member uses of its limits, of Euler's load and of 1 % strain; 0 without any.
+    """
+
+    stress: FloatArray
+    strain: FloatArray
+    buckling_load: FloatArray
+    buckling_factor: FloatArray
+    value: Mapping[str, FloatArray]
+    allowed: Mapping[str, FloatArray]
+    use: Mapping[str, FloatArray]
+    worst: tuple[str, str, float] | None
+    largest_use: FloatArray
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduce_fields(self)
+
+
+@np.errstate(all="ignore")
+def check_members(
+    structure: Structure | BodySystem,
+    tension: FloatArray,
+    length: FloatArray,
+    *,
+    elastic: FloatArray | None = None,
+) -> MemberChecks:
+    """Return members against the limits of their structure.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        With sections, stiffnesses and limits of its members.
+    tension, length : ndarray, shape (..., n_members) [N, m]
+        Member tensions and lengths.
+    elastic : ndarray, shape (..., n_members) [N]
+        EA of the unstrained members, where it is not that of the structure.
+
+    Returns
+    -------
+    MemberChecks
+        Stresses, strains, buckling loads, and the part of each limit that is used.
+
+    Notes
+    -----
+    sigma = t / A; P = pi^2 E I / l^2 with E I = mu rho (R^2 + r^2) / 4 (docs/model.md, Sections).
+    """
+    limits = structure.limits.for_members(tension.shape[-1])
+    area = structure.section_area
+    elastic = structure.mu * structure.rest_length if elastic is None else elastic
+    rigidity = elastic * structure.gyration_square
+    stress = np.where(area > 0, tension / area, np.nan)
+    strain = np.where(elastic > 0, tension / elastic, np.nan)
+    known = ~structure.tension_only & (rigidity > 0)
+    load = np.where(known, math.pi**2 * rigidity / length**2, np.nan)
+    factor = np.where(known & (tension >= 0), np.inf, load / -tension)
+    value = {"least_tension": tension, "most_tension": tension, "yield_stress": stress, "buckling": factor}
+    allowed = {name: np.asarray(getattr(limits, name), dtype=float) for name in MEMBER_CHECKS}
+    use = {
+        "least_tension": _compare(-tension, -allowed["least_tension"]),
+        "most_tension": _compare(tension, allowed["most_tension"]),
+        "yield_stress": _compare(np.abs(stress), allowed["yield_stress"]),
+        "buckling": np.where(allowed["buckling"] > 0, allowed["buckling"] / factor, np.nan),
+    }
+    names = structure.member_name
+    solid = structure.is_bar | (structure.radius > 0)
+    doubtful = {
+        "buckling": np.where(allowed["buckling"] > 0, np.nan, -tension / load),
+        "strain": np.where(solid, np.abs(strain) / LARGEST_STRAIN, np.nan),
+    }
+    least = {"buckling": np.ones_like(area), "strain": np.full_like(area, LARGEST_STRAIN)}
+    return MemberChecks(
+        stress=stress,
+        strain=strain,
+        buckling_load=load,
+        buckling_factor=factor,
+        value=MappingProxyType(value),
+        allowed=MappingProxyType(allowed),
+        use=MappingProxyType(use),
+        exceeded=_list_exceeded(names, value, allowed, use),
+        worst=_find_worst(names, use),
+        largest_use=np.fmax.reduce([np.zeros_like(tension), *use.values(), *doubtful.values()]).max(axis=-1),
+        doubtful=_list_exceeded(names, {**value, "strain": strain}, least, doubtful),
+    )
+
+
+def check_motion(structure: Structure | BodySystem, tension: FloatArray, position: FloatArray) -> MemberFlaws:
+    """Return the limits that members exceed in any of many states.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        With sections, stiffnesses and limits of its members.
+    tension : ndarray, shape (..., n_members) [N]
+        Member tensions; nan in states that are not known.
+    position : ndarray, shape (..., n_nodes, 3) [m]
+        Positions of nodes.
+
+    Returns
+    -------
+    MemberFlaws
+        Each limit of each member once, in its worst state.
+    """
+    first, second = structure.connectivity.T
+    tension = tension.reshape(-1, len(first))
+    position = position.reshape(len(tension), -1, 3)
+    worst: dict[str, dict[tuple[str, str], Exceeded]] = {"exceeded": {}, "doubtful": {}}
+    size = max(1, BLOCK // max(len(first), 1))
+    for k in range(0, len(tension), size):
+        place = position[k : k + size]
+        with np.errstate(all="ignore"):  # of motions that blow up
+            length = np.linalg.norm(place[:, first] - place[:, second], axis=2)
+        found = check_members(structure, tension[k : k + size], length)
+        for name, kept in worst.items():
+            for item in getattr(found, name):
+                key = (item.member, item.limit)
+                kept[key] = max(item, kept.get(key, item), key=lambda each: each.use)
+    return MemberFlaws(**{name: _sort(kept.values()) for name, kept in worst.items()})
+
+
+def summarise_tensions(structure: Structure | BodySystem, tension: FloatArray) -> dict[str, Any]:
+    """Return the ranges of the tensions of cables and of bars, and which cables are slack in some state.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    tension : ndarray, shape (..., n_members) [N]
+        Member tensions; nan where not known.
+
+    Returns
+    -------
+    dict
+        ``"cable_tension"`` and ``"bar_tension"``: the least and the largest [N], None where there are none;
+        ``"slack_cables"``: names.
+    """
+    tension = tension.reshape(-1, len(structure.member_name))
+    found: dict[str, Any] = {}
+    for kind, rows in (("cable", ~structure.is_bar), ("bar", structure.is_bar)):
+        known = tension[:, rows][np.isfinite(tension[:, rows])]
+        found[f"{kind}_tension"] = [known.min(), known.max()] if known.size else None
+    slack = (tension <= 0).any(axis=0) & structure.tension_only
+    found["slack_cables"] = [structure.member_name[e] for e in np.flatnonzero(slack)]
+    return found
+
+
+def describe_tensions(data: Mapping[str, Any]) -> str:
+    """Return a summary of tensions as text.
+
+    Parameters
+    ----------
+    data : mapping
+        With the keys that `summarise_tensions` returns.
+
+    Returns
+    -------
+    str
+        Such as "cables 0 to 20 N (3 slack), bars -29.6 N".
+    """
+    slack = len(data["slack_cables"])
+    parts = [
+        f"{kind}s {describe_range(data[f'{kind}_tension'], 'N')}"
+        + (f" ({slack} slack)" if slack and kind == "cable" else "")
+        for kind in ("cable", "bar")
+        if data[f"{kind}_tension"]
+    ]
+    return ", ".join(parts) or "no member"
+
+
+def _compare(value: FloatArray, most: FloatArray) -> FloatArray:
+    """Return the part of the limit value <= most that is used: above 1 where it is exceeded; nan without one.
+
+    A limit below zero asks for a value that is farther from zero.
+    """
+    below = np.where(value < 0, most / value, np.inf)
+    none = np.where(value > 0, np.inf, 0.0)
+    part = np.where(most > 0, np.maximum(value, 0.0) / most, np.where(most < 0, below, none))
+    return np.where(np.isfinite(most) & ~np.isnan(value), part, np.nan)
+
+
+def _list_exceeded(
+    names: tuple[str, ...],
+    value: Mapping[str, FloatArray],
+    allowed: Mapping[str, FloatArray],
+    use: Mapping[str, FloatArray],
+) -> tuple[Exceeded, ...]:
+    """Return the limits of which more than all is used, of each member in its worst state."""
+    found = []
+    for limit, part in use.items():
+        states = np.nan_to_num(part.reshape(-1, len(names)), nan=-np.inf, posinf=np.inf)
+        worst = states.argmax(axis=0) if len(states) else np.zeros(len(names), dtype=np.int64)
+        for e in np.flatnonzero((states > 1 + ROUNDING).any(axis=0)).tolist():
+            at = float(value[limit].reshape(-1, len(names))[worst[e], e])
+            item = Exceeded(names[e], limit, at, float(allowed[limit][e]), float(states[worst[e], e]))
+            found.append(item)
+    return _sort(found)
+
+
+def _sort(found: Iterable[Exceeded]) -> tuple[Exceeded, ...]:
+    return tuple(sorted(found, key=lambda item: -item.use))
+
+
+def _find_worst(names: tuple[str, ...], use: Mapping[str, FloatArray]) -> tuple[str, str, float] | None:
+    """Return member, limit and use of the largest use of all."""
+    known = [(limit, row) for limit, row in use.items() if not np.isnan(row).all()]
+    if not known:
+        return None
+    limit, row = max(known, key=lambda pair: float(np.nanmax(pair[1])))
+    return names[int(np.nanargmax(row)) % len(names)], limit, float(np.nanmax(row))

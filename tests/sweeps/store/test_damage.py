@@ -1,0 +1,108 @@
+"""Damage of any file of a sweep: it is refused by name or computed again, and no wrong number is read."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.long_work.forked import can_fork
+from tensegrity_codegen.sweeps.engines.local import LocalEngine
+from tensegrity_codegen.sweeps.progress import SweepOutcome
+from tensegrity_codegen.sweeps.run import run_sweep
+from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tensegrity_codegen.sweeps.store.table import write_sweep_table
+from tensegrity_codegen.sweeps.summary.read_results import read_results
+from tests.cases import thorough
+from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
+
+pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
+pytest.importorskip("xarray", reason="xarray is missing: pip install '.[sweep]'")
+pytestmark = pytest.mark.skipif(not can_fork(), reason="these tests need a system that forks processes")
+
+
+def compute(out: Path) -> SweepOutcome:
+    engine = LocalEngine(1, NoLibraries())  # type: ignore[arg-type]
+    return run_sweep(make_work(Square(), count=24, wrong=7.0), out, engine, identity={"scene": {}}, facts={})
+
+
+def flip_bit(file: Path) -> None:
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 4
+    file.write_bytes(data)
+
+
+def replace_by_folder(file: Path) -> None:
+    file.unlink()
+    file.mkdir()
+
+
+def replace_by_loop(file: Path) -> None:
+    """A file that the system refuses to read."""
+    file.unlink()
+    file.symlink_to(file.name)
+
+
+DAMAGE: tuple[Callable[[Path], object], ...] = (
+    Path.unlink,
+    lambda file: file.write_bytes(b""),
+    lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
+    flip_bit,
+    replace_by_folder,
+    replace_by_loop,
+)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sweep") / "whole.zarr"
+    compute(path)
+    return path
+
+
+OTHERS = ("x/zarr.json", "square/zarr.json", "status/c/1", "message/c/1", "task_record/c/1")
+
+
+@pytest.mark.parametrize("name", ["zarr.json", "x/c/0", "square/c/1", *thorough(*OTHERS)])
+def test_no_damage_leads_to_wrong_numbers(whole: Path, tmp_path: Path, name: str) -> None:
+    expected = open_sweep(whole)
+    for damage in DAMAGE:
+        path = tmp_path / "a.zarr"
+        shutil.rmtree(path, ignore_errors=True)
+        shutil.copytree(whole, path)
+        damage(path / name)
+        try:
+            assert open_sweep(path).identical(expected)
+        except OutputError as error:
+            text = str(error)
+            for read in (read_results, lambda path: write_sweep_table(path, tmp_path / "a.csv")):
+                with pytest.raises(OutputError) as caught:
+                    read(path)
+                assert str(caught.value) == text
+        try:
+            outcome = compute(path)
+        except OutputError:
+            assert name == "zarr.json" or damage is replace_by_folder
+            continue
+        assert outcome.counts == {"bad_input": 1, "ok": 23}
+        assert outcome.computed == (8 if name.endswith("/1") else 0)
+        assert open_sweep(path).identical(expected)
+
+
+def test_what_is_damaged_is_named_and_computed_again(whole: Path, tmp_path: Path) -> None:
+    path = tmp_path / "a.zarr"
+    shutil.copytree(whole, path)
+    (path / "square/c/1").unlink()
+    flip_bit(path / "status/c/2")
+    with pytest.raises(OutputError, match="damaged or missing") as caught:
+        open_sweep(path)
+    assert caught.value.given == "square/c/1, status/c/2"
+    assert "run the same sweep again" in str(caught.value)
+    outcome = compute(path)
+    assert (outcome.computed, outcome.damaged) == (16, 16)
+    assert np.array_equal(open_sweep(path)["square"], open_sweep(whole)["square"], equal_nan=True)
+    assert compute(path).computed == 0

@@ -1,0 +1,133 @@
+"""Public functions given wrong values, each argument in turn: named errors or results, no bare errors."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, view
+from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.export.export_fmu import export_fmu
+from tensegrity_codegen.runtime.paths.bar_path import build_path
+from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
+from tensegrity_codegen.runtime.paths.member_watch import watch_members
+from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
+from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.checks.check import check_structure, find_warnings
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.write import write_scene
+from tests.codegen.quickly import without_optimisation
+from tests.scene.formats.test_import_tables import MEMBERS, NODES
+
+PRISM = Path(__file__).resolve().parents[1] / "tensegrity_codegen/scene/examples/prism.toml"
+WRONG = (
+    *(None, True, 0, -1, 3, 2.5, math.nan, -math.inf, 10**400, 1j, "", "x", "a\0b", "\ud800", b"x"),
+    *([], [None], ["x"], [[1], [1, 2]], (1, "a"), {}, {"x": 1}, {1: 2}, {"node_load": "x"}, {1}, object()),
+    *(np.zeros(0), np.zeros((6, 3)), np.full((6, 3), np.nan), np.ones((6, 3), complex), np.array("x")),
+    *(np.array([None]), np.bool_(True), np.datetime64("2020"), range(3), ..., slice(1), memoryview(b"ab")),
+)
+
+
+class Calls:
+    """A right call of each function: its arguments by name."""
+
+    def __init__(self, folder: Path) -> None:
+        with without_optimisation():
+            model = compile_scene(PRISM, for_=("load_path", "equilibrium"))
+        scene, (structure, _) = read_scene(PRISM), load_scene(PRISM)
+        load = np.zeros((6, 3))
+        load[3] = [0, 0, -1]
+        path, found = build_path(model, load), find_equilibrium(model)
+        self.found = found
+        self.path = follow_path(path, found.coordinate, most=1.0)
+        out = {"overwrite": True}
+        tables = [folder / "nodes.csv", folder / "members.csv"]
+        for table, text in zip(tables, (NODES, MEMBERS), strict=True):
+            table.write_text(text)
+        self.right: dict[Callable[..., Any], dict[str, Any]] = {
+            build_path: {"model": model, "pattern": load, "arguments": {}},
+            watch_slack: {"path": path, "members": ["top1"]},
+            watch_switch: {"path": path, "members": ["top1"]},
+            watch_contact: {"path": path, "pairs": None, "stops": True},
+            watch_members: {"path": path, "structure": structure},
+            follow_path: {"problem": path, "start": found.coordinate, "most": 1.0},
+            StepControl: {},
+            find_snap: {"model": model, "found": found, "base": 0 * load, "load": load},
+            find_load_snap: {"model": model, "found": found, "loads": {"node_load": load}},
+            find_equilibrium: {"model": model},
+            read_scene: {"path": PRISM},
+            load_scene: {"path": PRISM},
+            assemble: {"scene": scene},
+            check_structure: {"structure": structure},
+            find_warnings: {"structure": structure},
+            write_scene: {"document": scene.to_document(), "path": folder / "new.toml", **out},
+            draw: {"subject": structure},
+            view: {"subject": structure},
+            export_fmu: {"scene": PRISM, "out": folder / "prism.fmu", "sources_only": True, **out},
+            read_files: {"paths": tables},
+        }
+
+
+@pytest.fixture(scope="module")
+def calls(tmp_path_factory: pytest.TempPathFactory) -> Calls:
+    return Calls(tmp_path_factory.mktemp("calls"))
+
+
+FUNCTIONS = (
+    *(build_path, watch_slack, watch_switch, watch_contact, watch_members, follow_path, StepControl),
+    *(find_snap, find_load_snap, find_equilibrium, read_scene, load_scene, assemble, check_structure),
+    *(find_warnings, write_scene, draw, view, export_fmu, read_files),
+)
+SLOW = (find_snap, find_load_snap, draw, view, export_fmu)
+
+
+def list_bare(calls: Calls, function: Callable[..., Any], values: tuple[Any, ...]) -> list[str]:
+    """Return the errors that have no name of this package."""
+    right, bare = calls.right[function], []
+    kinds = inspect.signature(function).parameters.values()
+    for name in (item.name for item in kinds if item.kind is not item.VAR_KEYWORD):
+        for value in values:
+            try:
+                function(**(right | {name: value}))
+            except TensegrityError:
+                continue
+            except Exception as error:
+                bare.append(f"{name}={value!r}: {type(error).__name__}: {error}")
+    return bare
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
+def test_wrong_calls_are_named_errors(
+    calls: Calls, function: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    function(**calls.right[function])
+    assert list_bare(calls, function, WRONG[2::12] if function in SLOW else WRONG) == []
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("function", SLOW, ids=lambda function: function.__name__)
+def test_wrong_calls_of_slow_functions_are_named_errors(
+    calls: Calls, function: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert list_bare(calls, function, WRONG) == []
+
+
+def test_equilibria_and_load_paths_are_pickled(calls: Calls) -> None:
+    for result in (calls.found, calls.path):
+        again = pickle.loads(pickle.dumps(result))
+        assert type(again) is type(result)
+        assert again.status == result.status
+        assert np.array_equal(again.coordinate, result.coordinate)
+        assert repr(again) == repr(result)
