@@ -114,7 +114,7 @@ $(DOCS): $(STAMP)
 	@touch $@
 
 wheel: $(STAMP) ## build the sdist, and from it the wheel, into dist/; both contain three.js of a pinned hash
-	$(BIN)/python -c "from tensegrity_codegen.report.live.three_module import write_three; write_three()"
+	$(BIN)/python -c "from tensegrity_codegen.live.three_module import write_three; write_three()"
 	$(BIN)/python -m build --no-isolation
 
 golden: $(STAMP) ## rewrite the committed files in generated/

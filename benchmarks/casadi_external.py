@@ -22,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen import build_library, load_scene, symbolic_functions
-from tensegrity_codegen.scene_functions import SymbolicFunctions
+from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions
 
 __all__ = ["ARM", "PROBLEMS", "Problem", "Solution", "arm_control", "externals", "prism_shape", "solve"]
 

@@ -18,8 +18,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tensegrity_codegen import design_kalman, simulate_control, simulate_control_batch
-from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
-from tests.runtime.control.tower_motion import (
+from tests.control.feedback.pinned_prism import build_prism, design_gains, draw_errors, move_prism
+from tests.control.feedback.tower_motion import (
     build_tower,
     design_tower_estimator,
     design_tower_gains,

@@ -23,16 +23,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tensegrity_codegen.codegen.compilation.flags import build_program_command, find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.controller.build_controller import build_controller
-from tensegrity_codegen.runtime.control.closed_loop import simulate_control
-from tensegrity_codegen.runtime.control.design.estimator import Estimator
-from tensegrity_codegen.runtime.control.design.gains import Gains
-from tensegrity_codegen.runtime.control.kalman import design_kalman
-from tensegrity_codegen.runtime.control.motion import Motion
-from tensegrity_codegen.runtime.control.tension_distribution import TensionDistribution, design_distribution
+from tensegrity_codegen.control.embedded.build_controller import build_controller
+from tensegrity_codegen.control.feedback.closed_loop import simulate_control
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.kalman import design_kalman
+from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution, design_distribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tests.runtime.control.pinned_prism import build_prism, design_gains, draw_errors, move_prism
-from tests.runtime.control.tower_motion import (
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tests.control.feedback.pinned_prism import build_prism, design_gains, draw_errors, move_prism
+from tests.control.feedback.tower_motion import (
     build_tower,
     design_tower_estimator,
     design_tower_gains,

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tensegrity_codegen.pipeline import build_library, load_scene, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene, simulation_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 SCENE = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples" / "prism.toml"
 RATIO = 1e3

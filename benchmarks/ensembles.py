@@ -24,11 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.compare.work_precision.contender import Contender, Unavailable, measure
-from tensegrity_codegen.compare.work_precision.peers import mujoco_tendons, sundials
-from tensegrity_codegen.compare.work_precision.problem import MotionProblem
-from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, load_nodes
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities, load_nodes
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -36,6 +32,10 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.studies.work_precision.contender import Contender, Unavailable, measure
+from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, sundials
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+from tensegrity_codegen.tables.request import ModelRequest
 
 FloatArray = NDArray[np.float64]
 

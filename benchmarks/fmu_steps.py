@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion

@@ -44,7 +44,7 @@ def main() -> None:
     """Measure and print."""
     stages, emitter = int(sys.argv[1]), sys.argv[2]
     started = time.perf_counter()  # before the imports, which a user waits for too
-    from tensegrity_codegen.errors import FormulationError, TensegrityError
+    from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 
     try:
         answer = build(stages, emitter, QUANTITIES, started)
@@ -60,7 +60,7 @@ def build(stages: int, emitter: str, quantities: list[str], started: float) -> d
     from harness.sections import read_sections
 
     from tensegrity_codegen.codegen.compilation.cache import Cache
-    from tensegrity_codegen.pipeline import build_library, load_scene
+    from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "scene.toml"

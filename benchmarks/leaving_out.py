@@ -16,13 +16,13 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.measure import time_functions
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 
 SCENE = {
     "name": "prism",

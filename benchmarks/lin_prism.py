@@ -10,8 +10,8 @@ import time
 
 import numpy as np
 
-from tensegrity_codegen.papers.lin.model import compile_prism, place_load
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
+from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_load
 
 CALLS = 200
 ROUNDS = 9

@@ -11,9 +11,9 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.measure import time_functions
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 SCENES = ("prism", "icosahedron", "tower")
 QUANTITIES = ("acceleration", "state_derivative")

@@ -104,7 +104,7 @@ def make_work(folder: Path, scene: dict[str, Any], operation: Operation, **optio
 
 def prepare_library(group: Any, operation: Operation) -> Any:
     """Return the library of a group of cases."""
-    from tensegrity_codegen.libraries import build_library
+    from tensegrity_codegen.pipeline.build_library import build_library
 
     return build_library(group.structure, library_request(group, operation)).load()
 
@@ -295,7 +295,7 @@ def _list_mujoco(work: Work, chosen: list[int], looked: Any, end: FloatArray) ->
     except ImportError:
         print("not installed: mujoco")
         return {}
-    from tensegrity_codegen.compare.work_precision.peers.mujoco_tendons import write_model
+    from tensegrity_codegen.studies.work_precision.peers.mujoco_tendons import write_model
 
     mujoco.set_mju_user_warning(lambda _: None)
     base, manifest = work.model.structure, work.model.manifest

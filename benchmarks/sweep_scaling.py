@@ -27,8 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
 
-from tensegrity_codegen.long_work.processor import name_processor
-from tensegrity_codegen.pipeline import build_library, load_scene
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.cases import Cases
@@ -40,6 +39,7 @@ from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
 from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
+from tensegrity_codegen.system.processor import name_processor
 
 ROOT = Path(__file__).resolve().parent.parent
 WORKERS = (1, 10, 100, 1000)

@@ -15,7 +15,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from site_pages.expand import MARK, expand_page  # noqa: E402
 
-from tensegrity_codegen.version import VERSION  # noqa: E402
+from tensegrity_codegen.system.version import VERSION  # noqa: E402
 
 project = "tensegrity_codegen"
 release = version = VERSION

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.read import parse_scene, read_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import run_in_casadi
 
 __all__ = ["EVERYTHING", "BodyEvaluator", "assemble_document", "example", "random_state"]

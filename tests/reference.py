@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
-from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tests.reference_manifest import NODE_POSITION_QUANTITIES, all_parameters, build_manifest, full_value
 from tests.segments import Nearest, find_nearest
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
-from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
+from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 
 __all__ = ["NODE_POSITION_QUANTITIES", "all_parameters", "build_manifest", "full_value"]
 

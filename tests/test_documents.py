@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from tensegrity_codegen.codegen.integrators.events import MOST_IN_SUCCESSION
-from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.version import VERSION
+from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 
 pytestmark = pytest.mark.optimised
 

@@ -22,11 +22,11 @@ from hypothesis import strategies as st
 from tensegrity_codegen.cli import main
 from tensegrity_codegen.codegen.bundle.bundle import emit_bundle
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import InvalidNameError, TensegrityError
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.pipeline import BuiltLibrary, build_library, load_scene
+from tensegrity_codegen.codegen.wheels.wheel import build_wheel
+from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary, build_library, load_scene
 from tensegrity_codegen.scene.names import DEVICES, is_name, is_scene_name
-from tensegrity_codegen.wheels.wheel import build_wheel
+from tensegrity_codegen.system.errors import InvalidNameError, TensegrityError
+from tensegrity_codegen.tables.manifest import Manifest
 from tests.codegen.build_c import STRICT, run
 from tests.codegen.compilers import POSIX, chosen_compiler, require_compiler
 from tests.hostile_names import PLACES, format_scene, names

@@ -16,13 +16,13 @@ import typer
 from pydantic import BaseModel
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS
-from tensegrity_codegen.quantities import PARAMETERS, QUANTITIES
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.check import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.schema import control_schema, schema
 from tensegrity_codegen.scene.shapes import IcosahedronShape, PrismShape, TowerShape, TwoNodeShape
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS
+from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 from tests.cli.test_startup import HEAVY, find_loaded
 
 ROOT = Path(__file__).resolve().parent.parent

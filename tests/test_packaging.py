@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import MissingSourceError
-from tensegrity_codegen.report.live.three_module import BUNDLED, write_three
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.live.three_module import BUNDLED, write_three
+from tensegrity_codegen.system.errors import MissingSourceError
+from tensegrity_codegen.system.version import VERSION
 
 pytestmark = pytest.mark.thorough
 
@@ -122,7 +122,10 @@ def test_the_wheel_holds_modules_templates_examples_and_types_and_nothing_else(d
         *(f"tensegrity_codegen/templates/{name}" for name in TEMPLATES),
         *(f"tensegrity_codegen/{name}" for name in THREE),
         *(f"tensegrity_codegen/scene/examples/{name}" for name in EXAMPLES),
-        *(path.relative_to(ROOT).as_posix() for path in ROOT.glob("tensegrity_codegen/papers/data/*.csv")),
+        *(
+            path.relative_to(ROOT).as_posix()
+            for path in ROOT.glob("tensegrity_codegen/studies/papers/data/*.csv")
+        ),
         "tensegrity_codegen/py.typed",
     }
     assert {name for name in names if not name.startswith(info)} == wanted
@@ -165,7 +168,7 @@ def test_the_installed_package_writes_live_pages_without_a_network(installed: Pa
 
 def test_the_console_script_is_declared(installed: Path) -> None:
     text = (installed / f"tensegrity_codegen-{VERSION}.dist-info" / "entry_points.txt").read_text("utf-8")
-    assert "tensegrity-codegen = tensegrity_codegen.supervised:main" in text
+    assert "tensegrity-codegen = tensegrity_codegen.cli.supervised:main" in text
 
 
 def test_the_demo_runs_again_over_results_of_former_versions() -> None:

@@ -15,8 +15,8 @@ import pytest
 
 import tensegrity_codegen
 from tensegrity_codegen import read_scene
-from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.summaries import Summarised
 from tests.user_script import SCENE, deliver, main
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tensegrity_codegen.quantities import PARAMETERS
-from tensegrity_codegen.quantities.members import MEMBER_QUANTITIES
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 

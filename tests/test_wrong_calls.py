@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, view
-from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.export.export_fmu import export_fmu
 from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
@@ -24,6 +23,7 @@ from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.check import check_structure, find_warnings
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
+from tensegrity_codegen.system.errors import TensegrityError
 from tests.codegen.quickly import without_optimisation
 from tests.scene.formats.test_import_tables import MEMBERS, NODES
 

@@ -15,7 +15,7 @@ from harness.sections import read_sections
 from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet
-from tensegrity_codegen.errors import CompileError
+from tensegrity_codegen.system.errors import CompileError
 
 __all__ = ["Built", "Compilation", "CompileFailed"]
 

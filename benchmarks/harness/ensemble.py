@@ -20,8 +20,8 @@ from harness.resume import Kept
 from harness.session import Session
 from harness.structures import make_problem
 from harness.tools import Tools, Way
-from tensegrity_codegen.errors import TensegrityError
-from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.system.errors import TensegrityError
 
 __all__ = [
     "COUNT",

@@ -15,8 +15,8 @@ from harness.problem import Problem
 from harness.runner import Runner
 from tensegrity_codegen.codegen.compilation.flags import Compiler, find_flags
 from tensegrity_codegen.codegen.emit import EMITTERS, GeneratedSource, emit
-from tensegrity_codegen.errors import TensegrityError
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["AUTO", "BATCH", "Build", "Ours", "list_emitters", "make_request"]
 

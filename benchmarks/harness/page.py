@@ -14,10 +14,10 @@ from harness.pictures import Drawing, can_draw, draw_rates, draw_sizes, draw_tim
 from harness.session import Row
 from harness.summary import large_cells, pivot_cells, rate_cells
 from harness.tables import HEADINGS, floor_cells, gather_untimed, growth_cells, row_cells
-from tensegrity_codegen.long_work.provenance import describe_provenance
 from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Figure, Page, Section
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table
 from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.system.provenance import describe_provenance
 
 __all__ = ["build_page", "table_of"]
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["QUANTITIES", "Problem", "StiffnessPattern"]
 

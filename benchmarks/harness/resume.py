@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.candidate import Timing
 from harness.session import Row, Session
-from tensegrity_codegen.long_work.journal import Journal, read_record
+from tensegrity_codegen.system.journal import Journal, read_record
 
 __all__ = ["Kept", "name_comparison"]
 

@@ -29,9 +29,9 @@ from harness.tables import acceptance_cells
 from harness.tools import Tools, find_tools
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
-from tensegrity_codegen.long_work.identity import hash_run
-from tensegrity_codegen.long_work.journal import Journal
-from tensegrity_codegen.long_work.resumption import Resumption
+from tensegrity_codegen.studies.identity import hash_run
+from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.system.resumption import Resumption
 
 __all__ = ["Plan", "run_all"]
 

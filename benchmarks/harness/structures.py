@@ -11,7 +11,7 @@ from importlib.resources import as_file, files
 import numpy as np
 
 from harness.problem import Problem
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["LEVELS", "SHIPPED", "make_problem", "make_tower"]

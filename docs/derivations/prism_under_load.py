@@ -1,7 +1,7 @@
 """The tables of LIN, checked with NumPy alone: python docs/derivations/prism_under_load.py
 
 Every line states a claim of docs/errata.md and the numbers that decide it. Needs the tables of the paper,
-tensegrity_codegen/papers/data/lin_tables.csv.
+tensegrity_codegen/studies/papers/data/lin_tables.csv.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-TABLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/papers/data/lin_tables.csv"
+TABLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/studies/papers/data/lin_tables.csv"
 GAMMA = np.radians([90.0, 210.0, 330.0])
 K, L01, L02, GRAVITY = 173.2, 0.336, 0.356, 9.81
 ENDS = (("B1", "B2"), ("B3", "B1"), ("B2", "B3"), ("A1", "B2"), ("A3", "B1"), ("A2", "B3"))

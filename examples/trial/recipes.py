@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.errors import CompilerMissingError
+from tensegrity_codegen.system.errors import CompilerMissingError
 from trial.browser import find_browser
 
 __all__ = [

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tensegrity_codegen.cli.output import Output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+    from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.runtime.model.model import CompiledModel
 
 __all__ = ["check_build", "write_controller"]
@@ -16,8 +16,8 @@ __all__ = ["check_build", "write_controller"]
 
 def check_build(folder: Path | None, precision: str, scene: Path, overwrite: bool) -> None:
     """Raise OutputError for a folder that cannot be written, UnknownNameError for a precision."""
-    from tensegrity_codegen.output_folder import check_folder
-    from tensegrity_codegen.precision import find_precision
+    from tensegrity_codegen.system.output_folder import check_folder
+    from tensegrity_codegen.tables.precision import find_precision
 
     find_precision(precision, "precision")
     if folder is not None:
@@ -36,7 +36,7 @@ def write_controller(
     overwrite: bool,
 ) -> dict[str, Any] | None:
     """Write the controller of a study that holds; return folder, files and sizes, JSON-ready."""
-    from tensegrity_codegen.controller.build_controller import build_controller
+    from tensegrity_codegen.control.embedded.build_controller import build_controller
 
     if folder is None:
         return None

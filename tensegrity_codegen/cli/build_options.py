@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tensegrity_codegen.cli.options import read_folder
-from tensegrity_codegen.targets import TARGETS
+from tensegrity_codegen.tables.targets import TARGETS
 
 __all__ = [
     "AnyFlagsOption",

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from tensegrity_codegen.codegen.compilation.flags import find_flags
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.presets import find_preset
-from tensegrity_codegen.request import ModelRequest, check_batch_width, check_interfaces
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.presets import find_preset
+from tensegrity_codegen.tables.request import ModelRequest, check_batch_width, check_interfaces
 
 __all__ = ["add_interfaces", "narrow_request", "use_preset"]
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.control_options import read_least_tension
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.control.design.estimator import Estimator
-    from tensegrity_codegen.runtime.control.design.gains import Gains
-    from tensegrity_codegen.runtime.control.motion import Motion
-    from tensegrity_codegen.runtime.control.study.tuning import Tuning
+    from tensegrity_codegen.control.feedback.design.estimator import Estimator
+    from tensegrity_codegen.control.feedback.design.gains import Gains
+    from tensegrity_codegen.control.feedback.study.tuning import Tuning
     from tensegrity_codegen.runtime.model.model import CompiledModel
+    from tensegrity_codegen.runtime.records.timed_motion import Motion
 
 __all__ = ["ControlDesign"]
 
@@ -48,9 +48,9 @@ class ControlDesign:
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
-        from tensegrity_codegen.runtime.control.study.read_files import read_weights
-        from tensegrity_codegen.runtime.control.study.tuning import choose_weights
-        from tensegrity_codegen.runtime.control.tension_distribution import design_distribution
+        from tensegrity_codegen.control.feedback.study.read_files import read_weights
+        from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+        from tensegrity_codegen.control.feedback.tension_distribution import design_distribution
 
         model, motion, given = self.model, self.motion, self.arguments
         wanted = self.integral_action
@@ -73,8 +73,8 @@ class ControlDesign:
 
     def _design_estimator(self, tuning: Tuning, gains: Gains) -> Estimator:
         """Return the estimator; disturbances that are not stated are as large as noise permits."""
-        from tensegrity_codegen.runtime.control.kalman import design_kalman
-        from tensegrity_codegen.runtime.control.study.calm_estimator import design_calm_estimator
+        from tensegrity_codegen.control.feedback.kalman import design_kalman
+        from tensegrity_codegen.control.feedback.study.calm_estimator import design_calm_estimator
 
         if self.disturbance is not None:
             return design_kalman(
@@ -91,7 +91,7 @@ class ControlDesign:
 
     def _design_gains(self, tuning: Tuning) -> Gains:
         """Return the gains; an error of the weights names their file."""
-        from tensegrity_codegen.runtime.control.lqr import design_lqr
+        from tensegrity_codegen.control.feedback.lqr import design_lqr
 
         try:
             gains = design_lqr(

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensegrity_codegen.cli.options import parse_vector, read_folder
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust, StatedErrors
+    from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
 
 __all__ = [
     "BuildOption",
@@ -188,7 +188,7 @@ def read_errors(
     start: Sequence[str] | None, stiffness: float, gusts: Sequence[str] | None, axes: Sequence[int]
 ) -> StatedErrors:
     """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
-    from tensegrity_codegen.runtime.control.study.stated_errors import StatedErrors
+    from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors
 
     length = angle = None
     for text in start or ():
@@ -211,7 +211,7 @@ def read_errors(
 
 
 def _read_gust(text: str, axes: Sequence[int]) -> RandomGust:
-    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust
+    from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
 
     node, equals, rest = text.partition("=")
     vector, at, times = rest.partition("@")

@@ -7,16 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import ConvergenceError, FormulationError, InfeasibleError, InvalidValueError
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    FormulationError,
+    InfeasibleError,
+    InvalidValueError,
+)
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
-    from tensegrity_codegen.runtime.control.loop.disturbances import Gust
-    from tensegrity_codegen.runtime.control.motion import Motion
-    from tensegrity_codegen.runtime.control.study.stated_errors import RandomGust
+    from tensegrity_codegen.control.feedback.loop.disturbances import Gust
+    from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
     from tensegrity_codegen.runtime.model.model import CompiledModel
-    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.runtime.records.plan_result import PlanResult
+    from tensegrity_codegen.runtime.records.timed_motion import Motion
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["check_motion_gusts", "check_motion_times", "compile_control", "find_motion"]
 
@@ -30,7 +35,7 @@ def check_motion_times(
 
     is_held: whether an equilibrium is held, whose time is known.
     """
-    from tensegrity_codegen.runtime.control.study.study_times import HELD, check_times
+    from tensegrity_codegen.control.feedback.study.study_times import HELD, check_times
 
     if is_held and duration is not None:
         raise InvalidValueError(
@@ -44,7 +49,7 @@ def check_motion_times(
 
 def check_motion_gusts(gusts: Sequence[Gust | RandomGust], t_end: float | None) -> None:
     """Raise InvalidValueError for a gust after the simulated time, where that is known before the motion."""
-    from tensegrity_codegen.runtime.control.study.study_times import check_gust_times
+    from tensegrity_codegen.control.feedback.study.study_times import check_gust_times
 
     if t_end is not None:
         check_gust_times(gusts, t_end)
@@ -59,11 +64,11 @@ def compile_control(
     compiler: str | None,
 ) -> tuple[Subject, CompiledModel, tuple[str, ...] | None]:
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
-    from tensegrity_codegen.analyses import want_analyses
-    from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
-    from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
-    from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
-    from tensegrity_codegen.runtime.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.control.planning.quadratic_program import require_solver
+    from tensegrity_codegen.control.planning.targets.target_text import read_targets
+    from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.pipeline.analyses import want_analyses
+    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
     if to and plan is not None:
@@ -91,7 +96,7 @@ def compile_control(
 
 def _check_formulation(subject: Subject, request: ModelRequest) -> None:
     """Raise FormulationError where coordinates depend on each other: rigid bars between nodes."""
-    from tensegrity_codegen.formulations import find_formulation
+    from tensegrity_codegen.tables.formulations import find_formulation
 
     formulation = find_formulation(request.formulation)
     if formulation.of_bodies or (formulation.in_nodes and not formulation.has_rigid_bars):
@@ -117,10 +122,10 @@ def find_motion(
     t_end: float | None,
 ) -> Motion:
     """Return the motion: of a new plan, of a plan in a file, or at rest in the equilibrium."""
-    from tensegrity_codegen.runtime.control.design.at_rest import build_rest
-    from tensegrity_codegen.runtime.control.study.read_files import read_path
-    from tensegrity_codegen.runtime.control.study.study_times import HELD
-    from tensegrity_codegen.runtime.control.time_motion import time_motion
+    from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+    from tensegrity_codegen.control.feedback.study.read_files import read_path
+    from tensegrity_codegen.control.feedback.study.study_times import HELD
+    from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     if to:
@@ -153,7 +158,7 @@ def _find_plan(
     arguments: Mapping[str, Any],
 ) -> PlanResult:
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
-    from tensegrity_codegen.runtime.planning.plan import plan
+    from tensegrity_codegen.control.planning.plan import plan
 
     with output.progress("planning") as move:
         found = plan(

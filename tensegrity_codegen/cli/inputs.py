@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,

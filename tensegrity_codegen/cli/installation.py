@@ -10,10 +10,10 @@ from typing import Any
 
 from tensegrity_codegen.codegen.compilation.cache import Cache
 from tensegrity_codegen.codegen.compilation.toolchain import check_compiler, find_compiler, find_compilers
-from tensegrity_codegen.errors import TensegrityError, UnsafeCacheError
-from tensegrity_codegen.extras import name_install
-from tensegrity_codegen.report.live.three_module import THREE_REVISION, describe_three
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.live.three_module import THREE_REVISION, describe_three
+from tensegrity_codegen.system.errors import TensegrityError, UnsafeCacheError
+from tensegrity_codegen.system.extras import name_install
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["describe_installation", "examine_installation"]
 

@@ -10,12 +10,12 @@ import typer
 
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import write_text
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 if TYPE_CHECKING:
     from tensegrity_codegen.cli.picture import ShowOptions
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["ThreeOption", "play_live", "show_live"]
 
@@ -39,13 +39,13 @@ def show_live(
 ) -> tuple[dict[str, Any], str]:
     """Write a live page of a scene; return the result of the verb as data and as text."""
     from tensegrity_codegen.cli.picture import describe_left_out
-    from tensegrity_codegen.pictures.modes import find_modes
-    from tensegrity_codegen.report.live.live_scene import MOST_NAMES, LiveStart, build_live_scene
-    from tensegrity_codegen.report.live.render_live import render_live
-    from tensegrity_codegen.report.live.three_module import find_three
+    from tensegrity_codegen.live.live_scene import MOST_NAMES, LiveStart, build_live_scene
+    from tensegrity_codegen.live.modes import find_modes
+    from tensegrity_codegen.live.render_live import render_live
+    from tensegrity_codegen.live.three_module import find_three
+    from tensegrity_codegen.pipeline.settle import find_settled
     from tensegrity_codegen.report.pictures.draw import find_rigid
     from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
-    from tensegrity_codegen.settle import find_settled
     from tensegrity_codegen.structure.outline import outline_tendons
 
     subject, request = output.load(scene, settles=options.settle)
@@ -88,11 +88,11 @@ def play_live(
     overwrite: bool,
 ) -> tuple[dict[str, Any], str]:
     """Write a page in which the model of a scene runs; return the result of the verb as data and as text."""
-    from tensegrity_codegen.pipeline import build_library, check_buildable
-    from tensegrity_codegen.report.live.engine import add_engine
-    from tensegrity_codegen.report.live.live_scene import build_live_scene
-    from tensegrity_codegen.report.live.render_live import render_live
-    from tensegrity_codegen.report.live.three_module import find_three
+    from tensegrity_codegen.live.engine import add_engine
+    from tensegrity_codegen.live.live_scene import build_live_scene
+    from tensegrity_codegen.live.render_live import render_live
+    from tensegrity_codegen.live.three_module import find_three
+    from tensegrity_codegen.pipeline.compile_scene import build_library, check_buildable
 
     _check_tolerance(rtol)
     check_choice(method, METHODS, "method", "--method")
@@ -123,7 +123,7 @@ def play_live(
 
 def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> Subject:
     """Return the structure at its equilibrium, at rest; raises ConvergenceError where none is found."""
-    from tensegrity_codegen.settle import find_settled
+    from tensegrity_codegen.pipeline.settle import find_settled
 
     settled, _ = find_settled(subject, request, warn=output.warn)
     return settled
@@ -136,8 +136,8 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
     """
     import numpy as np
 
-    from tensegrity_codegen.pipeline import check_buildable, find_needs
-    from tensegrity_codegen.report.live.engine import EXPLICIT, STIFF
+    from tensegrity_codegen.live.engine import EXPLICIT, STIFF
+    from tensegrity_codegen.pipeline.compile_scene import check_buildable, find_needs
 
     needs = find_needs("simulate", subject, request, method=EXPLICIT)
     shown = [name for name in needs.quantities if name in SHOWN]
@@ -160,7 +160,7 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
 
 def _offers_stiff(subject: Subject) -> bool:
     """Return whether a page offers the implicit method: of many members only where they call for it."""
-    from tensegrity_codegen.report.live.engine import EXPLICIT, STIFF, choose_method
+    from tensegrity_codegen.live.engine import EXPLICIT, STIFF, choose_method
     from tensegrity_codegen.structure.outline import outline_bodies
 
     if subject.n_members <= MOST_OFFERED:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from tensegrity_codegen.cli.options import parse_loads
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
     import numpy as np

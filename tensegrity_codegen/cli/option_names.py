@@ -13,7 +13,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from tensegrity_codegen.errors import TensegrityError
+from tensegrity_codegen.system.errors import TensegrityError
 
 __all__ = ["VerbCommand", "name_options", "name_options_in_error", "quote_command"]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     import numpy as np

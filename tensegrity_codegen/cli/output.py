@@ -17,17 +17,17 @@ import typer
 from tensegrity_codegen.cli.option_names import name_options, name_options_in_error
 from tensegrity_codegen.cli.progress_bar import ProgressBar, name_duration
 from tensegrity_codegen.cli.streams import print_aside, print_text
-from tensegrity_codegen.errors import FormulationError, OutputError, TensegrityError
-from tensegrity_codegen.leftovers import announce_advice
-from tensegrity_codegen.passes import watched_passes, work_pass
+from tensegrity_codegen.system.errors import FormulationError, OutputError, TensegrityError
+from tensegrity_codegen.system.solver_progress import watched_passes, work_pass
+from tensegrity_codegen.system.temporary_files import announce_advice
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from tensegrity_codegen.long_work.resumption import Resumption
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.system.resumption import Resumption
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Output", "plain", "print_text"]
 
@@ -92,7 +92,7 @@ class Output:
 
         settles: whether the verb looks for the equilibrium first. Raises what `load_scene` raises.
         """
-        from tensegrity_codegen.pipeline import load_scene
+        from tensegrity_codegen.pipeline.compile_scene import load_scene
 
         subject, request = load_scene(scene)
         self.warn_of(subject, settles=settles)
@@ -155,7 +155,7 @@ class Output:
     @contextmanager
     def _own_warnings(self) -> Iterator[None]:
         """Print this package's Python warnings as those of verbs, each once."""
-        from tensegrity_codegen.codegen.compilation.cache_root import CacheFolderWarning
+        from tensegrity_codegen.system.cache_root import CacheFolderWarning
 
         said: set[str] = set()
         with warnings.catch_warnings():

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from tensegrity_codegen.report.pictures.choices import PictureChoices
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["ANIMATED", "PAGE", "ShowOptions", "check_kind", "describe_left_out", "show_picture"]
 
@@ -148,7 +148,7 @@ def _write_scene(
 
     suffix = check_suffix(out, PICTURE_SUFFIXES)
     if options.settle:
-        from tensegrity_codegen.settle import find_settled
+        from tensegrity_codegen.pipeline.settle import find_settled
 
         output.entitle("finding the equilibrium")
         settled, found = find_settled(subject, request, warn=output.warn)
@@ -176,8 +176,8 @@ def describe_left_out(
 
 def _require_packages(out: Path) -> None:
     """Raise MissingExtraError if what draws this kind of file is not installed."""
-    from tensegrity_codegen.extras import import_extra, require_plot
     from tensegrity_codegen.report.pictures.film import find_ffmpeg
+    from tensegrity_codegen.system.extras import import_extra, require_plot
 
     require_plot()
     if out.suffix.lower() == ".gif":

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tensegrity_codegen.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["OPTION", "PrestressOption", "SceneOutOption", "check_prestress"]
 

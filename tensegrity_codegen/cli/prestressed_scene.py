@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.cli.prestress_options import OPTION
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import (
     ConvergenceError,
     InvalidValueError,
     NonFiniteError,
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.structure.bodies import BodySystem
-from tensegrity_codegen.structure.structure import Structure
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Prestressed", "write_prestressed"]
 
@@ -70,7 +70,7 @@ def write_prestressed(
     ConvergenceError
         The scene as read back is not in balance.
     """
-    from tensegrity_codegen.pipeline import load_scene
+    from tensegrity_codegen.pipeline.compile_scene import load_scene
     from tensegrity_codegen.scene.write import write_scene
 
     shape = found.prestress.tension

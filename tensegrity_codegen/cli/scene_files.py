@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from tensegrity_codegen.errors import UnknownNameError, suggest
-from tensegrity_codegen.files import replaced
+from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.files import replaced
 
 __all__ = ["list_examples", "read_example", "write_text"]
 

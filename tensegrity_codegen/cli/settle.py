@@ -17,11 +17,11 @@ from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_lengt
 from tensegrity_codegen.structure.bodies import BodySystem
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.paths.snap import Snap
     from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
     from tensegrity_codegen.structure.structure import Structure
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["settle_scene"]
 
@@ -68,7 +68,12 @@ def _settle(
     **options: Any,
 ) -> tuple[Equilibrium, dict[str, Any]]:
     """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.pipeline.compile_scene import (
+        build_library,
+        find_needs,
+        move_near_origin,
+        with_statics,
+    )
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     statics = with_statics(structure, request)

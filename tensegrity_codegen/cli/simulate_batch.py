@@ -12,12 +12,12 @@ import typer
 from tensegrity_codegen.cli.inputs import read_inputs, warn_of_profile
 from tensegrity_codegen.cli.option_names import name_options
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tensegrity_codegen.pipeline import BuiltLibrary
+    from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject
@@ -138,10 +138,10 @@ def read_schedule(
     t_end [s]: of the motion; values: constant values of inputs. Raises InvalidValueError for a profile that
     ends before, or of an input with a constant value, and what read_profile raises.
     """
-    from tensegrity_codegen.errors import check_choice
     from tensegrity_codegen.runtime.profiles.driven import check_end, check_not_constant
     from tensegrity_codegen.runtime.profiles.profile import KINDS
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
+    from tensegrity_codegen.system.errors import check_choice
 
     check_choice(kind, KINDS, "kind of profile", "--profile-kind")
     if path is None:
@@ -164,7 +164,7 @@ def build_for_batch(
     t_end: float,
 ) -> tuple[BuiltLibrary, dict[str, float], Profile | None]:
     """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
-    from tensegrity_codegen.pipeline import build_library, find_needs
+    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
 
     structure, request = output.load(scene)
     values = read_inputs(inputs, structure, output)

@@ -10,7 +10,7 @@ import typer
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.sweep_summary import SweepArgument
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.files import check_ending, check_output
 
 __all__ = ["case"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.cases.cases import Cases

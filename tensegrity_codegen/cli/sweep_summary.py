@@ -11,8 +11,8 @@ from tensegrity_codegen.cli.option_names import quote_command
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import write_text
-from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.summary import SweepSummary

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensegrity_codegen.cli.output import Output
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.control.motion import Motion
-    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.runtime.records.plan_result import PlanResult
+    from tensegrity_codegen.runtime.records.timed_motion import Motion
 
 __all__ = ["MOTION_ENDINGS", "MotionOption", "check_motion_file", "describe_motion", "time_plan"]
 
@@ -47,7 +47,7 @@ def time_plan(
     overwrite: bool,
 ) -> Motion | None:
     """Return the motion of a plan that was found, after it is written; None where there is none."""
-    from tensegrity_codegen.runtime.control.time_motion import time_motion
+    from tensegrity_codegen.control.feedback.time_motion import time_motion
 
     if path is None or not found.is_found or found.n_steps == 0:
         return None

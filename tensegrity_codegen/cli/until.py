@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.errors import UnknownNameError, suggest
+from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["UNTIL", "read_until", "watching"]
 
@@ -21,8 +21,8 @@ def read_until(text: str | None) -> tuple[bool, str | None]:
 
     Raises UnknownNameError for a word that is neither, InvalidValueError for what is no expression.
     """
-    from tensegrity_codegen.quantities import QUANTITIES
     from tensegrity_codegen.runtime.simulate.condition import find_quantities
+    from tensegrity_codegen.tables.quantities import QUANTITIES
 
     if text is None or text in UNTIL:
         return text is not None, None

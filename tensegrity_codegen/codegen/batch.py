@@ -8,7 +8,7 @@ from typing import Any
 from tensegrity_codegen.codegen.integrators.batch_integrators import count_line
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes, print_lanes
 from tensegrity_codegen.codegen.prune import PrunedFunction
-from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["MOST_OPERATIONS", "MOST_STACK", "batch_context", "write_lanes"]
 

@@ -13,11 +13,11 @@ from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = [
     "AUTO",

@@ -13,7 +13,9 @@ from tensegrity_codegen.codegen.integrators.integrators import integrator_spec
 from tensegrity_codegen.codegen.integrators.profiles import find_driven
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
 from tensegrity_codegen.codegen.source_parts import list_parts
-from tensegrity_codegen.manifest import (
+from tensegrity_codegen.symbolic.model import ModelArgument
+from tensegrity_codegen.system.version import VERSION
+from tensegrity_codegen.tables.manifest import (
     ABI_VERSION,
     ArgumentSpec,
     FunctionSpec,
@@ -21,11 +23,9 @@ from tensegrity_codegen.manifest import (
     LeftOut,
     Manifest,
 )
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.symbolic.model import ModelArgument
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["describe", "made_by"]
 

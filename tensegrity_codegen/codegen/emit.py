@@ -26,15 +26,15 @@ from tensegrity_codegen.codegen.source import write_sources
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.codegen.way_out import find_way_out
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.manifest import LeftOut, Manifest
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
-from tensegrity_codegen.tableaus import EXPLICIT
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.manifest import LeftOut, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.tableaus import EXPLICIT
 
 __all__ = ["EMITTERS", "EmissionPlan", "GeneratedSource", "check_request", "emit"]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
-from tensegrity_codegen.manifest import Pattern
-from tensegrity_codegen.precision import Precision
-from tensegrity_codegen.quantities import Quantity
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument
+from tensegrity_codegen.tables.manifest import Pattern
+from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.quantities import Quantity
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Bodies", "EmittedModel", "Emitter", "WantedFunction", "result_size"]
 

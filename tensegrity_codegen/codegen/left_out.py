@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
-from tensegrity_codegen.manifest import LeftOut
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
+from tensegrity_codegen.tables.manifest import LeftOut
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
 

@@ -17,9 +17,9 @@ from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import COMPILE_TIMEOUT, MEMORY_LIMIT, compiler_environment
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_program_command
 from tensegrity_codegen.codegen.emit import GeneratedSource
-from tensegrity_codegen.errors import CompileError
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.work_folder import work_folder
+from tensegrity_codegen.system.errors import CompileError
+from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
 __all__ = ["build_driver", "run_drivers", "time_functions"]
 

@@ -7,11 +7,11 @@ from functools import cached_property
 
 import casadi as ca
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import Pattern
-from tensegrity_codegen.quantities import Quantity, find_quantity
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import Pattern
+from tensegrity_codegen.tables.quantities import Quantity, find_quantity
 
 __all__ = ["PrunedFunction", "is_offered", "prune", "refuse_empty"]
 

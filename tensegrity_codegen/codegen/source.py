@@ -30,8 +30,8 @@ from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.codegen.prune import PrunedFunction
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import (
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import (
     C_API_VERSION,
     SOLVER_STATUS,
     STATUS,
@@ -40,8 +40,8 @@ from tensegrity_codegen.manifest import (
     FunctionSpec,
     Manifest,
 )
-from tensegrity_codegen.precision import Precision, find_precision
-from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.tables.precision import Precision, find_precision
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["BANNER", "write_sources"]
 

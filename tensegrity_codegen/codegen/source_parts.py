@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tensegrity_codegen.codegen.compilation.flags import find_flags
-from tensegrity_codegen.manifest import IntegratorSpec, SourcePart
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["list_parts"]
 

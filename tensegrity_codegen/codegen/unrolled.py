@@ -10,13 +10,13 @@ from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.precision import Precision
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["MOST_MEMBERS", "UNROLLED", "check_length", "check_unrollable"]
 

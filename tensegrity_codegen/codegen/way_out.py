@@ -13,11 +13,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.choose_emitter import AUTO
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
-from tensegrity_codegen.errors import FormulationError, TensegrityError
-from tensegrity_codegen.formulations import FORMULATIONS, choose_formulation
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, TensegrityError
+from tensegrity_codegen.tables.formulations import FORMULATIONS, choose_formulation
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["WayOut", "find_way_out", "list_ways_out"]
 

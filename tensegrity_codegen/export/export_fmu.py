@@ -8,16 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.checks import (
-    check_instance,
-    check_names,
-    check_path,
-    check_positive,
-    check_switch,
-    is_number,
-)
 from tensegrity_codegen.codegen.emit import GeneratedSource, check_request, emit
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, write_export
 from tensegrity_codegen.export.fmu.archive import check_targets, compile_unit, write_archive
 from tensegrity_codegen.export.fmu.description import Unit, describe_build, describe_unit
@@ -26,12 +17,21 @@ from tensegrity_codegen.export.fmu.method import settle_method
 from tensegrity_codegen.export.fmu.sources import Experiment, write_unit_sources
 from tensegrity_codegen.export.fmu.tangent import find_tangent
 from tensegrity_codegen.export.fmu.variables import list_variables
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.quantities import QUANTITIES, find_quantity
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.scales import find_length
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.checks import (
+    check_instance,
+    check_names,
+    check_path,
+    check_positive,
+    check_switch,
+    is_number,
+)
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.tables.quantities import QUANTITIES, find_quantity
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["EXPORTER", "export_fmu"]
 
@@ -240,7 +240,7 @@ def _choose_outputs(
 
 
 def _has_node_coordinates(structure: Subject, request: ModelRequest) -> bool:
-    from tensegrity_codegen.formulations import find_formulation
+    from tensegrity_codegen.tables.formulations import find_formulation
 
     return find_formulation(request.formulation).in_nodes
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, check_choice
-from tensegrity_codegen.files import check_ending, check_output, replaced
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+from tensegrity_codegen.system.files import check_ending, check_output, replaced
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["ExportSource", "Exported", "Exporter", "check_export", "find_exporters", "write_export"]
 

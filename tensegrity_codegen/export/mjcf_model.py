@@ -14,11 +14,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.export.elements import add, number, numbers
 from tensegrity_codegen.export.node_tree import NodeTree, build_node_tree
 from tensegrity_codegen.export.rigid_parts import find_shared_nodes
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["WORLD_SITE", "ModelParts", "build_parts"]
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["WORLD", "RigidPart", "find_parts", "find_shared_nodes"]
 

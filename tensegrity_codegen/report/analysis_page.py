@@ -25,11 +25,11 @@ from tensegrity_codegen.report.pages.page import (
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["build_analysis_page"]
 

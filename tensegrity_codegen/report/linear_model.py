@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from tensegrity_codegen.results.summaries import describe_count
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["modes_table", "say_finding", "say_spectrum"]
 

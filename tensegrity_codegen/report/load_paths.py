@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
-from tensegrity_codegen.files import check_ending, replaced
-from tensegrity_codegen.results.table_files import write_csv
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.system.files import check_ending, replaced
+from tensegrity_codegen.system.table_files import write_csv
 
 __all__ = ["events_table", "tabulate_path", "write_path"]
 

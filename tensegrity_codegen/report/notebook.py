@@ -8,18 +8,18 @@ from typing import Any
 
 from markupsafe import escape
 
-from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.report.pictures.draw import draw_shot, find_shot
-from tensegrity_codegen.results.summaries import Summarised
-from tensegrity_codegen.runtime.control.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["build_html"]
 

@@ -11,8 +11,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = [
     "add_row",

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["describe_request", "describe_structure"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.describe import describe_request
 from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["describe_bodies"]
 

@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidNameError
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
 
 __all__ = [
     "FILE_NAMES",

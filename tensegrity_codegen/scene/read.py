@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.checks.limits import LARGEST_FILE, check_document, check_regular, check_text
+from tensegrity_codegen.scene.checks.validate import validate
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.plain_sections import cut_plain_sections
+from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.translate import translate
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     SceneError,
@@ -21,12 +27,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     suggest,
 )
-from tensegrity_codegen.scene.checks.limits import LARGEST_FILE, check_document, check_regular, check_text
-from tensegrity_codegen.scene.checks.validate import validate
-from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.plain_sections import cut_plain_sections
-from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.scene.translate import translate
 
 __all__ = ["LARGEST_FILE", "name_source", "parse_scene", "read_document", "read_scene", "to_plain"]
 

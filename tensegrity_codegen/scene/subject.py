@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from tensegrity_codegen.checks import check_instance
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.assemble.assemble import SCENE, assemble
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Subject", "assemble_scene"]
 

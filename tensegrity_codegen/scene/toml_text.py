@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["format_scene"]
 

@@ -10,7 +10,10 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path
+from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
+from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
+from tensegrity_codegen.system.errors import (
     InvalidNameError,
     InvalidValueError,
     NonFiniteError,
@@ -19,9 +22,6 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.scene.names import FILE_NAME_RULE, NAME_RULE, key_path
-from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS
-from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 
 __all__ = ["translate"]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownNameError, suggest
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError, suggest
 
 __all__ = ["ALL", "CABLES", "actuate_members"]
 

@@ -18,10 +18,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.laws import LAW_PARAMETERS, MEMBER_VALUES
 from tensegrity_codegen.structure.node_order import order_nodes, spread
 from tensegrity_codegen.structure.repeated_modules import Module, find_modules
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES
 
 __all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
 

@@ -20,12 +20,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pickling import reduce_fields
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
+from tensegrity_codegen.system.pickling import reduce_fields
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
 __all__ = [
     "Bar", "Body", "BodyInput", "BodyLoad", "BodySystem", "Chart", "FixedBody", "JointFriction", "RigidBody",

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["InertiaPlan", "find_massless", "refuse_bare"]
 

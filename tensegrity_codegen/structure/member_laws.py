@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.laws import (
+from tensegrity_codegen.tables.laws import (
     LAW_PARAMETERS,
     LAWS,
     LINEAR,
@@ -17,7 +17,7 @@ from tensegrity_codegen.laws import (
     compute_spring_constant,
     find_law,
 )
-from tensegrity_codegen.laws.law import Law
+from tensegrity_codegen.tables.laws.law import Law
 
 __all__ = ["SECTION_VALUES", "WithMemberLaws"]
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pickling import reduce_fields
-from tensegrity_codegen.results.summaries import Summarised, describe_count, describe_range
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.pickling import reduce_fields
+from tensegrity_codegen.system.summaries import Summarised, describe_count, describe_range
 
 __all__ = [
     "MEMBER_CHECKS",

@@ -15,13 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_instance
-from tensegrity_codegen.pickling import reduce_fields
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.pickling import reduce_fields
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
 __all__ = ["ActuatedInput", "Structure"]
 

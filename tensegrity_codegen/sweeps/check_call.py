@@ -6,10 +6,10 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from tensegrity_codegen.checks import check_whole
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.engines.cluster import check_wait
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["check_engine", "check_on_progress", "check_scene_source", "check_stop_after", "check_yes"]
 

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
-from tensegrity_codegen.long_work.processor import name_processor
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.sweeps.apply.scene_document import read_scene_document
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.key_sentences import describe_key
 from tensegrity_codegen.sweeps.plan import SweepPlan
 from tensegrity_codegen.sweeps.tasks.operation import Operation
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.processor import name_processor
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["describe_facts", "identify_sweep"]
 

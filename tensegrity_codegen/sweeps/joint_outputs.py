@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.sweeps.tasks.operation import Output
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["find_places", "join_outputs"]
 

@@ -6,13 +6,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from tensegrity_codegen.errors import TensegrityError
-from tensegrity_codegen.quantities import ARGUMENTS, QUANTITIES
-from tensegrity_codegen.quantities.arguments import INPUT_UNITS
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.array_keys import INPUT
 from tensegrity_codegen.sweeps.key_schema import root_place
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
+from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
 __all__ = ["describe_key"]
 

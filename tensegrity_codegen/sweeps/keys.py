@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.sweeps.key_schema import ANY, Bounds, Place, root_place
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 __all__ = ["KeyPath", "find_numbers", "format_path", "parse_path"]
 

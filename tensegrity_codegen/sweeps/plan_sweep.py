@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
@@ -27,6 +26,7 @@ from tensegrity_codegen.sweeps.engines.work import SweepWork, select_arguments
 from tensegrity_codegen.sweeps.joint_outputs import join_outputs
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["PlannedSweep", "plan_sweep"]
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.sweeps.check_call import check_stop_after
 from tensegrity_codegen.sweeps.engines.engine import Engine, FinishedTask
 from tensegrity_codegen.sweeps.engines.work import SweepWork
@@ -23,6 +22,7 @@ from tensegrity_codegen.sweeps.store.folder import check_store_folder, find_fini
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.store.store import SweepStore
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE
+from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 __all__ = ["check_zarr", "run_sweep"]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import check_choice
+from tensegrity_codegen.system.errors import check_choice
 
 __all__ = [
     "GOOD",

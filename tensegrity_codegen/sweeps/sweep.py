@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.checks import check_whole
-from tensegrity_codegen.long_work.forked import count_workers
 from tensegrity_codegen.sweeps.cases.build_cases import Stated, build_cases
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.check_call import (
@@ -32,6 +30,8 @@ from tensegrity_codegen.sweeps.store.identity import check_same_sweep
 from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.sweeps.tasks.operations import build_operation
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.forked import count_workers
 
 __all__ = ["PreparedSweep", "prepare_sweep", "sweep"]
 

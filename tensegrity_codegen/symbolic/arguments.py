@@ -13,12 +13,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_whole
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.laws import LAW_PARAMETERS
-from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import ModelArgument
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS
+from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
 __all__ = ["SymbolicArguments", "check_parameters", "nominal_value"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["build_model"]
 

@@ -26,9 +26,9 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.geometry import dot
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = [
     "BAR_DISTANCE_CASE",

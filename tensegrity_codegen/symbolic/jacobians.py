@@ -6,8 +6,8 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["below_zeros", "by_inputs", "by_parameters"]
 

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.quantities import find_quantity
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.quantities import find_quantity
 
 __all__ = ["Frame", "ModelArgument", "SymbolicModel", "frame_structure"]
 

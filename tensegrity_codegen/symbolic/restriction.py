@@ -16,10 +16,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.symbolic.formulations.bodies import build_bodies
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Balance", "Control", "RestrictedBodies"]
 

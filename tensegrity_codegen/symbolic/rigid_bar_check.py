@@ -10,10 +10,10 @@ from scipy import sparse
 from scipy.linalg import qr
 from scipy.sparse import csgraph
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["check_formulation", "check_no_rigid_bar", "check_rigid_bars", "find_rigid_bars"]
 

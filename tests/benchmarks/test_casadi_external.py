@@ -17,7 +17,7 @@ import pytest
 from tensegrity_codegen import load_scene, symbolic_functions
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.scene_functions import SymbolicFunctions
+from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions
 from tests.cases import thorough
 from tests.codegen.build_c import run, write_files
 

@@ -6,7 +6,7 @@ import ensembles
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import load_nodes
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 
 
 def test_starts_keep_the_lengths_of_bars_and_what_is_held() -> None:

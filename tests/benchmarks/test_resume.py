@@ -11,8 +11,8 @@ from harness.candidate import Candidate
 from harness.resume import Kept
 from harness.session import Session
 
-from tensegrity_codegen.long_work.journal import Journal
-from tensegrity_codegen.long_work.resumption import Resumption
+from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.system.resumption import Resumption
 
 
 def make(name: str, ns: float, value: float) -> Candidate:

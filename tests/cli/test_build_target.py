@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.targets import TARGETS
+from tensegrity_codegen.tables.targets import TARGETS
 from tests.cli.conftest import Run
 
 

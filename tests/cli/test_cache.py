@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
-from tensegrity_codegen.errors import UnsafeCacheError
+from tensegrity_codegen.system.errors import UnsafeCacheError
 from tests.cli.conftest import Run
 from tests.codegen.compilers import POSIX
 

@@ -12,7 +12,7 @@ import typer
 from tensegrity_codegen.cli import main
 from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.cli.output import plain
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.version import VERSION
 from tests.cases import thorough
 from tests.cli.conftest import Run
 
@@ -181,7 +181,7 @@ def test_ctrl_c_ends_with_130(run: Run, two_nodes: Path, monkeypatch: pytest.Mon
     def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", interrupt)
+    monkeypatch.setattr("tensegrity_codegen.pipeline.compile_scene.load_scene", interrupt)
     ended = run("check", two_nodes)
     assert ended.code == 130
     assert ended.out == ""
@@ -205,7 +205,7 @@ def test_what_the_machine_refuses_is_said_without_traceback(
     def refuse(_: object) -> None:
         raise error
 
-    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", refuse)
+    monkeypatch.setattr("tensegrity_codegen.pipeline.compile_scene.load_scene", refuse)
     ended = run("check", two_nodes, "--json")
     assert ended.code == 2
     assert words in ended.err
@@ -216,7 +216,7 @@ def test_a_defect_is_not_hidden(two_nodes: Path, monkeypatch: pytest.MonkeyPatch
     def fail(_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr("tensegrity_codegen.pipeline.load_scene", fail)
+    monkeypatch.setattr("tensegrity_codegen.pipeline.compile_scene.load_scene", fail)
     with pytest.raises(ZeroDivisionError):
         main(["check", str(two_nodes)])
 

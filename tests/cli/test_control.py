@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.errors import SceneSyntaxError
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.runtime.control.study.read_files import read_weights
+from tensegrity_codegen.control.feedback.study.read_files import read_weights
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.system.errors import SceneSyntaxError
 from tests.cli.conftest import Run
 
 TWIST = 'twist("bar*_B", "base_*")=157'

@@ -7,7 +7,7 @@ import pytest
 from tensegrity_codegen.cli import installation
 from tensegrity_codegen.codegen.compilation import toolchain
 from tensegrity_codegen.codegen.compilation.flags import Compiler
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.version import VERSION
 from tests.cli.conftest import Run
 from tests.codegen.compilers import POSIX, write_script
 

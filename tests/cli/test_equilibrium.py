@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cli.conftest import Run, write_example
 from tests.cli.scenes import HANGING, write
 from tests.reference import ReferenceModel

@@ -132,7 +132,7 @@ def test_a_scene_that_makes_no_unit_is_refused(text: str, problem: str, run: Run
 def test_without_a_compiler_the_error_says_so(
     run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tensegrity_codegen.errors import CompilerMissingError
+    from tensegrity_codegen.system.errors import CompilerMissingError
 
     def find(_: object) -> None:
         raise CompilerMissingError("no C compiler was found", hint="pip install ziglang")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
 from tests.cli.conftest import Run
 from tests.reference import ReferenceModel

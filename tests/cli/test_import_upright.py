@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from tensegrity_codegen.pipeline import load_nodes
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tests.cli.conftest import Run
 from tests.scene.formats.test_change_frame import STICKS
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cli.conftest import Run
 from tests.cli.scenes import HANGING, write
 from tests.reference import ReferenceModel

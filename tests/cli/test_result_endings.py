@@ -155,8 +155,8 @@ def test_a_file_of_someone_else_stays(run: Run, scene: Path, kind: str) -> None:
 
 
 def test_an_array_too_large_for_matlab_is_refused(tmp_path: Path) -> None:
-    from tensegrity_codegen.errors import InvalidValueError
-    from tensegrity_codegen.results.table_files import write_mat
+    from tensegrity_codegen.system.errors import InvalidValueError
+    from tensegrity_codegen.system.table_files import write_mat
 
     huge = np.broadcast_to(np.zeros(1), 2**28)  # 2 GB that take no memory
     with pytest.raises(InvalidValueError, match="too large for a"):

@@ -13,10 +13,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.compare.stability import all_cases
-from tensegrity_codegen.long_work import forked, identity
-from tensegrity_codegen.papers.sk import chapter
 from tensegrity_codegen.report.pages.page import Section
+from tensegrity_codegen.studies import identity
+from tensegrity_codegen.studies.papers.sk import chapter
+from tensegrity_codegen.studies.stability import all_cases
+from tensegrity_codegen.system import forked
 from tests.cli.conftest import Run
 from tests.cli.test_processes import environment
 from tests.codegen.compilers import POSIX, is_running, wait_until
@@ -27,9 +28,9 @@ SECTIONS = ("inverse", "pattern", "storage", "trajectory", "drift", "offset")
 REPRODUCE = """
 import signal, sys, time
 from pathlib import Path
-from tensegrity_codegen.papers.sk import chapter
+from tensegrity_codegen.studies.papers.sk import chapter
 from tensegrity_codegen.report.pages.page import Section
-from tensegrity_codegen.supervised import main
+from tensegrity_codegen.cli.supervised import main
 
 def build(name):
     if name == "storage" and Path("stops").exists():
@@ -47,8 +48,8 @@ main()
 STABILITY = """
 import os, time
 from pathlib import Path
-from tensegrity_codegen.compare.stability import all_cases
-from tensegrity_codegen.supervised import main
+from tensegrity_codegen.studies.stability import all_cases
+from tensegrity_codegen.cli.supervised import main
 
 generate, run = all_cases.generate_cases, all_cases._run
 chosen = []

@@ -9,7 +9,7 @@ import typer
 from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.cli.scene_files import read_example
 from tests.cli.conftest import Run
-from tests.report.live.pages import require_three
+from tests.live.pages import require_three
 from tests.report.samples import png_size
 
 pytest.importorskip("matplotlib")

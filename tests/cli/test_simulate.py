@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model import library
 from tests.cli.conftest import Run
 from tests.cli.scenes import GOOD, HANGING, write
@@ -151,7 +151,7 @@ def test_a_result_without_a_place_is_refused_before_the_run(
     (folder / "there").mkdir()
     (folder / "file").write_text("", encoding="utf-8")
     monkeypatch.setattr(
-        "tensegrity_codegen.pipeline.build_library", lambda *_, **__: pytest.fail("was built")
+        "tensegrity_codegen.pipeline.compile_scene.build_library", lambda *_, **__: pytest.fail("was built")
     )
     before = sorted(folder.rglob("*"))
     ended = run("simulate", two_nodes, "--t-end", 1, "--out", out, "--json")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import load_nodes
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tests.cli.conftest import Run
 
 

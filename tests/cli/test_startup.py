@@ -31,7 +31,7 @@ HEAVY = (
     "rich",
     "scipy",
     "tensegrity_codegen.codegen",
-    "tensegrity_codegen.pipeline",
+    "tensegrity_codegen.pipeline.compile_scene",
     "tensegrity_codegen.structure",
 )
 

@@ -12,7 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.errors import CompilerMissingError
+from tensegrity_codegen.system.errors import CompilerMissingError
 from tests.cases import thorough
 
 FAMILIES = ("gcc", "clang", "zig")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from tensegrity_codegen.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.precision import find_precision
+from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.precision import find_precision
 
 __all__ = ["format_driver"]
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.manifest import ArgumentSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.targets import TARGETS
+from tensegrity_codegen.tables.manifest import ArgumentSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.targets import TARGETS
 from tests.codegen.build_c import run
 
 __all__ = ["Numbers", "compare", "format_calls", "in_c", "in_qemu", "in_wasm", "in_wine", "require", "split"]

@@ -33,6 +33,6 @@ def without_optimisation() -> Iterator[None]:
     with (
         mock.patch.dict(FLAG_SETS, reference=quick),
         mock.patch.object(emit, "account_left_out", return_value=()),
-        mock.patch("tensegrity_codegen.libraries.compile_source.check_library"),
+        mock.patch("tensegrity_codegen.pipeline.compile_source.check_library"),
     ):
         yield

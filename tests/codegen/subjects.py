@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, spring
 
 __all__ = ["all_parameters", "bare", "everything", "in_single_precision", "offered"]

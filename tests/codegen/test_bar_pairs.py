@@ -7,12 +7,12 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import Manifest, name_bar_pairs
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import Manifest, name_bar_pairs
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, run_in_casadi
 from tests.reference import ReferenceModel
 from tests.runtime.build import prism

@@ -10,9 +10,9 @@ import pytest
 from tensegrity_codegen.codegen import batch
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.quickly import SANITIZE

@@ -11,10 +11,10 @@ from tensegrity_codegen.codegen import choose_emitter as rule
 from tensegrity_codegen.codegen.choose_emitter import EmitterFacts, choose_emitter, find_facts
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import cable, make_structure, prism, spring
 
 AUTO = ModelRequest(("acceleration",), emitter="auto")

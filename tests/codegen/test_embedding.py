@@ -16,12 +16,12 @@ import pytest
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.manifest import ABI_VERSION, FunctionSpec
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import ABI_VERSION, FunctionSpec
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler

@@ -13,12 +13,12 @@ import pytest
 
 from tensegrity_codegen.codegen import unrolled
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import FormulationError, InvalidNameError
-from tensegrity_codegen.manifest import ABI_VERSION, Manifest
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
+from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
 from tests.runtime.build import bar, cable, make_structure, prism, spring

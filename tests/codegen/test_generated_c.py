@@ -11,12 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.manifest import STATUS
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.manifest import STATUS
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, bare, everything, offered
 from tests.comparison import dense, run_in_casadi

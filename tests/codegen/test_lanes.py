@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, KernelKind, build_kernel
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, everything, offered

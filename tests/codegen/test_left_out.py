@@ -12,9 +12,9 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.left_out import BYTES_AN_OPERATION, FEATURES, UNWANTED
-from tensegrity_codegen.manifest import LeftOut
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import LeftOut
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.subjects import all_parameters
 from tests.runtime.build import cable, make_structure, prism, spring
 

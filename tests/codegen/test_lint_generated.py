@@ -10,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tests.cases import thorough
 from tests.codegen.build_c import run, write_files
 from tests.codegen.plain_c.test_lint import CHECKS, require

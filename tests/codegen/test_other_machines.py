@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.binaries import describe_binary
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.errors import LibraryError
-from tensegrity_codegen.pipeline import build_library, load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.targets import TARGETS, WASM_STACK, find_host, library_file_name
+from tensegrity_codegen.system.binaries import describe_binary
+from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.targets import TARGETS, WASM_STACK, find_host, library_file_name
 from tests.codegen.build_c import run
 from tests.codegen.compilers import require_compiler
 from tests.codegen.other_machines import Numbers, compare, in_c, in_qemu, in_wasm, in_wine, require

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.errors import FormulationError, UnknownNameError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 
 

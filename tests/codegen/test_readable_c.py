@@ -10,9 +10,9 @@ import pytest
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
 from tensegrity_codegen.codegen.print.wrap_lines import LONGEST
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.subjects import bare, everything
 

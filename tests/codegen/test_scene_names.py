@@ -7,11 +7,11 @@ import re
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import TensegrityError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library, load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library, load_scene
 from tensegrity_codegen.scene.names import check_scene_name
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 
 

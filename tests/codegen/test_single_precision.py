@@ -11,15 +11,7 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import (
-    AbiMismatchError,
-    FormulationError,
-    InvalidValueError,
-    LibraryError,
-    NonFiniteError,
-)
-from tensegrity_codegen.papers.sk.precision import evaluate_in
-from tensegrity_codegen.pipeline import build_library, load_scene
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
@@ -30,7 +22,15 @@ from tensegrity_codegen.runtime.simulate.margins import build_contact_margins, b
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.studies.papers.sk.precision import evaluate_in
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import (
+    AbiMismatchError,
+    FormulationError,
+    InvalidValueError,
+    LibraryError,
+    NonFiniteError,
+)
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.running_error import evaluate_with_bound

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tensegrity_codegen.codegen.source_parts import list_parts
-from tensegrity_codegen.manifest import IntegratorSpec, SourcePart
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
+from tensegrity_codegen.tables.request import ModelRequest
 
 
 def part(name: str, *integrators: IntegratorSpec, n_slack: int = 0) -> SourcePart:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import check_request
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.pipeline import linearize_quantities, load_scene, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import linearize_quantities, load_scene, simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.table.modules import tower
 from tests.runtime.build import bar, cable, make_structure, prism

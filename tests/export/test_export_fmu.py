@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen import compile_scene, load_scene, simulate
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError
 from tensegrity_codegen.export.export_mjcf import build_mjcf
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
 from tests.cli.conftest import write_example
 
 FloatArray = NDArray[np.float64]

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen import load_scene
 from tensegrity_codegen.cli.scene_files import read_example
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.export.export_urdf import build_urdf
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.system.errors import FormulationError
 from tests.body_scenes import EVERYTHING, assemble_document, example
 
 FloatArray = NDArray[np.float64]

@@ -7,10 +7,15 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, OutputError, UnknownNameError
 from tensegrity_codegen.export import exporter
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource, find_exporters, write_export
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    OutputError,
+    UnknownNameError,
+)
 from tests.cli.conftest import write_example
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tests.cases import thorough

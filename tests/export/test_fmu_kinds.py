@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.scene.write import write_scene
 from tests.body_scenes import EVERYTHING

@@ -12,7 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.export.export_fmu import export_fmu
-from tensegrity_codegen.targets import TARGETS
+from tensegrity_codegen.tables.targets import TARGETS
 from tests.codegen.build_c import run
 from tests.codegen.other_machines import GLIBC, require
 from tests.export.scenes import write_loose

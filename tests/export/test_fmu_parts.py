@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import InvalidNameError
 from tensegrity_codegen.export.fmu.names import join_names, quote_name
 from tensegrity_codegen.export.fmu.units import find_exponents
-from tensegrity_codegen.quantities import ARGUMENTS, QUANTITIES
+from tensegrity_codegen.system.errors import InvalidNameError
+from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
 
 QCHARS = "!#$%&()*+,-./:;<>=?@[]^{}|~ "
 
@@ -89,7 +89,7 @@ def test_dependencies_are_those_of_the_structure(tmp_path: Path) -> None:
     from tensegrity_codegen.export.fmu.layout import Layout
     from tensegrity_codegen.export.fmu.tangent import find_tangent
     from tensegrity_codegen.export.fmu.variables import list_variables
-    from tensegrity_codegen.pipeline import load_scene
+    from tensegrity_codegen.pipeline.compile_scene import load_scene
     from tests.export.scenes import write_loose
 
     structure, request = load_scene(write_loose(tmp_path))

@@ -12,7 +12,7 @@ from tensegrity_codegen.report.loads import compute_loads, compute_static_loads,
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.structure.bodies import BodyLoad
 from tensegrity_codegen.structure.structure import Structure
-from tests.report.live.pages import load, sway
+from tests.live.pages import load, sway
 
 SCENE = """
 name = "lift"
@@ -94,7 +94,7 @@ def test_loads_of_an_equilibrium_are_those_of_its_search(model: CompiledModel) -
 
 
 def test_a_damaged_array_of_loads_is_refused(model: CompiledModel, tmp_path: Path) -> None:
-    from tensegrity_codegen.errors import SceneSyntaxError
+    from tensegrity_codegen.system.errors import SceneSyntaxError
 
     run = simulate(model, t_end=0.1, samples=3)
     run.write(tmp_path / "a.npz")

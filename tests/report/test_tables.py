@@ -3,7 +3,6 @@ import io
 import numpy as np
 from rich.console import Console
 
-from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, LeftOut, Manifest
 from tensegrity_codegen.report.tables import (
     functions_table,
     left_out_table,
@@ -11,6 +10,7 @@ from tensegrity_codegen.report.tables import (
     nodes_table,
     run_table,
 )
+from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, LeftOut, Manifest
 from tests.report.samples import frame, make_trajectory, prism
 
 MANIFEST = Manifest(

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from tensegrity_codegen.passes import watched_passes, work_pass
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.statics.methods import follow_residual
+from tensegrity_codegen.system.solver_progress import watched_passes, work_pass
 
 
 @pytest.mark.parametrize("n_runs", [1, 2, 3, 8])

@@ -23,7 +23,7 @@ from tensegrity_codegen import (
     simulate_batch,
 )
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 from tests.codegen.quickly import without_optimisation
 
 Call = tuple[Callable[..., Any], dict[str, Any]]

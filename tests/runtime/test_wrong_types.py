@@ -7,7 +7,7 @@ import pytest
 
 import tensegrity_codegen as package
 from tensegrity_codegen import compile_scene, find_equilibrium, simulate, simulate_batch
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, UnknownNameError
 from tests.codegen.quickly import without_optimisation
 from tests.scene.samples import ARCH
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 WHERE = "arch.toml"
 

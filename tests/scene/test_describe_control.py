@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.describe_bodies import describe_bodies
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document
 from tests.scene.samples import build, changed
 

@@ -10,7 +10,6 @@ from typing import Any
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 from tensegrity_codegen.scene.describe import describe_structure
@@ -19,6 +18,7 @@ from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.scene.write import format_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import TensegrityError
 from tests.body_scenes import EVERYTHING
 from tests.scene.samples import changed
 

@@ -2,7 +2,6 @@ import re
 
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidNameError
 from tensegrity_codegen.scene.names import (
     KEYWORDS,
     NAME_PATTERN,
@@ -12,6 +11,7 @@ from tensegrity_codegen.scene.names import (
     key_path,
     name_list,
 )
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
 
 
 @pytest.mark.parametrize("name", ["a", "A1", "left_strut", "x" * 63, "main", "i"])

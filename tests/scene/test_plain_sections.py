@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import SceneError
 from tensegrity_codegen.scene import plain_sections
 from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.read import read_document
 from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.system.errors import SceneError
 
 EXAMPLES = sorted(Path(plain_sections.__file__).parent.joinpath("examples").glob("*.toml"))
 NODES = {f"n{k}": {"position": [0.1 * k, -1e-7 * k, k], "mass": 0.5, "anchored": k == 0} for k in range(9)}

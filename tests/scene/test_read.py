@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene import read
+from tensegrity_codegen.scene.read import parse_scene, read_document, read_scene
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     SceneError,
@@ -15,8 +17,6 @@ from tensegrity_codegen.errors import (
     TensegrityError,
     UnknownKeyError,
 )
-from tensegrity_codegen.scene import read
-from tensegrity_codegen.scene.read import parse_scene, read_document, read_scene
 from tests.cases import thorough
 
 from .samples import ARCH, WHERE, changed

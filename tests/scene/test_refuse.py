@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.refuse import refuse
+from tensegrity_codegen.system.errors import InvalidValueError
 
 NAMES = tuple("abcdefgh")
 

@@ -11,7 +11,7 @@ import pytest
 
 from tensegrity_codegen import Scene, compile_scene, load_scene, read_scene
 from tensegrity_codegen.cli.scene_files import list_examples, read_example
-from tensegrity_codegen.errors import SceneError, SceneSyntaxError, StructureError, UnknownKeyError
+from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError, StructureError, UnknownKeyError
 
 SMALL: dict[str, Any] = {
     "name": "pair",

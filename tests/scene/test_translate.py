@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import (
     InvalidNameError,
     InvalidValueError,
     NonFiniteError,
@@ -10,7 +11,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.read import parse_scene
 
 from .samples import ARCH, REMOVE, WHERE, changed
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, OutputError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene, read_scene
 from tensegrity_codegen.scene.write import describe_structure, format_scene, write_scene
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, OutputError
 
 EXAMPLES = sorted(
     (

@@ -163,8 +163,8 @@ def test_an_unknown_mark_or_text_is_an_error() -> None:
 
 def test_links_to_what_is_no_page_become_names() -> None:
     page = "docs/guides/x.md"
-    assert point_links("[laws](tensegrity_codegen/laws/)", "README.md", page) == "laws"
-    assert point_links("[`laws/`](../tensegrity_codegen/laws/)", "docs/a.md", page) == "`laws/`"
+    assert point_links("[laws](tensegrity_codegen/tables/laws/)", "README.md", page) == "laws"
+    assert point_links("[`laws/`](../tensegrity_codegen/tables/laws/)", "docs/a.md", page) == "`laws/`"
     assert point_links("[a](docs/model.md#mass)", "README.md", page) == "[a](../model.md#mass)"
     assert point_links("[a](README.md)", "CONTRIBUTING.md", page) == "[a](../overview.md)"
     assert point_links("[a](docs/decisions)", "README.md", page) == "[a](../decisions/README.md)"

@@ -11,9 +11,9 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from tests.live.pages import require_three
 from tests.report.browser import find_browser
 from tests.report.driver import Tab, running_browser
-from tests.report.live.pages import require_three
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [pytest.mark.thorough, pytest.mark.timeout(1200)]

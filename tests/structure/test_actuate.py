@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownNameError
 from tensegrity_codegen.structure.actuate import actuate_members
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.structure import ActuatedInput
-from tests.runtime.planning.structures import build_prism
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError
+from tests.control.planning.structures import build_prism
 
 PRISM = build_prism(155.0)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.random_structures import make_structure
 
 WANTS = dict.fromkeys(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.sweeps.joint_outputs import find_places, join_outputs
 from tensegrity_codegen.sweeps.tasks.operation import Output
+from tensegrity_codegen.system.errors import InvalidValueError
 
 
 def tension(*members: str) -> Output:

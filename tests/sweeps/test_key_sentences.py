@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.apply.scene_document import read_scene_document
 from tensegrity_codegen.sweeps.key_sentences import describe_key
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError, UnknownKeyError
 from tensegrity_codegen.scene.read import parse_scene, read_document
 from tensegrity_codegen.sweeps.keys import KeyPath, find_numbers
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, UnknownKeyError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples"
 NAMES = sorted(path.stem for path in EXAMPLES.glob("*.toml"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.cases import Cases

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, OutputError
-from tensegrity_codegen.long_work.forked import can_fork
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
 from tensegrity_codegen.sweeps.run import run_sweep
 from tensegrity_codegen.sweeps.store.folder import find_finished
 from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tensegrity_codegen.system.errors import InvalidValueError, OutputError
+from tensegrity_codegen.system.forked import can_fork
 from tests.cases import thorough
 from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
 

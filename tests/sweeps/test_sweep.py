@@ -11,10 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, OutputError, TensegrityError
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.sweeps.sweep import sweep
 from tensegrity_codegen.sweeps.tasks.operations import build_operation
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    MissingExtraError,
+    OutputError,
+    TensegrityError,
+)
 from tests.cases import thorough
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")

@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tests.runtime.build import make_structure, spring
 
 INPUTS = (

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, BodyEvaluator, assemble_document, random_state
 from tests.runtime.build import bar, make_structure, spring
 from tests.symbolic.test_node_position import Evaluator

@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.system.errors import FormulationError
 from tests.runtime.build import bar, make_structure, spring
 
 # A chain of two bars 0-1-2 with own mass, and node 3 on a spring.

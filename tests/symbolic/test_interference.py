@@ -11,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.symbolic.interference import (
     BAR_DISTANCE_CASE,
     MOST_PAIRS,
@@ -19,6 +18,7 @@ from tensegrity_codegen.symbolic.interference import (
     build_bar_contact,
     build_bar_quantities,
 )
+from tensegrity_codegen.system.errors import FormulationError
 from tests.segments import exact_distance, searched_distance
 
 Array = NDArray[np.float64]

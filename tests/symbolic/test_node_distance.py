@@ -14,12 +14,12 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import FormulationError, UnknownKeyError, UnknownNameError
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
 from tensegrity_codegen.symbolic.inertia import Inertia
+from tensegrity_codegen.system.errors import FormulationError, UnknownKeyError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 from tests.cases import thorough
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.quantities import PARAMETERS
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.subjects import everything
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures

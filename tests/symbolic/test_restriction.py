@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, FixedBody
 from tensegrity_codegen.symbolic.restriction import RestrictedBodies
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 MASS, LENGTH, INERTIA, GRAVITY = 2.0, 1.5, 0.3, 9.81
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.rigid_bar_check import find_redundant
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, largest_terms, run_in_casadi
 from tests.random_structures import structures
 from tests.reference import ReferenceModel

@@ -15,17 +15,17 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.prestress_options import PrestressOption, SceneOutOption, check_prestress
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from tensegrity_codegen.cli.prestressed_scene import Prestressed
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["VERB"]
 
@@ -151,7 +151,12 @@ def _analyse(
     **options: Any,
 ) -> tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]:
     """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.pipeline.compile_scene import (
+        build_library,
+        find_needs,
+        move_near_origin,
+        with_statics,
+    )
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 

@@ -30,16 +30,16 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.output_folder import check_folder
-from tensegrity_codegen.targets import find_target
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.output_folder import check_folder
+from tensegrity_codegen.tables.targets import find_target
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.memory_use import MemoryUse
-    from tensegrity_codegen.pipeline import BuiltLibrary
-    from tensegrity_codegen.request import ModelRequest
+    from tensegrity_codegen.codegen.memory_use import MemoryUse
+    from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary
+    from tensegrity_codegen.pipeline.tuning import TunedLibrary
     from tensegrity_codegen.scene.subject import Subject
-    from tensegrity_codegen.tuning import TunedLibrary
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["VERB"]
 
@@ -71,8 +71,8 @@ def build(
     output = Output(json)
     with output.guard(scene):
         from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
-        from tensegrity_codegen.memory_use import measure_memory
-        from tensegrity_codegen.pipeline import build_library
+        from tensegrity_codegen.codegen.memory_use import measure_memory
+        from tensegrity_codegen.pipeline.compile_scene import build_library
 
         if out is not None:
             check_folder(out)
@@ -116,7 +116,7 @@ def _check_target(target: str | None, tunes: bool) -> None:
 
 def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
     """Refuse a Python package that has no place, or that cannot be."""
-    from tensegrity_codegen.wheels.wheel import check_wheel
+    from tensegrity_codegen.codegen.wheels.wheel import check_wheel
 
     if out is None:
         raise InvalidValueError(
@@ -138,7 +138,7 @@ def _tune(
 ) -> TunedLibrary:
     """Return the fastest library for this machine, and what it was compared with."""
     from tensegrity_codegen.codegen.compilation.flags import MEASURED
-    from tensegrity_codegen.tuning import build_tuned
+    from tensegrity_codegen.pipeline.tuning import build_tuned
 
     sets = MEASURED if any_flags else ()
     return build_tuned(structure, request, compiler=compiler, flags=sets, tune_for=by, measure=measure)
@@ -154,6 +154,7 @@ def _tell(
     following: str,
 ) -> None:
     """Say what a library holds, where it is, and which command comes next."""
+    from tensegrity_codegen.codegen.wheels.wheel import wheel_file_name
     from tensegrity_codegen.report.tables import (
         candidates_table,
         describe_parts,
@@ -161,8 +162,7 @@ def _tell(
         left_out_table,
         memory_table,
     )
-    from tensegrity_codegen.results.summaries import describe_count
-    from tensegrity_codegen.wheels.wheel import wheel_file_name
+    from tensegrity_codegen.system.summaries import describe_count
 
     data, tables = _describe(built, folder), [functions_table(built.manifest), left_out_table(built.manifest)]
     if tuned is not None:

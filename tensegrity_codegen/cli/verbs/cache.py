@@ -27,7 +27,7 @@ def cache(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
-        from tensegrity_codegen.results.summaries import describe_count
+        from tensegrity_codegen.system.summaries import describe_count
 
         kept = Cache()
         removed = kept.count() if clear else 0

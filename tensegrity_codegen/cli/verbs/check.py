@@ -27,9 +27,9 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.pipeline import check_buildable, load_scene
-        from tensegrity_codegen.results.summaries import describe_count
+        from tensegrity_codegen.pipeline.compile_scene import check_buildable, load_scene
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
+        from tensegrity_codegen.system.summaries import describe_count
 
         structure, request = load_scene(scene)
         warnings = find_scene_warnings(structure)
@@ -95,8 +95,8 @@ def _describe_start(subject: Structure | BodySystem) -> dict[str, Any]:
 
 def _summarise_start(data: dict[str, Any]) -> list[str]:
     """Return lines on sizes and tensions, and on self-stresses and motions where they were counted."""
-    from tensegrity_codegen.results.summaries import describe_count
     from tensegrity_codegen.structure.member_limits import describe_tensions
+    from tensegrity_codegen.system.summaries import describe_count
 
     size = " x ".join(f"{side:.4g}" for side in data["size"])
     sizes = [f"size {size} m", *([] if data["mass"] is None else [f"mass {data['mass']:.6g} kg"])]

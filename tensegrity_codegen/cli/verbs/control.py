@@ -51,11 +51,11 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verbs.plan import ActuateOption
-from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.control.study.control_study import ControlStudy
+    from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.scene.subject import Subject
 
@@ -172,13 +172,13 @@ def _find_batch(in_c: bool, compiler: str | None) -> Any:
     """Return what simulates many draws at once, None where Python simulates one after the other."""
     if not in_c:
         return None
-    from tensegrity_codegen.controller.simulate_batch import simulate_control_batch
+    from tensegrity_codegen.control.embedded.simulate_batch import simulate_control_batch
 
     return partial(simulate_control_batch, compiler=compiler)
 
 
 def _study(model: CompiledModel, motion: Any, **options: Any) -> ControlStudy:
-    from tensegrity_codegen.runtime.control.study.study import study_control
+    from tensegrity_codegen.control.feedback.study.study import study_control
 
     return study_control(model, motion, **options)
 
@@ -193,7 +193,7 @@ def _write_page(
     study: ControlStudy, model: CompiledModel, subject: Subject, path: Path, overwrite: bool
 ) -> None:
     """Write the page, whole or not at all."""
-    from tensegrity_codegen.report.control_page import build_control_page
+    from tensegrity_codegen.control.pages.control_page import build_control_page
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.structure.outline import outline_bodies
 
@@ -203,7 +203,7 @@ def _write_page(
 
 def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping[str, Any]) -> None:
     """Print the study: errors of the loops, actuators, assumptions."""
-    from tensegrity_codegen.report.control_studies import (
+    from tensegrity_codegen.control.pages.control_studies import (
         actuators_table,
         describe_facts,
         describe_study,

@@ -12,7 +12,7 @@ from tensegrity_codegen.cli.option_names import VerbCommand
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, parse_vector
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.files import check_ending, check_output
 
 __all__ = ["VERB"]
 
@@ -71,12 +71,12 @@ def import_foreign(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.results.summaries import describe_count
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
         from tensegrity_codegen.scene.formats.format import read_files
         from tensegrity_codegen.scene.read import parse_scene
         from tensegrity_codegen.scene.subject import assemble_scene
         from tensegrity_codegen.scene.write import write_scene
+        from tensegrity_codegen.system.summaries import describe_count
 
         check_ending(out, ".toml")
         imported = read_files(

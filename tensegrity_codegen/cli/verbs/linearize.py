@@ -14,12 +14,12 @@ from tensegrity_codegen.cli.inputs import InputOption, read_inputs
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.linear.linearize import LinearModel
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["VERB"]
 
@@ -70,7 +70,7 @@ def _linearize(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
 ) -> tuple[LinearModel, Mapping[str, bool]]:
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
-    from tensegrity_codegen.pipeline import build_library, find_needs
+    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
     from tensegrity_codegen.runtime.linear.kinks import find_kinks
     from tensegrity_codegen.runtime.linear.linearize import linearize as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -96,7 +96,7 @@ def _read(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
 ) -> tuple[Subject, ModelRequest, dict[str, float], bool]:
     """Return structure, request and inputs, and whether the structure is still to be settled."""
-    from tensegrity_codegen.pipeline import (
+    from tensegrity_codegen.pipeline.compile_scene import (
         has_statics,
         is_corrected,
         settle_structure,

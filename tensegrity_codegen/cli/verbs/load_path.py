@@ -14,19 +14,19 @@ from tensegrity_codegen.cli.load_ramp import RampKind, build_ramp
 from tensegrity_codegen.cli.options import CompilerOption, JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.files import check_output
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.system.files import check_output
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.paths.load_path import LoadPath
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
     from tensegrity_codegen.runtime.paths.path_problem import Watch
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.member_limits import MemberFlaws
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["VERB"]
 
@@ -205,7 +205,7 @@ def _build(
     inputs: Mapping[str, float],
 ) -> ModelPath:
     """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
+    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
     from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
     from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES

@@ -10,7 +10,7 @@ from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArg
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import read_example, write_text
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending
+from tensegrity_codegen.system.files import check_ending
 
 __all__ = ["VERB"]
 

@@ -16,11 +16,11 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.timed_plan import MotionOption, check_motion_file, describe_motion, time_plan
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.extras import require_plot
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.extras import require_plot
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.planning.outcome import PlanResult
+    from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.scene.subject import Subject
 
 __all__ = ["VERB"]
@@ -131,7 +131,7 @@ def plan(
 
 
 def _check_files(files: Sequence[Path], page: Path | None, scene: Path, overwrite: bool) -> None:
-    from tensegrity_codegen.runtime.planning.write_plan import ENDINGS
+    from tensegrity_codegen.control.planning.write_plan import ENDINGS
 
     for file in files:
         check_ending(file, *ENDINGS)
@@ -151,10 +151,10 @@ def _compile(
     analysis: str,
 ) -> tuple[Subject, Any, tuple[str, ...] | None]:
     """Return the structure with its actuators, its model, and the names of the actuators that move."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, with_statics
-    from tensegrity_codegen.runtime.planning.quadratic_program import require_solver
-    from tensegrity_codegen.runtime.planning.targets.target_text import read_targets
-    from tensegrity_codegen.runtime.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.control.planning.quadratic_program import require_solver
+    from tensegrity_codegen.control.planning.targets.target_text import read_targets
+    from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
     require_solver()
@@ -173,7 +173,7 @@ def _compile(
 def _plan(
     output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
 ) -> PlanResult:
-    from tensegrity_codegen.runtime.planning.plan import plan as run
+    from tensegrity_codegen.control.planning.plan import plan as run
     from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
     limit_threads()  # the matrices are too small for several: waiting for each other takes longer
@@ -187,7 +187,7 @@ def _plan(
 
 
 def _write(found: PlanResult, files: Sequence[Path], overwrite: bool) -> None:
-    from tensegrity_codegen.runtime.planning.write_plan import write_plan
+    from tensegrity_codegen.control.planning.write_plan import write_plan
 
     for file in files:
         write_plan(found, file, overwrite=overwrite)
@@ -195,8 +195,8 @@ def _write(found: PlanResult, files: Sequence[Path], overwrite: bool) -> None:
 
 def _write_page(found: PlanResult, subject: Subject, path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
+    from tensegrity_codegen.control.pages.plan_page import build_plan_page
     from tensegrity_codegen.report.pages.render_page import render_page
-    from tensegrity_codegen.report.plan_page import build_plan_page
     from tensegrity_codegen.structure.outline import outline_bodies
 
     found = replace(found, message=name_options(found.message))
@@ -206,7 +206,7 @@ def _write_page(found: PlanResult, subject: Subject, path: Path, overwrite: bool
 
 def _report(output: Output, subject: Subject, found: PlanResult, more: dict[str, Any]) -> None:
     """Print the plan: targets, rest lengths, what limits it."""
-    from tensegrity_codegen.report.plans import (
+    from tensegrity_codegen.control.pages.plans import (
         actuators_table,
         binding_table,
         certificate_table,

@@ -11,8 +11,8 @@ import typer
 from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArgument
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.files import check_ending, check_output
 
 __all__ = ["VERB"]
 
@@ -66,9 +66,9 @@ def reconfigure(
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.papers.scs.reconfiguration import plan_reconfiguration
-        from tensegrity_codegen.papers.scs.symmetry import SymmetricPose, SymmetricTower
-        from tensegrity_codegen.papers.scs.tracking import track as follow
+        from tensegrity_codegen.studies.papers.scs.reconfiguration import plan_reconfiguration
+        from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
+        from tensegrity_codegen.studies.papers.scs.tracking import track as follow
 
         first = read_numbers(start, "--from", "al,de,Z")
         last = read_numbers(end, "--to", "al" if zero_torque else "al,de")

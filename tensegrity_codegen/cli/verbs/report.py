@@ -17,7 +17,7 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output, list_files
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.output_folder import check_folder
+from tensegrity_codegen.system.output_folder import check_folder
 
 __all__ = ["VERB"]
 
@@ -48,9 +48,9 @@ def report(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.compare.work_precision.report import write_report
-        from tensegrity_codegen.compare.work_precision.scene_report import Options
-        from tensegrity_codegen.pipeline import load_nodes
+        from tensegrity_codegen.pipeline.compile_scene import load_nodes
+        from tensegrity_codegen.studies.work_precision.report import write_report
+        from tensegrity_codegen.studies.work_precision.scene_report import Options
 
         check_folder(out, ["report.html", "report.csv", "report.json"], inputs=scenes, overwrite=overwrite)
         structures = [load_nodes(path) for path in scenes]

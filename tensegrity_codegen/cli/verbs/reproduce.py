@@ -10,7 +10,7 @@ import typer
 from tensegrity_codegen.cli.options import FreshOption, JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.output_folder import check_folder
+from tensegrity_codegen.system.output_folder import check_folder
 
 __all__ = ["VERB"]
 
@@ -37,8 +37,8 @@ def reproduce(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.papers.reproduce import reproduce as run
         from tensegrity_codegen.report.pages.page_outcome import outcome_table
+        from tensegrity_codegen.studies.papers.reproduce import reproduce as run
 
         check_folder(out, ["reproduce.html", "reproduce.json"], inputs=(), overwrite=overwrite)
         with output.resumable(out) as notice, output.progress("computing") as progress:

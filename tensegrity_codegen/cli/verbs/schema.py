@@ -12,7 +12,7 @@ from tensegrity_codegen.cli.options import JsonOption, OverwriteOption
 from tensegrity_codegen.cli.output import Output, print_text
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_ending
+from tensegrity_codegen.system.files import check_ending
 
 __all__ = ["VERB"]
 

@@ -18,13 +18,13 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.errors import check_choice
-from tensegrity_codegen.files import check_ending, check_output
+from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.system.files import check_ending, check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.request import ModelRequest
     from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
     from tensegrity_codegen.scene.subject import Subject
+    from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["VERB"]
 
@@ -114,7 +114,12 @@ def _find(
     compiler: str | None,
 ) -> Sensitivity:
     """Return the sensitivity at the equilibrium under these arguments."""
-    from tensegrity_codegen.pipeline import build_library, find_needs, move_near_origin, with_statics
+    from tensegrity_codegen.pipeline.compile_scene import (
+        build_library,
+        find_needs,
+        move_near_origin,
+        with_statics,
+    )
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 

@@ -13,7 +13,7 @@ from tensegrity_codegen.cli.options import JsonOption, OverwriteOption, SceneArg
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.picture import PAGE, ShowOptions, check_kind, show_picture
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.files import check_output
+from tensegrity_codegen.system.files import check_output
 
 __all__ = ["VERB"]
 

@@ -17,8 +17,8 @@ from tensegrity_codegen.cli.options import (
 )
 from tensegrity_codegen.cli.output import Output, list_files
 from tensegrity_codegen.cli.verb import Verb
-from tensegrity_codegen.errors import UnstableError
-from tensegrity_codegen.output_folder import check_folder
+from tensegrity_codegen.system.errors import UnstableError
+from tensegrity_codegen.system.output_folder import check_folder
 
 __all__ = ["VERB"]
 
@@ -53,12 +53,12 @@ def stability(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.compare.stability.finding import WORDS
-        from tensegrity_codegen.compare.stability.judge import RULES, VERDICTS
-        from tensegrity_codegen.compare.stability.outcome import NOT_RUN, Limits
-        from tensegrity_codegen.compare.stability.page_tables import RULE_WORDS
-        from tensegrity_codegen.compare.stability.report import write_stability
-        from tensegrity_codegen.pipeline import load_nodes
+        from tensegrity_codegen.pipeline.compile_scene import load_nodes
+        from tensegrity_codegen.studies.stability.finding import WORDS
+        from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
+        from tensegrity_codegen.studies.stability.outcome import NOT_RUN, Limits
+        from tensegrity_codegen.studies.stability.page_tables import RULE_WORDS
+        from tensegrity_codegen.studies.stability.report import write_stability
 
         check_folder(out, ["stability.html", "stability.json"], inputs=scenes, overwrite=overwrite)
         structures = [load_nodes(path) for path in scenes]

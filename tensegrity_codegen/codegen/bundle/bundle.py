@@ -11,9 +11,9 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import TOO_LONG
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.render import render
-from tensegrity_codegen.manifest import C_API_VERSION, Manifest
-from tensegrity_codegen.quantities import PARAMETERS
-from tensegrity_codegen.results.summaries import describe_count
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.tables.manifest import C_API_VERSION, Manifest
+from tensegrity_codegen.tables.quantities import PARAMETERS
 
 __all__ = ["LICENCE", "emit_bundle", "name_package"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["label_entries"]
 

@@ -15,10 +15,10 @@ import casadi as ca
 
 from tensegrity_codegen.codegen.casadi_interface.derivatives import Derivative
 from tensegrity_codegen.codegen.unrolled import MOST_OPERATIONS, check_unrollable
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.quantities import PARAMETERS
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.quantities import PARAMETERS
 
 __all__ = ["build_acados"]
 

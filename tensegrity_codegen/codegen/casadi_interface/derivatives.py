@@ -20,12 +20,12 @@ import casadi as ca
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS, MOST_OPERATIONS
-from tensegrity_codegen.manifest import SourcePart
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.tables.manifest import SourcePart
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = [
     "CASADI",

@@ -10,7 +10,7 @@ import casadi as ca
 
 from tensegrity_codegen.codegen.casadi_interface.derivatives import MOST_ENTRIES, Derivative, Derivatives
 from tensegrity_codegen.codegen.print.printer import print_body
-from tensegrity_codegen.manifest import Pattern
+from tensegrity_codegen.tables.manifest import Pattern
 
 __all__ = ["MOST_ENTRIES", "casadi_context", "casadi_pattern", "name_symbol"]
 

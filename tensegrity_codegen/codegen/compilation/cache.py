@@ -31,19 +31,19 @@ from tensegrity_codegen.codegen.compilation.cache_entry import (
     write_entry,
     write_request,
 )
-from tensegrity_codegen.codegen.compilation.cache_root import (
+from tensegrity_codegen.system.cache_root import (
     CACHE_VARIABLE,
     find_cache_root,
     warn_of_fallback,
 )
-from tensegrity_codegen.codegen.compilation.private_files import (
+from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.private_files import (
     check_entry,
     check_parents,
     check_private,
     make_private,
 )
-from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.work_folder import sweep_folders, work_folder
+from tensegrity_codegen.system.work_folder import sweep_folders, work_folder
 
 __all__ = ["CACHE_VARIABLE", "SIZE_LIMIT", "Cache", "CacheEntry", "find_cache_root"]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.codegen.compilation.private_files import write_private
-from tensegrity_codegen.errors import LibraryError
-from tensegrity_codegen.targets import library_suffixes
+from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.system.private_files import write_private
+from tensegrity_codegen.tables.targets import library_suffixes
 
 __all__ = [
     "ENTRY_FILE",

@@ -15,14 +15,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tensegrity_codegen.codegen.compilation.cache_root import find_cache_root
 from tensegrity_codegen.codegen.compilation.child import ChildOutcome, run_several
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet, build_command
 from tensegrity_codegen.codegen.compilation.object_file import read_code_size, read_stack_use
-from tensegrity_codegen.codegen.compilation.private_files import check_parents, make_private
-from tensegrity_codegen.errors import CompileError, InvalidNameError, InvalidValueError, UnsafeCacheError
-from tensegrity_codegen.targets import Target, find_system, library_file_name
-from tensegrity_codegen.work_folder import work_folder
+from tensegrity_codegen.system.cache_root import find_cache_root
+from tensegrity_codegen.system.errors import (
+    CompileError,
+    InvalidNameError,
+    InvalidValueError,
+    UnsafeCacheError,
+)
+from tensegrity_codegen.system.private_files import check_parents, make_private
+from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.tables.targets import Target, find_system, library_file_name
 
 __all__ = [
     "COMPILE_TIMEOUT",

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["hash_package", "hash_request", "hash_scene", "hash_structure", "hash_text"]
 

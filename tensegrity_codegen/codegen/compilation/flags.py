@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.targets import Target, find_system
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.targets import Target, find_system
 
 __all__ = [
     "FLAG_SETS",

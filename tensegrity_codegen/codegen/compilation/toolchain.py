@@ -15,10 +15,10 @@ from pathlib import Path
 from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.compile import compile_library, compiler_environment
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
-from tensegrity_codegen.errors import CompileError, CompilerMissingError
-from tensegrity_codegen.extras import name_install
-from tensegrity_codegen.targets import Target
-from tensegrity_codegen.work_folder import work_folder
+from tensegrity_codegen.system.errors import CompileError, CompilerMissingError
+from tensegrity_codegen.system.extras import name_install
+from tensegrity_codegen.system.work_folder import work_folder
+from tensegrity_codegen.tables.targets import Target
 
 __all__ = ["Compiler", "check_compiler", "find_compiler", "find_compilers", "find_cross_compiler"]
 

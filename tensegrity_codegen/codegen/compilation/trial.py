@@ -7,12 +7,12 @@ import shlex
 import sys
 from pathlib import Path
 
-from tensegrity_codegen.binaries import describe_binary
 from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.codegen.compilation.flags import Compiler
-from tensegrity_codegen.errors import CompileError
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.targets import Target
+from tensegrity_codegen.system.binaries import describe_binary
+from tensegrity_codegen.system.errors import CompileError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.targets import Target
 
 __all__ = ["check_foreign_library", "check_library"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.manifest import IntegratorSpec
-from tensegrity_codegen.precision import Precision
-from tensegrity_codegen.tableaus import EXPLICIT, TABLEAUS
+from tensegrity_codegen.tables.manifest import IntegratorSpec
+from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
 
 __all__ = ["LINE_BYTES", "BatchMemory", "count_line", "plan_memory", "with_batch"]
 

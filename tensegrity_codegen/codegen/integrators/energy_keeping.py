@@ -13,10 +13,10 @@ import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["KEPT", "KEPT_QUANTITIES", "check_keep", "keeper_context", "keeper_memory"]
 

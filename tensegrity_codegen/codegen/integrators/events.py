@@ -11,9 +11,9 @@ import numpy as np
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.manifest import EVENT_KINDS, JUMP_KINDS, FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = [
     "EVENT_QUANTITIES",

@@ -19,12 +19,12 @@ from tensegrity_codegen.codegen.integrators.events import events_context, watche
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
 from tensegrity_codegen.codegen.integrators.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.precision import find_precision
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.tableaus import EXPLICIT, TABLEAUS, Row, Tableau
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS, Row, Tableau
 
 __all__ = [
     "INTEGRATORS",

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["PULL", "count_driven", "driven_context", "find_driven", "pull_size"]
 

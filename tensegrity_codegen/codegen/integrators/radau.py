@@ -20,12 +20,12 @@ from tensegrity_codegen.codegen.emitter import EmittedModel
 from tensegrity_codegen.codegen.integrators.events import WatchedEvents, event_memory
 from tensegrity_codegen.codegen.integrators.saddle import build_saddle_pattern
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
-from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import Frame
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = ["RADAU", "RADAU_QUANTITIES", "radau_context", "radau_spec"]
 

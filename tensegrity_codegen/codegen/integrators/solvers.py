@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from tensegrity_codegen.codegen.emitter import EmittedModel
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import SOLVER_STATUS, FunctionSpec, SolverSpec
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, SolverSpec
 
 __all__ = ["MOST_SOLVED_COORDINATES", "SOLVERS", "solver_context", "solver_spec"]
 

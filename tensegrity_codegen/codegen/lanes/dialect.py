@@ -10,8 +10,8 @@ import casadi as ca
 from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.precision import PRECISIONS, Precision
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 
 __all__ = ["MIXED", "PACKS", "ROWS", "Dialect"]
 

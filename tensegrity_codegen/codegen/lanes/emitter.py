@@ -21,9 +21,9 @@ from tensegrity_codegen.codegen.print.identifiers import name_local
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered, prune
 from tensegrity_codegen.codegen.unrolled import UNROLLED
-from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 from tensegrity_codegen.symbolic.model import SymbolicModel
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["FORCE_QUANTITIES", "LANES"]
 

@@ -10,11 +10,11 @@ from typing import Any
 import casadi as ca
 
 from tensegrity_codegen.codegen.lanes.dialect import MIXED, PACKS, ROWS
-from tensegrity_codegen.laws import MEMBER_VALUES
-from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_kernel import KERNELS
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["BLOCKS", "DensityKernel", "KernelKind", "build_kernel", "build_row_kernel"]
 

@@ -20,7 +20,7 @@ from tensegrity_codegen.codegen.print.operations import print_operation
 from tensegrity_codegen.codegen.print.order import order_instructions
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
-from tensegrity_codegen.precision import PRECISIONS, Precision
+from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 
 __all__ = ["PrintedLanes", "print_lanes"]
 

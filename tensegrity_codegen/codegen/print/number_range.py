@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.precision import Precision, check_precision
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.precision import Precision, check_precision
 
 __all__ = ["check_number_range"]
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["BINARY", "COMPARISONS", "OPERATIONS", "Text", "count_reads", "print_operation", "print_text"]
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.codegen.print.instructions import Instruction, read_instructions
 from tensegrity_codegen.codegen.print.operations import BINARY, Text, count_reads, print_text
-from tensegrity_codegen.precision import PRECISIONS, Precision, check_precision
+from tensegrity_codegen.tables.precision import PRECISIONS, Precision, check_precision
 
 __all__ = ["LONGEST_LINE", "Annotations", "PrintedBody", "print_body", "print_number", "print_numbers"]
 

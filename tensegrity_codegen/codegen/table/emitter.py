@@ -8,14 +8,14 @@ from tensegrity_codegen.codegen.table.members.function import TableFunction
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.quantities import BUILDERS, served_quantities
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.precision import Precision
-from tensegrity_codegen.quantities import find_quantity
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.rigid_bar_check import check_formulation
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.quantities import find_quantity
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["TABLE"]
 

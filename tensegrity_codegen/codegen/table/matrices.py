@@ -25,8 +25,8 @@ from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
 from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.text import Statements
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
-from tensegrity_codegen.manifest import Pattern
 from tensegrity_codegen.structure.assembly import ABSENT
+from tensegrity_codegen.tables.manifest import Pattern
 
 __all__ = ["MATRICES"]
 

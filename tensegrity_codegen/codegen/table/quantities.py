@@ -24,8 +24,8 @@ from tensegrity_codegen.codegen.table.members.text import Statements
 from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
 from tensegrity_codegen.codegen.table.rest_lengths import REST_LENGTHS
 from tensegrity_codegen.codegen.table.work import ExternalWork
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
 
 __all__ = ["BUILDERS", "served_quantities"]
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.export.fmu.sources import UnitSources
-from tensegrity_codegen.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
 
 __all__ = ["check_targets", "compile_unit", "write_archive"]
 

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from tensegrity_codegen.export.fmu.sources import Experiment
 from tensegrity_codegen.export.fmu.units import find_exponents
 from tensegrity_codegen.export.fmu.variables import Variable
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["Unit", "describe_build", "describe_unit"]
 

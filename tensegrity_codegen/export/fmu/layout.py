@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 
-from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, IntegratorSpec, Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS
 
 __all__ = ["POSITION", "Argument", "Block", "Layout"]
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity_codegen.analyses import find_needs
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.libraries import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.choice import choose_method
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["settle_method"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from tensegrity_codegen.errors import InvalidNameError
+from tensegrity_codegen.system.errors import InvalidNameError
 
 __all__ = ["join_names", "quote_name"]
 

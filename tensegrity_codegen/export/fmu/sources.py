@@ -16,7 +16,7 @@ from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.codegen.source import BANNER
 from tensegrity_codegen.export.fmu.layout import Argument, Layout
 from tensegrity_codegen.export.fmu.tangent import Tangent
-from tensegrity_codegen.manifest import STATUS, FunctionSpec
+from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec
 
 __all__ = ["Experiment", "UnitSources", "write_unit_sources"]
 

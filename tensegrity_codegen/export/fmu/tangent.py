@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.codegen.unrolled import MOST_MEMBERS
 from tensegrity_codegen.export.fmu.layout import Layout
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Tangent", "find_tangent"]
 

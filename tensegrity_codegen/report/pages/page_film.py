@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.extras import import_extra
 from tensegrity_codegen.report.pages.picture import CSS_DPI, Picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
@@ -21,6 +20,7 @@ from tensegrity_codegen.report.pictures.legend import add_color_bar
 from tensegrity_codegen.report.pictures.palette import INK, MUTED
 from tensegrity_codegen.report.pictures.view import find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.extras import import_extra
 
 __all__ = ["draw_film"]
 

@@ -8,10 +8,10 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.extras import import_extra
 from tensegrity_codegen.report.number_text import lower_indices
 from tensegrity_codegen.report.pages.theme import use_variables
 from tensegrity_codegen.report.pictures.palette import PAPER
+from tensegrity_codegen.system.extras import import_extra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,9 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.extras import import_extra
-from tensegrity_codegen.files import replaced
 from tensegrity_codegen.report.pictures.canvas import check_suffix, new_figure
 from tensegrity_codegen.report.pictures.checks import check_trajectory
 from tensegrity_codegen.report.pictures.choices import PictureChoices
@@ -23,6 +20,9 @@ from tensegrity_codegen.report.pictures.shown import show_motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.extras import import_extra
+from tensegrity_codegen.system.files import replaced
 
 __all__ = ["FILM_SUFFIXES", "find_frames", "write_animation"]
 

@@ -8,10 +8,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.extras import import_extra
-from tensegrity_codegen.files import replaced
 from tensegrity_codegen.report.pictures.palette import PAPER
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.extras import import_extra
+from tensegrity_codegen.system.files import replaced
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["check_array", "check_tension", "check_trajectory"]
 

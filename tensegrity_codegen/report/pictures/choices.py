@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from tensegrity_codegen.errors import InvalidValueError, check_choice
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = [
     "COLORS", "LABELS", "NAMED_VIEWS", "Direction", "Labels", "PictureChoices", "Size", "read_labels",

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
 from tensegrity_codegen.report.pictures.checks import check_array, check_tension
 from tensegrity_codegen.report.pictures.choices import PictureChoices
@@ -20,9 +19,8 @@ from tensegrity_codegen.report.pictures.panel import set_up
 from tensegrity_codegen.report.pictures.plots import draw_shown
 from tensegrity_codegen.report.pictures.rest_tension import find_rest_tension
 from tensegrity_codegen.report.pictures.shown import Shown, show_motion, show_structure
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.planning.outcome import PlanResult
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.read import name_source, read_scene
@@ -32,6 +30,8 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

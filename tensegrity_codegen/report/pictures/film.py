@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import MissingExtraError, OutputError
+from tensegrity_codegen.system.errors import MissingExtraError, OutputError
 
 __all__ = ["GIF_FASTEST", "find_ffmpeg", "write_gif", "write_mp4"]
 

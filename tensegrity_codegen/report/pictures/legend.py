@@ -22,8 +22,8 @@ from tensegrity_codegen.report.pictures.palette import (
 )
 from tensegrity_codegen.report.pictures.panel import Setting
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,10 +20,10 @@ from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
 from tensegrity_codegen.report.pictures.panel import Panel, Setting, fit_size, set_up
 from tensegrity_codegen.report.pictures.panels import draw_drift, draw_energies, draw_tensions
 from tensegrity_codegen.report.pictures.shown import Shown, show_motion, show_structure
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure

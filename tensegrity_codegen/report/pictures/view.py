@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = [
     "Box",

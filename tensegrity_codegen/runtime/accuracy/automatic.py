@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.accuracy.choice import Choice, choose_method
 from tensegrity_codegen.runtime.accuracy.damped_out import (
     find_left_out,
@@ -32,6 +31,7 @@ from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["integrate_auto"]
 

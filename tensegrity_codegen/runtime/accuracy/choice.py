@@ -12,8 +12,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_noise
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates, find_rates
 from tensegrity_codegen.runtime.accuracy.vibrations.vibration import Vibration, find_vibration
@@ -25,6 +23,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.laws import find_changing
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["Choice", "choose_method", "integrators_for"]
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import JUMP_KINDS
 from tensegrity_codegen.runtime.accuracy.error_control import CROWDED, Checks, tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.rounding import Rounding
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
@@ -21,6 +20,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 __all__ = [
     "find_left_out",

@@ -18,7 +18,7 @@ from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
-from tensegrity_codegen.tableaus import TABLEAUS
+from tensegrity_codegen.tables.tableaus import TABLEAUS
 
 __all__ = ["LostVibration"]
 

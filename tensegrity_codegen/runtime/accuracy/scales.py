@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, tolerance_for
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["find_length", "scale_to_length", "scale_to_motion", "tolerance_of_options"]
 

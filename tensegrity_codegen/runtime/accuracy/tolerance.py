@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["Comparison", "Tolerance", "compare_runs", "tolerance_for"]
 

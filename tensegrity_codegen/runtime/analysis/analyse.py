@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_whole, is_number
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
 from tensegrity_codegen.runtime.analysis.configuration import Configuration, read_configuration
@@ -29,6 +27,8 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.structure.member_limits import check_members
+from tensegrity_codegen.system.checks import check_whole, is_number
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["MODES", "Analysis", "analyse"]
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.modes import Modes
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
@@ -15,6 +14,7 @@ from tensegrity_codegen.runtime.analysis.prestress_stability import PrestressSta
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.structure.member_limits import MemberChecks
+from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Analysis"]
 

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
@@ -23,6 +21,8 @@ from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["BodyConfiguration", "Configuration", "read_configuration"]
 

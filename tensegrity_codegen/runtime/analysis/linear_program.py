@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
-from tensegrity_codegen.errors import ConvergenceError
+from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["find_least_norm", "find_optimum"]
 

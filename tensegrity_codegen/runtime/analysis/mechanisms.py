@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["FreeMotions", "build_part_motions", "find_free_motions", "find_parts"]
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["Modes", "find_modes"]
 

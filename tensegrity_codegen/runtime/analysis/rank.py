@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["MOST_ROWS", "RANK_TOLERANCE", "Rank", "find_rank"]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import IntegratorSpec
 from tensegrity_codegen.runtime.integrate.c_run import CRun
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_within_reach
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import IntegratorSpec
 
 __all__ = ["integrate_adaptive"]
 

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError
-from tensegrity_codegen.manifest import STATUS, IntegratorSpec
 from tensegrity_codegen.runtime.integrate.adaptive import FORESIGHT
 from tensegrity_codegen.runtime.integrate.c_run import count_steps
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
@@ -29,6 +27,8 @@ from tensegrity_codegen.runtime.integrate.raw_results import (
 from tensegrity_codegen.runtime.model.arrays import to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
+from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec
 
 __all__ = ["choose_batch_control", "integrate_batch", "runs_side_by_side"]
 

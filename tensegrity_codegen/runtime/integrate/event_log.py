@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import EVENT_KINDS, JUMP_KINDS, IntegratorSpec, Manifest
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, IntegratorSpec, Manifest
 
 __all__ = ["EMPTY_LOG", "MOST_LOGGED", "Condition", "EventLog", "Watch", "choose_watch"]
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, choose_watch
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["EventRun"]
 

@@ -10,12 +10,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import ConvergenceError
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["Flow", "build_derivative"]
 

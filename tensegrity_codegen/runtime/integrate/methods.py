@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
 
-from tensegrity_codegen.errors import check_choice
-from tensegrity_codegen.tableaus import EXPLICIT, Tableau
+from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.tables.tableaus import EXPLICIT, Tableau
 
 __all__ = ["METHODS", "Method", "find_method", "list_methods"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.checks import check_instance, check_positive, check_whole
-from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.raw_results import MOST_STEPS
+from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = ["RunOptions", "check_options", "complete_run_options"]
 

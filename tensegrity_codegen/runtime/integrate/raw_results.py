@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import STATUS
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.tables.manifest import STATUS
 
 __all__ = [
     "GIVEN_UP",

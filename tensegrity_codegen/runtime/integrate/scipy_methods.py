@@ -10,13 +10,13 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import ConvergenceError, NonFiniteError
 from tensegrity_codegen.runtime.integrate.flow import build_derivative
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
 __all__ = ["integrate_scipy"]
 

@@ -11,17 +11,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_whole
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.results.summaries import (
-    Fact,
-    Summarised,
-    count_names,
-    describe_number,
-    describe_range,
-)
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
 from tensegrity_codegen.runtime.linear.write_linear import write_linear_model
@@ -31,6 +20,17 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.system.summaries import (
+    Fact,
+    Summarised,
+    count_names,
+    describe_number,
+    describe_range,
+)
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.files import check_ending
-from tensegrity_codegen.results.table_files import write_csv, write_mat
 from tensegrity_codegen.runtime.model.array_file import write_arrays
+from tensegrity_codegen.system.files import check_ending
+from tensegrity_codegen.system.table_files import write_csv, write_mat
 
 __all__ = ["LINEAR_ENDINGS", "write_linear_model"]
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.quantities.arguments import ABOVE_ZERO, FROM_ZERO
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO
 
 __all__ = ["apply_loads", "check_argument_names", "check_arguments", "check_parameter_values"]
 

@@ -12,7 +12,7 @@ from zipfile import ZIP_STORED, BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.files import check_ending, replaced
+from tensegrity_codegen.system.files import check_ending, replaced
 
 __all__ = ["UNREADABLE", "read_arrays", "read_names", "write_arrays"]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
-from tensegrity_codegen.precision import Precision
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = [
     "agree_on_rows",

@@ -12,12 +12,12 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_whole
-from tensegrity_codegen.errors import InvalidValueError, check_choice
-from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Pattern
 from tensegrity_codegen.runtime.model.arrays import to_batch
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.runtime.model.status import raise_for_status
+from tensegrity_codegen.system.checks import check_whole
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Pattern
 
 __all__ = ["BatchFunction", "SparseBatch", "check_threads"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["NEAREST_POLE", "NEAR_POLE", "judge_charts", "name_charts"]
 

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["Described", "Model"]
 

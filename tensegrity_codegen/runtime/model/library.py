@@ -7,11 +7,11 @@ from typing import Any
 
 import cffi
 
-from tensegrity_codegen.binaries import describe_binary
-from tensegrity_codegen.errors import AbiMismatchError, LibraryError
-from tensegrity_codegen.manifest import ABI_VERSION, Manifest
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.targets import TARGETS, find_host
+from tensegrity_codegen.system.binaries import describe_binary
+from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
+from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.targets import TARGETS, find_host
 
 __all__ = ["LoadedLibrary"]
 

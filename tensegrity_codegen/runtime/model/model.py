@@ -11,16 +11,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import (
-    InvalidValueError,
-    LibraryError,
-    UnknownNameError,
-    suggest,
-)
-from tensegrity_codegen.manifest import ArgumentSpec, FunctionSpec, Manifest
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.batch import BatchFunction, SparseBatch
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
@@ -28,6 +18,16 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    LibraryError,
+    UnknownNameError,
+    suggest,
+)
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
+from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = [
     "BatchFunction",

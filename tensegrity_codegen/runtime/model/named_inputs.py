@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_doubles
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = ["INPUT", "merge_inputs", "read_arguments", "unify_name"]
 

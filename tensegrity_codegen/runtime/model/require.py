@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["require_double", "require_model", "require_quantities"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["RigidBars"]
 

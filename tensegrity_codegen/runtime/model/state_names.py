@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["name_states"]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import LibraryError, NonFiniteError
-from tensegrity_codegen.manifest import STATUS
+from tensegrity_codegen.system.errors import LibraryError, NonFiniteError
+from tensegrity_codegen.tables.manifest import STATUS
 
 __all__ = ["raise_for_status"]
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, Pattern
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["BarPath", "build_path"]
 

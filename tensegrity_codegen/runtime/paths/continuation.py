@@ -17,14 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_callback, check_instance, check_positive, check_whole, is_number
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
-from tensegrity_codegen.passes import describe_pass
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.path_events import Crossing, EventTracker, LostError, Step
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
+from tensegrity_codegen.system.checks import (
+    check_callback,
+    check_instance,
+    check_positive,
+    check_whole,
+    is_number,
+)
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.solver_progress import describe_pass
 
 __all__ = ["StepControl", "follow_path"]
 

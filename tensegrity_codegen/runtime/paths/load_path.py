@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.summaries import Fact, Summarised, describe_range
+from tensegrity_codegen.system.summaries import Fact, Summarised, describe_range
 
 __all__ = ["LoadPath", "PathEvent"]
 

@@ -11,8 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_instance, check_switch
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, check_choice
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import read_arguments
@@ -20,6 +18,8 @@ from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.system.checks import check_instance, check_switch
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 __all__ = ["LOAD_PATH_QUANTITIES", "ModelPath", "Pattern", "watch_contact", "watch_slack", "watch_switch"]
 

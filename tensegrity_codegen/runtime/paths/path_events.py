@@ -10,11 +10,11 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy import optimize
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.paths.path_problem import Watch
 from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathSolver, PathState
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["Crossing", "EventTracker", "LostError", "Step"]
 

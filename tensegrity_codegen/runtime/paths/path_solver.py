@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT, find_lowest_curvature
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["MOST_EIGENVALUES", "PathSolver", "PathState"]
 

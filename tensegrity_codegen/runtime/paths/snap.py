@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_instance
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError, check_choice
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_sized
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import read_arguments
@@ -24,6 +22,8 @@ from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
 from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, check_choice
 
 __all__ = ["MOST_FOLLOWED", "Snap", "find_load_snap", "find_snap", "join_snaps"]
 

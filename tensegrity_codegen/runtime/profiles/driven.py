@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["DrivenArguments", "bind_profile", "check_end", "check_not_constant"]
 

@@ -6,8 +6,8 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["KnotsInC", "follows_in_c"]
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["check_laws", "check_rigid", "find_changing"]
 

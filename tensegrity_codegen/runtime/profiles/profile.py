@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_instance, check_names, is_number
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, check_choice
-from tensegrity_codegen.pickling import reduce_fields
-from tensegrity_codegen.results.summaries import Summarised
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.pieces import Pieces, build_cubic, build_linear
+from tensegrity_codegen.system.checks import check_instance, check_names, is_number
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
+from tensegrity_codegen.system.pickling import reduce_fields
+from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["KINDS", "Profile"]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.checks import check_names, check_path
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
+from tensegrity_codegen.system.checks import check_names, check_path
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 __all__ = ["read_profile"]
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from tensegrity_codegen.checks import check_names
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, check_choice
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.checks import check_names
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, check_choice
 
 __all__ = ["Columns", "select_columns"]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, check_choice
-from tensegrity_codegen.results.summaries import Summarised
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Sensitivity"]
 

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
-from tensegrity_codegen.checks import is_number
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model, require_quantities
@@ -27,6 +25,8 @@ from tensegrity_codegen.runtime.sensitivity.static_system import (
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.checks import is_number
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 
 __all__ = ["Sensitivity", "equilibrium_sensitivity"]
 

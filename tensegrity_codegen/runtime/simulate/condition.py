@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
-from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -29,6 +27,8 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
     name_part,
     parse_condition,
 )
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["Expression", "build_condition", "build_expression", "find_quantities", "is_comparison"]
 

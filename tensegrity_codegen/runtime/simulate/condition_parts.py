@@ -14,9 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.simulate.condition_text import (
     FUNCTIONS,
     OPERATORS,
@@ -24,6 +21,9 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
     WHERE,
     shorten_part,
 )
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["Part", "Values", "build_difference", "build_part"]
 

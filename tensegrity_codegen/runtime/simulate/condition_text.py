@@ -16,8 +16,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
-from tensegrity_codegen.quantities import QUANTITIES
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["FUNCTIONS", "OPERATORS", "POSITION", "WHERE", "name_part", "parse_condition", "shorten_part"]
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["make_consistent"]
 

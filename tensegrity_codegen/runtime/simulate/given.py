@@ -8,9 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_positive, check_whole
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.options import MOST_SAMPLES, RunOptions
@@ -23,6 +20,9 @@ from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.system.checks import check_positive, check_whole
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.precision import PRECISIONS
 
 __all__ = ["find_start", "read_sample_times", "read_schedule"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import FunctionSpec
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import FunctionSpec
 
 __all__ = [
     "CONTACT_QUANTITIES",

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -18,6 +17,7 @@ from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["simulate_one_by_one"]
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays, read_names
 from tensegrity_codegen.runtime.model.named_inputs import unify_name
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["read_starts"]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["MOST_BYTES", "check_sample_memory"]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.checks import check_callback, check_switch
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
@@ -30,6 +29,7 @@ from tensegrity_codegen.runtime.simulate.until_contact import stop_at_watched_co
 from tensegrity_codegen.runtime.trajectory.evaluate_trajectory import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.checks import check_callback, check_switch
 
 __all__ = ["simulate"]
 

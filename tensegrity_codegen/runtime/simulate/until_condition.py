@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.manifest import JUMP_KINDS
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.integrate.event_log import Condition, Watch
 from tensegrity_codegen.runtime.integrate.methods import METHODS, find_method, list_methods
@@ -17,6 +15,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 __all__ = ["stop_at_condition", "watch_condition"]
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensegrity_codegen.manifest import JUMP_KINDS
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -15,6 +14,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.margins import build_contact_margins
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 __all__ = ["stop_at_watched_contact", "watches_contact"]
 

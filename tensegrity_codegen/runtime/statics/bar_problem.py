@@ -19,10 +19,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.rigid_bars import MOST_CORRECTIONS, RigidBars
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["BAR_EQUILIBRIUM_QUANTITIES", "BarProblem"]
 

@@ -13,10 +13,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.runtime.model.charts import NEAR_POLE, NEAREST_POLE, name_charts
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 
 __all__ = ["BODY_EQUILIBRIUM_QUANTITIES", "BodyProblem"]
 

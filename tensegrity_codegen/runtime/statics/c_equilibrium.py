@@ -12,7 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
     InvalidValueError,
@@ -20,12 +24,8 @@ from tensegrity_codegen.errors import (
     UnstableError,
     suggest,
 )
-from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS, SolverSpec
-from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
-from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
-from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS, SolverSpec
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = ["EquilibriumSolver", "SolvedPath"]
 

@@ -8,17 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_callback, check_switch, check_whole, is_number
-from tensegrity_codegen.errors import (
-    ConvergenceError,
-    InvalidValueError,
-    NonFiniteError,
-    UnstableError,
-    check_choice,
-)
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.passes import SETTLING, work_pass
-from tensegrity_codegen.precision import PRECISIONS
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_double, require_model
@@ -33,6 +22,17 @@ from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_r
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
+from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
+from tensegrity_codegen.system.errors import (
+    ConvergenceError,
+    InvalidValueError,
+    NonFiniteError,
+    UnstableError,
+    check_choice,
+)
+from tensegrity_codegen.system.solver_progress import SETTLING, work_pass
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.precision import PRECISIONS
 
 __all__ = [
     "EQUILIBRIUM_QUANTITIES",

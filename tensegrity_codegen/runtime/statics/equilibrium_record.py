@@ -8,15 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.results.by_name import ByName
-from tensegrity_codegen.results.summaries import (
-    Fact,
-    Summarised,
-    describe_count,
-    describe_number,
-    describe_range,
-)
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
 from tensegrity_codegen.runtime.statics.newton import Outcome, Stability, find_stability
@@ -24,6 +15,15 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks, check_members
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.system.results_by_name import ByName
+from tensegrity_codegen.system.summaries import (
+    Fact,
+    Summarised,
+    describe_count,
+    describe_number,
+    describe_range,
+)
 
 __all__ = ["Equilibrium", "record_outcome", "record_without_forces"]
 

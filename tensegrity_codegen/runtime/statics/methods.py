@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal, get_args
 
-from tensegrity_codegen.passes import SETTLING, describe_pass
+from tensegrity_codegen.system.solver_progress import SETTLING, describe_pass
 
 __all__ = ["METHODS", "Method", "follow_residual"]
 

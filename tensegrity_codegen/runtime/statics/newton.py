@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.statics.curvature import build_curvature, find_lowest_curvature
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Curvature, Step
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["Outcome", "Progress", "Stability", "find_minimum", "find_stability"]
 

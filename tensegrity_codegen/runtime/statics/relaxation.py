@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_relaxed"]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import Manifest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["build_all_motions", "build_rigid_motions", "find_neutral_motions"]
 

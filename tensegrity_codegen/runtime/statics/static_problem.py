@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
 

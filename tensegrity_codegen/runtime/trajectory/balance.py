@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["EnergyBalance", "balance_energy", "find_energy_flow"]
 

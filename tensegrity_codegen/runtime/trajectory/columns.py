@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.quantities.arguments import INPUT_UNITS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
 __all__ = ["list_columns", "list_input_units"]
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.arguments import apply_loads
@@ -20,6 +19,7 @@ from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.model.placement import place_motion
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["evaluate_trajectory"]
 

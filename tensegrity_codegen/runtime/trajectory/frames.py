@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.extras import TABLES, import_extra
 from tensegrity_codegen.runtime.trajectory.columns import FIRST_OF_BATCH, list_columns, list_input_units
+from tensegrity_codegen.system.extras import TABLES, import_extra
 
 __all__ = ["build_dataset", "build_frame"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_names
-from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, StructureError
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, WORDS
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_names
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, StructureError
 
 __all__ = ["read_trajectory"]
 

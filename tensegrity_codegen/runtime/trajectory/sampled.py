@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.by_name import ByName, find_row
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.runtime.trajectory.frames import build_dataset, build_frame
 from tensegrity_codegen.runtime.trajectory.write_motion import write_motion
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberFlaws, check_motion, summarise_tensions
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.results_by_name import ByName, find_row
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
 __all__ = ["SAMPLED", "STATE", "WORDS", "Sampled"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.formulations import find_formulation
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["SIMULATION_QUANTITIES", "simulation_quantities"]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.summaries import Fact, count_names, describe_number
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
+from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent

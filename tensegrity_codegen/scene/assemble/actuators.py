@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.scene.assemble.targets import Targets, refuse_members
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.control_schema import ActuatorTable, MemberSensor, NodeSensor
 from tensegrity_codegen.structure.actuators import UNLIMITED, Actuator, Sensor
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
 __all__ = ["build_actuators", "build_sensors"]
 

@@ -5,10 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import ValidationError
 
-from tensegrity_codegen.checks import check_instance
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError
-from tensegrity_codegen.formulations import choose_formulation, find_formulation
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.interference import find_bar_pairs
 from tensegrity_codegen.scene.assemble.limits import build_limits
@@ -24,6 +20,10 @@ from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.translate import translate
 from tensegrity_codegen.structure.inertia_plan import find_massless
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
+from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble", "list_parts"]
 

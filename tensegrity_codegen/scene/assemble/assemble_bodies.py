@@ -8,15 +8,6 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import (
-    InvalidValueError,
-    SceneError,
-    StructureError,
-    UnknownNameError,
-    suggest,
-)
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies, build_bodies_of_scene
 from tensegrity_codegen.scene.assemble.body_loads import (
@@ -44,6 +35,15 @@ from tensegrity_codegen.structure.bodies import (
     FixedBody,
 )
 from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    SceneError,
+    StructureError,
+    UnknownNameError,
+    suggest,
+)
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["DEFAULT_QUANTITIES", "assemble_bodies"]
 

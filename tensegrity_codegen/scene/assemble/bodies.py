@@ -10,16 +10,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
+from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     StructureError,
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.scene.names import key_path
-from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
-from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
 
 __all__ = ["SMALLEST_MARGIN", "BuiltBodies", "build_bodies_of_scene"]
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies
 from tensegrity_codegen.scene.assemble.targets import Targets, normalise
 from tensegrity_codegen.scene.names import key_path
@@ -29,6 +28,7 @@ from tensegrity_codegen.structure.bodies import (
     RigidBody,
     Vector3,
 )
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["BodyFinder", "build_body_inputs", "build_body_loads", "build_friction", "three_numbers"]
 

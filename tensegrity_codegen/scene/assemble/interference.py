@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.part_schema import Interference
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["find_bar_pairs"]
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.control_schema import LimitsTable, MemberLimits
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["build_limits", "find_limited", "with_section"]
 

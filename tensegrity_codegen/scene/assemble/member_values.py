@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.laws import LAWS
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.tables.laws import LAWS
 
 __all__ = ["STIFFNESS", "Columns", "resolve_values"]
 

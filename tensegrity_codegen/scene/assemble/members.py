@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.laws import LAWS, LINEAR, Law, compute_spring_constant
 from tensegrity_codegen.scene.assemble.member_values import STIFFNESS, Columns, resolve_values
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, compute_member_length
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.tables.laws import LAWS, LINEAR, Law, compute_spring_constant
 
 __all__ = ["build_member_arrays", "compute_rest_length"]
 

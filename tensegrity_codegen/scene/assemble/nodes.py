@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.part_schema import Load, Node
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["build_node_arrays", "spread_vectors"]
 

@@ -9,13 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.assemble.nodes import spread_vectors
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["Targets", "build_inputs", "build_parameters", "normalise", "refuse_members"]
 

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_instance
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, StructureError
 from tensegrity_codegen.scene.checks.check_control import check_control
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
@@ -21,6 +19,8 @@ from tensegrity_codegen.scene.names import check_name, check_names, check_scene_
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.checks import check_instance
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
 
 __all__ = ["check_structure", "find_warnings"]
 

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.scene.names import check_names, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import MEMBER_SENSORS, NODE_SENSORS, UNLIMITED, Actuator
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["check_control"]
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
-from tensegrity_codegen.laws import LAW_PARAMETERS
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS
 
 __all__ = ["check_laws"]
 

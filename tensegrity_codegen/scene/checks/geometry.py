@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import DuplicateNameError, StructureError
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.refuse import refuse
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 
 __all__ = ["check_connectivity", "check_freedom", "compute_member_length", "find_fully_anchored"]
 

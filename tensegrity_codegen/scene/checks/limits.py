@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, SceneError, SceneSyntaxError, TensegrityError
-from tensegrity_codegen.files import find_kind
 from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, SceneSyntaxError, TensegrityError
+from tensegrity_codegen.system.files import find_kind
 
 __all__ = ["LARGEST_FILE", "MOST_ENTRIES", "check_document", "check_regular", "check_text", "too_large"]
 

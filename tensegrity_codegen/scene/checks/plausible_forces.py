@@ -6,10 +6,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = [
     "warn_of_falling_pieces",

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.checks import check_instance
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.checks.plausible_forces import (
     warn_of_forces,
@@ -30,6 +29,7 @@ from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_instance
 
 __all__ = ["LARGE_STRAIN", "find_body_warnings", "find_scene_warnings", "find_warnings"]
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.scene.names import key_path
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = ["UP_AXES", "change_frame"]
 

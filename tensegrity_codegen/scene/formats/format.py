@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.checks import check_instance, check_path, is_number
-from tensegrity_codegen.errors import InvalidValueError, check_choice
 from tensegrity_codegen.scene.formats.change_frame import UP_AXES, change_frame
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.checks import check_instance, check_path, is_number
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = ["Format", "find_format", "find_formats", "read_files"]
 

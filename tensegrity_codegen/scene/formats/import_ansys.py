@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 
 __all__ = ["FORMAT", "import_ansys"]
 

@@ -15,7 +15,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.formats.control_sections import CONTROL_SECTIONS, rename_control
+from tensegrity_codegen.scene.formats.files.json_file import read_json
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
+from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
+from tensegrity_codegen.scene.names import check_scene_name, key_path
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -24,13 +31,6 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
-from tensegrity_codegen.scene.formats.control_sections import CONTROL_SECTIONS, rename_control
-from tensegrity_codegen.scene.formats.files.json_file import read_json
-from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
-from tensegrity_codegen.scene.names import check_scene_name, key_path
 
 __all__ = ["FORMAT", "import_json"]
 

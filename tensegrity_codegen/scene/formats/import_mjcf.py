@@ -14,7 +14,6 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.formats.files.xml_file import find_root, read_numbers, read_xml
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
@@ -23,6 +22,7 @@ from tensegrity_codegen.scene.formats.mjcf.defaults import read_defaults
 from tensegrity_codegen.scene.formats.mjcf.links import Link, read_links
 from tensegrity_codegen.scene.formats.mjcf.tendons import read_coupled_masses, read_tendons
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["FORMAT", "import_mjcf"]
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.formats.files.json_file import LARGEST_JSON, read_json
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.names import check_scene_name, key_path
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["FORMAT", "SCENE_FORMAT", "import_scene_json"]
 

@@ -12,17 +12,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
+from tensegrity_codegen.scene.formats.format import Format
+from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
+from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     StructureError,
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
-from tensegrity_codegen.scene.formats.format import Format
-from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
-from tensegrity_codegen.scene.formats.member_rules import POSITIVE, check_ends, check_member, note_defaults
 
 __all__ = ["FORMAT", "MEMBER_COLUMNS", "NODE_COLUMNS", "import_tables"]
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.scene.formats.files.xml_file import (
     find_root,
     read_attribute,
@@ -23,6 +22,7 @@ from tensegrity_codegen.scene.formats.files.xml_file import (
 from tensegrity_codegen.scene.formats.format import Format
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["FORMAT", "import_tdf"]
 

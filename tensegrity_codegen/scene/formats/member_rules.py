@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 __all__ = ["POSITIVE", "STIFFNESSES", "check_ends", "check_member", "note_defaults"]
 

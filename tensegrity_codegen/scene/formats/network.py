@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import DuplicateNameError, StructureError, UnknownNameError, suggest
 from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, scene_name
 from tensegrity_codegen.scene.formats.member_rules import check_ends, check_member, note_defaults
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError, UnknownNameError, suggest
 
 __all__ = ["Network", "NetworkMember", "build_result"]
 

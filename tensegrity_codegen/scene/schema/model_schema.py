@@ -14,17 +14,17 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.manifest import EVENT_KINDS
-from tensegrity_codegen.precision import PRECISIONS
-from tensegrity_codegen.presets import PRESETS
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.request import BATCH_WIDTHS, INTERFACES
 from tensegrity_codegen.scene.schema.schema_types import (
     Selection,
     Table,
 )
-from tensegrity_codegen.tableaus import EXPLICIT
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.manifest import EVENT_KINDS
+from tensegrity_codegen.tables.precision import PRECISIONS
+from tensegrity_codegen.tables.presets import PRESETS
+from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.request import BATCH_WIDTHS, INTERFACES
+from tensegrity_codegen.tables.tableaus import EXPLICIT
 
 __all__ = [
     "EMITTERS",

@@ -16,7 +16,6 @@ from pydantic import (
     Tag,
 )
 
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.scene.schema.body_schema import (
     BodyTable,
     BodyTorque,
@@ -53,6 +52,7 @@ from tensegrity_codegen.scene.schema.schema_types import (
 )
 from tensegrity_codegen.scene.shapes import Shape
 from tensegrity_codegen.scene.toml_text import format_scene
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
 __all__ = ["Scene", "SceneParts"]
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
 from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
 from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.tower import TowerShape
 from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 __all__ = ["IcosahedronShape", "PrismShape", "Shape", "TowerShape", "TwoNodeShape", "expand_shape"]
 

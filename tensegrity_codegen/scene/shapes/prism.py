@@ -23,7 +23,6 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.scene.shapes.parts import (
     Anchored,
     Angle,
@@ -33,6 +32,7 @@ from tensegrity_codegen.scene.shapes.parts import (
     ShapeModel,
     ring,
 )
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 __all__ = ["PrismShape", "selfstress_twist"]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.errors import StructureError
+from tensegrity_codegen.system.errors import StructureError
 
 __all__ = ["MOST_MEMBERS", "equilibrium_matrix", "find_selfstress", "selfstress_modes"]
 

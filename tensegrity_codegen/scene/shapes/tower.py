@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from tensegrity_codegen.errors import StructureError
 from tensegrity_codegen.scene.shapes.long_tower import find_bar_runs, find_long_twist, find_run_tensions
 from tensegrity_codegen.scene.shapes.parts import (
     Anchored,
@@ -40,6 +39,7 @@ from tensegrity_codegen.scene.shapes.parts import (
 )
 from tensegrity_codegen.scene.shapes.prism import selfstress_twist
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
+from tensegrity_codegen.system.errors import StructureError
 
 __all__ = ["MOST_STAGES_FOR_TWIST", "TowerShape", "find_tower_twist"]
 

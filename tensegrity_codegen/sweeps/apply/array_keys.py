@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, suggest
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import Steps
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
 __all__ = ["ARRAYS", "INPUT", "ArrayKey", "find_array_key"]
 

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import DuplicateNameError, TensegrityError, UnknownKeyError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.read import parse_scene
@@ -23,6 +21,8 @@ from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, 
 from tensegrity_codegen.sweeps.apply.scene_document import expand_document, read_scene_document
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
+from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError, UnknownKeyError
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["AssembledCase", "CaseAssembler", "FileKey", "build_assembler"]
 

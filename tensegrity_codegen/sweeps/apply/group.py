@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["AppliedCases", "CaseGroup", "Mapper"]
 

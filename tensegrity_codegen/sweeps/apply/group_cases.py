@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
@@ -16,6 +15,7 @@ from tensegrity_codegen.sweeps.apply.relations import find_relations
 from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths, find_rest_lengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 __all__ = ["MOST_LIBRARIES", "find_groups"]
 

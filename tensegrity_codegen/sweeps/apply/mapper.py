@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import TensegrityError
 from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
 from tensegrity_codegen.sweeps.apply.group import AppliedCases
 from tensegrity_codegen.sweeps.apply.relations import Relations
 from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.system.errors import TensegrityError
 
 __all__ = ["CaseMapper"]
 

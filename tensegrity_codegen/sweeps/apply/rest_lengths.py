@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.laws import LINEAR
 from tensegrity_codegen.scene.assemble.assemble import list_parts
 from tensegrity_codegen.scene.assemble.member_values import Columns, resolve_values
 from tensegrity_codegen.scene.schema.part_schema import Member
@@ -27,6 +26,7 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 from tensegrity_codegen.sweeps.apply.relations import Relations, find_relations
+from tensegrity_codegen.tables.laws import LINEAR
 
 __all__ = ["SAME", "RestLengths", "find_rest_lengths", "read_stated"]
 

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, hash_structure, hash_text
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["STATE", "hash_constants", "list_slots", "name_changed"]
 

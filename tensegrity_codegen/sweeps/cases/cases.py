@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.points import Points
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["MOST_LISTED", "Cases"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, check_choice
 from tensegrity_codegen.sweeps.cases.numbers import read_number
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
 
 __all__ = ["DISTRIBUTIONS", "Distribution", "read_distribution"]
 

@@ -6,7 +6,7 @@ import math
 import re
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["read_count", "read_number"]
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.numbers import read_count, read_number
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["MOST_VALUES", "RANGE_RULE", "read_axis"]
 

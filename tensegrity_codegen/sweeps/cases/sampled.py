@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import check_choice
 from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_distribution
 from tensegrity_codegen.sweeps.cases.numbers import read_count
 from tensegrity_codegen.sweeps.cases.unit_points import LatinHypercube, PlainRandom, SobolPoints, UnitPoints
+from tensegrity_codegen.system.errors import check_choice
 
 __all__ = ["METHODS", "Sample", "build_sample"]
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.formats.files.csv_table import make_row, read_lines
+from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     SceneSyntaxError,
     StructureError,
 )
-from tensegrity_codegen.scene.formats.files.csv_table import make_row, read_lines
-from tensegrity_codegen.scene.formats.imported import read_text
 
 __all__ = ["LARGEST_TABLE", "Table", "read_table"]
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from tensegrity_codegen.errors import ClusterError, InvalidValueError
-from tensegrity_codegen.extras import CLUSTER, import_extra
 from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_versions
+from tensegrity_codegen.system.errors import ClusterError, InvalidValueError
+from tensegrity_codegen.system.extras import CLUSTER, import_extra
 
 __all__ = ["connect", "count_threads"]
 

@@ -11,8 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.errors import ClusterError, TensegrityError
-from tensegrity_codegen.libraries import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.sweeps.engines.cluster import connect, count_threads
 from tensegrity_codegen.sweeps.engines.engine import MOST_ATTEMPTS, FinishedTask
 from tensegrity_codegen.sweeps.engines.parcel import make_parcel
@@ -20,6 +19,7 @@ from tensegrity_codegen.sweeps.engines.remote import RemoteWork, compute_remotel
 from tensegrity_codegen.sweeps.engines.versions import describe_versions
 from tensegrity_codegen.sweeps.engines.work import SweepWork, library_request, set_task_aside
 from tensegrity_codegen.sweeps.plan import Task
+from tensegrity_codegen.system.errors import ClusterError, TensegrityError
 
 __all__ = ["DaskEngine"]
 

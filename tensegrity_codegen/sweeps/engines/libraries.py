@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from tensegrity_codegen.libraries import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.engines.work import library_request

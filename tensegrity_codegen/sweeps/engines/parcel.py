@@ -11,12 +11,13 @@ from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, re
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.errors import CompilerMissingError
-from tensegrity_codegen.libraries import BuiltLibrary, compile_source
-from tensegrity_codegen.manifest import Manifest
+from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.compile_source import compile_source
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
-from tensegrity_codegen.targets import find_target
+from tensegrity_codegen.system.errors import CompilerMissingError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.targets import find_target
 
 __all__ = ["SourceParcel", "load_parcel", "make_parcel"]
 

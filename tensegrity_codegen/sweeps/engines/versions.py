@@ -10,8 +10,8 @@ from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.errors import ClusterError
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.errors import ClusterError
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["check_versions", "describe_versions"]
 

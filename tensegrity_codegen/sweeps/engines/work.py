@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.quantities import PARAMETERS
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.joint_outputs import find_places
 from tensegrity_codegen.sweeps.plan import SweepPlan, Task
 from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
+from tensegrity_codegen.tables.quantities import PARAMETERS
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_arguments", "set_task_aside"]
 

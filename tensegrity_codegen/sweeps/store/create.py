@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.extras import SWEEP, import_extra
-from tensegrity_codegen.files import explain_unwritable
 from tensegrity_codegen.sweeps.cases.points import Points
 from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
 from tensegrity_codegen.sweeps.store.folder import (
@@ -22,7 +20,9 @@ from tensegrity_codegen.sweeps.store.folder import (
     is_whole,
 )
 from tensegrity_codegen.sweeps.store.store import open_group, writing_empty_chunks
-from tensegrity_codegen.work_folder import work_folder
+from tensegrity_codegen.system.extras import SWEEP, import_extra
+from tensegrity_codegen.system.files import explain_unwritable
+from tensegrity_codegen.system.work_folder import work_folder
 
 __all__ = ["create_store", "restore_coordinates"]
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from tensegrity_codegen.errors import OutputError, suggest
-from tensegrity_codegen.extras import SWEEP, import_extra
-from tensegrity_codegen.files import check_ending, explain_unwritable
-from tensegrity_codegen.output_folder import check_folder
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
+from tensegrity_codegen.system.errors import OutputError, suggest
+from tensegrity_codegen.system.extras import SWEEP, import_extra
+from tensegrity_codegen.system.files import check_ending, explain_unwritable
+from tensegrity_codegen.system.output_folder import check_folder
 
 __all__ = [
     "ATTRIBUTE",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.system.errors import OutputError
 
 __all__ = ["check_same_sweep", "find_differences"]
 

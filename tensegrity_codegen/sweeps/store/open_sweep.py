@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.sweeps.store.folder import RECORD, check_not_damaged, read_stored_sweep
+from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 __all__ = ["open_sweep"]
 

@@ -13,9 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.extras import SWEEP, import_extra
-from tensegrity_codegen.long_work.forked import deferred_signals
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,
     MESSAGE,
@@ -26,6 +23,9 @@ from tensegrity_codegen.sweeps.store.folder import (
     read_stored_sweep,
 )
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
+from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.extras import SWEEP, import_extra
+from tensegrity_codegen.system.forked import deferred_signals
 
 __all__ = ["SweepStore", "open_group", "writing_empty_chunks"]
 

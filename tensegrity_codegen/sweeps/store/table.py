@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import check_choice
-from tensegrity_codegen.extras import TABLES, import_extra
-from tensegrity_codegen.files import check_ending, check_output, replaced
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.folder import (
@@ -25,6 +22,9 @@ from tensegrity_codegen.sweeps.store.folder import (
     read_stored_sweep,
 )
 from tensegrity_codegen.sweeps.store.store import open_group
+from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.system.extras import TABLES, import_extra
+from tensegrity_codegen.system.files import check_ending, check_output, replaced
 
 __all__ = ["TABLE_FORMATS", "check_table", "write_sweep_table"]
 

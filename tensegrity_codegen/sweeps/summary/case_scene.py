@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.describe_bodies import describe_bodies
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -14,6 +13,7 @@ from tensegrity_codegen.sweeps.apply.array_keys import INPUT, ArrayKey
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.store.folder import read_stored_sweep
 from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["build_case_scene", "check_case"]
 

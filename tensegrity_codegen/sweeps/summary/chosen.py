@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["REDUCTIONS", "ChosenResult", "choose_results"]
 

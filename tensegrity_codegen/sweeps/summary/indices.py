@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.extras import SWEEP, import_extra
 from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 __all__ = ["Indices", "compute_grid_indices", "compute_indices", "compute_sobol_indices"]
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import UnknownNameError, suggest
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
 from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
 from tensegrity_codegen.sweeps.summary.outcomes import (
@@ -26,6 +25,7 @@ from tensegrity_codegen.sweeps.summary.statistics import (
     describe_distribution,
 )
 from tensegrity_codegen.sweeps.summary.worst import BuildCommands, WorstCase, find_worst_cases
+from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
 __all__ = ["ResultSummary", "SweepSummary", "summarize"]
 

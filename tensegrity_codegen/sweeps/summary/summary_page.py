@@ -29,7 +29,7 @@ from tensegrity_codegen.sweeps.summary.finding import describe_finding, describe
 from tensegrity_codegen.sweeps.summary.outcomes import is_difference_clear
 from tensegrity_codegen.sweeps.summary.statistics import describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
-from tensegrity_codegen.version import VERSION
+from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["build_summary_page"]
 

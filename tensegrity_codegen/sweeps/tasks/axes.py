@@ -6,10 +6,10 @@ import ast
 from dataclasses import dataclass, field
 from typing import Any
 
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.runtime.simulate.condition_parts import build_difference
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.sweeps.tasks.dimensions import AXES, describe_quantity
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
 __all__ = ["Shaped", "find_axes"]
 

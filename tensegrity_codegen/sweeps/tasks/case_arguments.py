@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.quantities import ARGUMENTS
 from tensegrity_codegen.runtime.model.arrays import to_array, to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.sweeps.statuses import encode_status
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
+from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = ["CaseArguments", "read_case_arguments"]
 

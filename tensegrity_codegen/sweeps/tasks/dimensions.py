@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.precision import find_precision
-from tensegrity_codegen.quantities import QUANTITIES
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.sweeps.tasks.operation import Output
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.precision import find_precision
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["AXES", "describe_quantity", "label_axis", "list_axis_names", "real_dtype"]
 

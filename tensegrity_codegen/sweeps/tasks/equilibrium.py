@@ -9,9 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses import Needs, find_needs
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import Needs, find_needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
@@ -27,6 +25,8 @@ from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quan
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["FindEquilibrium", "find_each"]
 

@@ -8,10 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tensegrity_codegen.analyses import BATCH_WIDTH, Needs
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import encode_status
@@ -20,6 +17,9 @@ from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Evaluate"]
 

@@ -17,16 +17,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.runtime.simulate.condition_text import POSITION, parse_condition
+from tensegrity_codegen.sweeps.tasks.dimensions import list_axis_names
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     TensegrityError,
     UnknownNameError,
     suggest,
 )
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.runtime.simulate.condition_text import POSITION, parse_condition
-from tensegrity_codegen.sweeps.tasks.dimensions import list_axis_names
+from tensegrity_codegen.tables.quantities import QUANTITIES
 
 __all__ = ["REDUCTIONS", "KeptText", "parse_kept"]
 

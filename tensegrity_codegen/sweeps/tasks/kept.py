@@ -9,11 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import FormulationError, TensegrityError
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.simulate.condition import find_quantities
 from tensegrity_codegen.runtime.simulate.condition_parts import Part, build_part
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
@@ -21,6 +16,11 @@ from tensegrity_codegen.sweeps.tasks.axes import find_axes
 from tensegrity_codegen.sweeps.tasks.dimensions import describe_quantity, real_dtype
 from tensegrity_codegen.sweeps.tasks.keep_text import KeptText
 from tensegrity_codegen.sweeps.tasks.operation import Output
+from tensegrity_codegen.system.errors import FormulationError, TensegrityError
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Kept", "bind_kept", "find_kept_quantities"]
 

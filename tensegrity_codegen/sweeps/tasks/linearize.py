@@ -9,10 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses import BATCH_WIDTH, Needs, find_needs
-from tensegrity_codegen.errors import DuplicateNameError, NonFiniteError, TensegrityError, check_choice
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import BATCH_WIDTH, Needs, find_needs
 from tensegrity_codegen.runtime.linear.linearize import LinearModel
 from tensegrity_codegen.runtime.linear.linearize import linearize as linearize_one
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -23,6 +20,9 @@ from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
 from tensegrity_codegen.sweeps.tasks.equilibrium import find_each
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
+from tensegrity_codegen.system.errors import DuplicateNameError, NonFiniteError, TensegrityError, check_choice
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Linearize"]
 

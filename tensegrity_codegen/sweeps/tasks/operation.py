@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses import Needs
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import Needs
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import is_good
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Operation", "Output", "TaskResult", "build_result"]
 

@@ -8,12 +8,12 @@ from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 from tensegrity_codegen.sweeps.tasks.equilibrium import FindEquilibrium
 from tensegrity_codegen.sweeps.tasks.evaluate import Evaluate
 from tensegrity_codegen.sweeps.tasks.linearize import Linearize
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 
 __all__ = ["OPERATIONS", "build_operation"]
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.manifest import FunctionSpec
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.manifest import FunctionSpec
 
 __all__ = ["compute_rows", "compute_values", "place_rows"]
 

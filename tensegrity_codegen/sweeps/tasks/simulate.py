@@ -9,10 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.analyses import BATCH_METHOD, Needs, find_needs
-from tensegrity_codegen.manifest import FunctionSpec, Manifest
-from tensegrity_codegen.quantities import QUANTITIES
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import BATCH_METHOD, Needs, find_needs
 from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
@@ -28,6 +25,9 @@ from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESUL
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
 from tensegrity_codegen.sweeps.tasks.reductions import reduce_output, reduce_values
+from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
+from tensegrity_codegen.tables.quantities import QUANTITIES
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Simulate"]
 

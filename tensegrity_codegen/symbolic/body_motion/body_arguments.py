@@ -8,11 +8,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.errors import FormulationError, suggest
-from tensegrity_codegen.laws import LAW_PARAMETERS
-from tensegrity_codegen.quantities import ARGUMENTS, PARAMETERS
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.symbolic.model import ModelArgument
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS
+from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
 __all__ = ["BODY_PARAMETERS", "BodyArguments"]
 

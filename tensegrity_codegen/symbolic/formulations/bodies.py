@@ -13,8 +13,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodyLoad, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
@@ -28,6 +26,8 @@ from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["build_bodies"]
 

@@ -15,8 +15,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest, complete_options
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.distances.distance_blocks import DistanceBlocks
@@ -36,6 +34,8 @@ from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["build_node_distance"]
 

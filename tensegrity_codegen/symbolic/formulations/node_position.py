@@ -11,7 +11,6 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.interference import build_bar_quantities
@@ -20,6 +19,7 @@ from tensegrity_codegen.symbolic.members.member_family import build_member_quant
 from tensegrity_codegen.symbolic.model import SymbolicModel, frame_structure
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["NodePosition", "build_node_position"]
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
 from tensegrity_codegen.symbolic.members.member import Member
+from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
 
 __all__ = ["HeldMember", "build_member_quantities"]
 

@@ -14,14 +14,14 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.laws import MEMBER_VALUES
-from tensegrity_codegen.quantities.members import MEMBER_QUANTITIES
 from tensegrity_codegen.structure.assembly import ABSENT, MemberClass
 from tensegrity_codegen.structure.member_laws import SECTION_VALUES
 from tensegrity_codegen.symbolic.geometry import member_vector
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.operations import count_operations
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
+from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 
 __all__ = ["KERNELS", "MemberKernel", "build_member_kernel"]
 

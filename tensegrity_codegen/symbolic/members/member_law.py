@@ -18,7 +18,7 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.laws import LAW_PARAMETERS, Law, compute_spring_constant, find_law
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, Law, compute_spring_constant, find_law
 
 __all__ = ["MemberLaw", "build_law"]
 

@@ -17,7 +17,7 @@ from tests.cli.blocks.find_blocks import ROOT, Block, classify, find_blocks
 from tests.cli.blocks.snippets import run_snippet
 from tests.cli.blocks.surroundings import BEFORE, EXITS, FILES, SCENES
 from tests.cli.conftest import Run
-from tests.report.live.pages import require_three
+from tests.live.pages import require_three
 
 EXAMPLES = ROOT / "tensegrity_codegen" / "scene" / "examples"
 FILE = re.compile(r"`?([\w.]+\.(?:csv|c|json|toml))`?")

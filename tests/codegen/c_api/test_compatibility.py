@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.manifest import C_API_VERSION
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.tables.manifest import C_API_VERSION
 from tests.codegen.c_api.header_rule import find_breaks, read_interface
 from tests.codegen.subjects import everything
 

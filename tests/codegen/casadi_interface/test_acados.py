@@ -12,9 +12,9 @@ import pytest
 from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.subjects import everything
 

@@ -14,11 +14,11 @@ import pytest
 from tensegrity_codegen.codegen.casadi_interface import derivatives
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.pipeline import build_library, load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.quickly import without_optimisation
 from tests.codegen.subjects import bare, everything

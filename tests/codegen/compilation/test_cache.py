@@ -9,7 +9,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation import cache as cache_module
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache, find_cache_root
-from tensegrity_codegen.errors import CompileError, OutputError
+from tensegrity_codegen.system.errors import CompileError, OutputError
 from tests.codegen.compilers import POSIX
 
 KEY, OTHER, THIRD = "a" * 64, "b" * 64, "c" * 64

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.compilation.cache_entry import read_contents, read_entry, write_entry
-from tensegrity_codegen.errors import LibraryError
+from tensegrity_codegen.system.errors import LibraryError
 
 KEY = "a" * 64
 FILES = {"prism.c": b"int prism;\n", "manifest.json": b"{}\n", "libprism.so": b"library"}

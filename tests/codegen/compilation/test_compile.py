@@ -10,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.compile import compile_library, compiler_environment, object_size
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler
-from tensegrity_codegen.errors import CompileError, InvalidNameError, InvalidValueError
+from tensegrity_codegen.system.errors import CompileError, InvalidNameError, InvalidValueError
 from tests.cases import thorough
 from tests.codegen.compilers import (
     FAMILIES,

@@ -7,8 +7,8 @@ from tensegrity_codegen.codegen.compilation.flags import (
     describe_toolchain,
     find_flags,
 )
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.targets import find_system, library_file_name
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.targets import find_system, library_file_name
 
 pytestmark = pytest.mark.optimised
 

@@ -20,10 +20,10 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler, Fl
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS, find_instruction_sets
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.errors import CompileError, FormulationError, LibraryError
-from tensegrity_codegen.manifest import STATUS, Manifest
-from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.errors import CompileError, FormulationError, LibraryError
+from tensegrity_codegen.tables.manifest import STATUS, Manifest
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler

@@ -5,7 +5,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation import toolchain
 from tensegrity_codegen.codegen.compilation.toolchain import check_compiler, find_compiler, find_compilers
-from tensegrity_codegen.errors import CompileError, CompilerMissingError
+from tensegrity_codegen.system.errors import CompileError, CompilerMissingError
 from tests.codegen.compilers import FAMILIES, POSIX, require_compiler, script_compiler, write_script
 
 

@@ -13,10 +13,10 @@ import pytest
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.integrators.batch_integrators import plan_memory
-from tensegrity_codegen.manifest import IntegratorSpec, Manifest
-from tensegrity_codegen.precision import PRECISIONS
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.manifest import IntegratorSpec, Manifest
+from tensegrity_codegen.tables.precision import PRECISIONS
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import OTHERS, require_compiler
 from tests.codegen.quickly import SANITIZE

@@ -9,15 +9,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.cli.live_page import request_play
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import build_library, load_scene
+from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.pieces import build_linear
+from tensegrity_codegen.system.errors import FormulationError
 from tests.cases import thorough
-from tests.report.live.pages import EXAMPLES
+from tests.live.pages import EXAMPLES
 
 RAMP, T_END = 0.02, 0.1  # s
 STIFFNESS, DAMPING = 200.0, 2.0

@@ -8,9 +8,9 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, has_sanitizers, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.quickly import SANITIZE

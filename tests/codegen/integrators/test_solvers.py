@@ -13,14 +13,14 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.manifest import SOLVER_STATUS, STATUS, Manifest
-from tensegrity_codegen.pipeline import equilibrium_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import equilibrium_quantities
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS, Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import STRICT, has_sanitizers, require_cpp, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.quickly import SANITIZE

@@ -15,7 +15,7 @@ __all__ = ["CONTROL", "FILES", "FOLDER", "GROUPS", "STRICTER", "compile_alone", 
 FOLDER = plain_c_folder(template_folder())
 FILES = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".c", ".h"))
 # The controller has a sample configuration of its own. Files left out need DAQP, whose source comes from
-# elsewhere: tests/controller compiles them.
+# elsewhere: tests/control/embedded compiles them.
 NEED_DAQP = {"distribute.h", "quadratic_program.h", "distribute_step.h"}
 CONTROL = sorted(f"control/{path.name}" for path in FOLDER.glob("control/*.h") if path.name not in NEED_DAQP)
 GROUPS = {"structure": FILES, "control": CONTROL}

@@ -18,8 +18,8 @@ from tensegrity_codegen.codegen.print.instructions import read_instructions
 from tensegrity_codegen.codegen.print.lane_printer import BLOCK, COMPARISONS, NUMBERS, print_lanes
 from tensegrity_codegen.codegen.print.operations import OPERATIONS
 from tensegrity_codegen.codegen.print.render import render
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.precision import PRECISIONS
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.precision import PRECISIONS
 from tests.codegen.print.test_printer import NAMES, PRINTED, operand_pairs, operation_function
 
 pytestmark = pytest.mark.optimised

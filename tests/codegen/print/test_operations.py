@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.operations import OPERATIONS, Text, print_text
 from tensegrity_codegen.codegen.print.printer import Annotations, print_body
-from tensegrity_codegen.precision import PRECISIONS
+from tensegrity_codegen.tables.precision import PRECISIONS
 
 DOUBLE = PRECISIONS["double"]
 A, B, C = Text("a"), Text("b"), Text("c")

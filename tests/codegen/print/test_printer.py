@@ -23,8 +23,8 @@ from tensegrity_codegen.codegen.print.printer import (
     print_number,
     print_numbers,
 )
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.precision import PRECISIONS, Precision
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 
 pytestmark = pytest.mark.optimised

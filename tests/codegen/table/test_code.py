@@ -12,9 +12,9 @@ import pytest
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.build_c import run, write_files
 from tests.codegen.table.subjects import served
 from tests.codegen.test_generated_c import raw_call

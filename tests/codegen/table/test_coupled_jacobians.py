@@ -12,13 +12,13 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.table.members import mass_groups
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import build_library, linearize_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, linearize_quantities
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests import random_structures
 from tests.cases import thorough
 from tests.codegen.table.modules import spine, tower, twisted

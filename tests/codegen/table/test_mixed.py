@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import integrate_radau
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.subjects import everything
 from tests.runtime.stiff_bars import class_two
 

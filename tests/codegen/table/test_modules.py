@@ -10,11 +10,11 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.structure.assembly import plan_assembly
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, make_structure, prism, spring
 from tests.test_golden import EXAMPLES
 

@@ -10,18 +10,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, BodyEvaluator, assemble_document, random_state
 from tests.comparison import dense, largest_terms, run_in_casadi
-from tests.laws.test_bilinear import with_law
 from tests.random_structures import structures
 from tests.runtime.build import cable, make_structure, prism, spring
 from tests.symbolic.taylor import check_second_order
 from tests.symbolic.test_node_position import Evaluator, all_parameters, draw_direction, offered_by
+from tests.tables.laws.test_bilinear import with_law
 
 SLOW = settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 NEW = ("residual_rest_length_jacobian", "tension_rest_length_derivative", "tension_jacobian")

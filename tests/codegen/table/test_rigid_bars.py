@@ -9,11 +9,11 @@ import pytest
 
 from tensegrity_codegen.codegen.choose_emitter import settle_emitter
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense
 from tests.runtime.build import bar, cable, make_structure, prism
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.long_work.provenance import describe_provenance
-from tensegrity_codegen.report.live.render_live import live_folder
+from tensegrity_codegen.live.render_live import live_folder
 from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.method_style import (
     METHOD_STYLES,
@@ -26,6 +25,7 @@ from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.report.pages.table_width import HINT_WIDTHS, ColumnText, choose_layout
 from tensegrity_codegen.report.pages.theme import THEME, find_dark_color, use_variables
 from tensegrity_codegen.runtime.integrate.methods import METHODS
+from tensegrity_codegen.system.provenance import describe_provenance
 from tests.report.driver import running_browser
 from tests.report.page_checks import check_in_browser, check_static, in_browser, probe_page
 from tests.report.sample_page import make_section

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tensegrity_codegen.report.pictures.animate import MOST_FRAMES, find_frames, write_animation
 from tensegrity_codegen.report.pictures.choices import PictureChoices
+from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tests.report.samples import frame, make_trajectory, prism
 
 needs_ffmpeg = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")

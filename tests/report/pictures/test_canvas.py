@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, OutputError
-from tensegrity_codegen.extras import PACKAGES, import_extra
 from tensegrity_codegen.report.pictures.canvas import check_suffix, new_figure, save_figure
+from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, OutputError
+from tensegrity_codegen.system.extras import PACKAGES, import_extra
 from tests.report.samples import png_size
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, TensegrityError
 from tensegrity_codegen.report.pictures.choices import PictureChoices, read_labels, read_size, read_view
+from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from tensegrity_codegen import compile_scene, draw, find_equilibrium, load_scene, read_scene, simulate
 from tensegrity_codegen.cli.scene_files import read_example
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.cases import thorough
-from tests.report.live.pages import load, sway
+from tests.live.pages import load, sway
 
 
 @pytest.fixture(scope="module", params=["planar", "lin_prism", *thorough("svd_tower")])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tensegrity_codegen.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tensegrity_codegen.report.pictures import canvas, plots
 from tensegrity_codegen.report.pictures.plots import plot_structure, plot_trajectory
+from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tests.cases import thorough
 from tests.report.samples import frame, make_trajectory, png_size, prism, thread
 

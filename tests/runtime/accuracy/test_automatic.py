@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.runtime.accuracy.choice import choose_method, integrators_for
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -20,6 +18,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio

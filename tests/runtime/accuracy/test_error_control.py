@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
@@ -20,6 +19,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.runtime.build import bar, make_structure, prism
 

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import prism
 
 METHODS = ("rk54", "rk853")

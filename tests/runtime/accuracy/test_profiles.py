@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, Trajectory, simulate, simulate_batch
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library, simulation_quantities
+from tensegrity_codegen.pipeline.compile_scene import (
+    SIMULATION_QUANTITIES,
+    build_library,
+    simulation_quantities,
+)
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import InvalidValueError
 from tests.codegen.quickly import without_optimisation
 from tests.runtime.build import bar, cable, make_structure, prism
 

@@ -8,10 +8,10 @@ import pickle
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.report.analysis_data import describe_analysis
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
 from tensegrity_codegen.runtime.analysis.prestress import find_prestress
 from tensegrity_codegen.runtime.analysis.rank import find_rank
+from tensegrity_codegen.system.errors import InvalidValueError
 from tests.runtime.analysis.plain import Plain, make_plain, prism
 
 

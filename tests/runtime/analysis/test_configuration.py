@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import build_library, find_needs
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.analysis.configuration import read_configuration
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import example
 from tests.reference import ReferenceModel
 from tests.runtime.build import prism

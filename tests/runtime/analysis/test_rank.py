@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.runtime.analysis.rank import MOST_ROWS, find_rank
+from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 from tests.runtime.analysis.plain import icosahedron, prism
 
 

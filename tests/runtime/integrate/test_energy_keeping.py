@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import cable, make_structure, prism
 from tests.runtime.stiff_bars import class_two, pendulums
 

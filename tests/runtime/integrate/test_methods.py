@@ -2,11 +2,11 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_codegen.errors import UnknownNameError
 from tensegrity_codegen.runtime.accuracy.integrate import ONCE
 from tensegrity_codegen.runtime.integrate.methods import METHODS, find_method, list_methods
 from tensegrity_codegen.scene.schema.model_schema import INTEGRATORS
-from tensegrity_codegen.tableaus import EXPLICIT
+from tensegrity_codegen.system.errors import UnknownNameError
+from tensegrity_codegen.tables.tableaus import EXPLICIT
 from tests.doc_tables import check_table
 
 

@@ -12,9 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
 from tensegrity_codegen.codegen.integrators import radau as generated
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -25,6 +23,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, spring
 from tests.runtime.integrate.test_integrator_events import net
 from tests.runtime.stiff_bars import class_two, move_rigidly, pendulums, prism_of_ratio

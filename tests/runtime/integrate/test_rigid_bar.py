@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.common_prism import BARS, POSITION, common_prism, span
 from tests.runtime.build import bar, cable, make_structure
 

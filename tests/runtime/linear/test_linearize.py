@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 from tests.random_structures import structures
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism, spring

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import build_library, linearize_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, linearize_quantities
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure
 from tests.runtime.rigid_reference import stiffened

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 
 PARAMETERS = {"rest_length": (0,), "spring_constant": (0,), "damping": (0,), "node_mass": (1,)}

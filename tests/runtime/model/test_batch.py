@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.errors import InvalidValueError, LibraryError, NonFiniteError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel, SparseBatch
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, NonFiniteError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler, wait_until
 from tests.comparison import dense

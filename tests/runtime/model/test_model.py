@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import prism
 
 QUANTITIES = ("member_tension", "node_force", "total_energy", "tangent_stiffness", "acceleration")

@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
@@ -17,6 +15,8 @@ from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 
 INPUTS = (ActuatedInput("motor", "rest_length", (0,)), ActuatedInput("push", "force", (1,), (1.0, 0.0, 0.0)))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import UnknownNameError
-from tensegrity_codegen.pipeline import build_library, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import NODE_QUANTITIES, place_nodes, place_velocities
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.reference import ReferenceModel
 from tests.runtime.build import make_structure, prism, spring
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.runtime.paths.bar_path import BarPath, build_path
 from tensegrity_codegen.runtime.paths.continuation import follow_path
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_slack
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.system.errors import FormulationError
 from tests.runtime.build import bar, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference
 

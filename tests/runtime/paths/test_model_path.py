@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities, load_scene
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
 from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, make_structure, spring
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples"

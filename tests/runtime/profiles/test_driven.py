@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, simulate, simulate_batch
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.runtime.build import make_structure, spring
 
 INPUTS = (ActuatedInput("motor", "rest_length", (0,)), ActuatedInput("push", "force", (1,), (1.0, 0.0, 0.0)))

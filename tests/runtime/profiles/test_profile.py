@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tensegrity_codegen import Profile
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
 
 TIME = np.array([0.0, 0.1, 0.5, 0.6, 2.0])
 VALUE = np.array([0.0, 1.0, -2.0, 3.0, 0.5])

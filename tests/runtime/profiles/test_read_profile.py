@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen import Profile, read_profile
-from tensegrity_codegen.errors import SceneError
+from tensegrity_codegen.system.errors import SceneError
 
 INPUTS = ("motor", "push")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import SingularStiffnessError
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import SingularStiffnessError
 from tests.cases import thorough
 from tests.reference import ReferenceModel
 from tests.runtime.build import cable, make_structure, spring

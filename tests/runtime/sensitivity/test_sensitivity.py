@@ -12,16 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.errors import (
-    DuplicateNameError,
-    FormulationError,
-    InvalidValueError,
-    NonFiniteError,
-    SingularStiffnessError,
-    UnknownNameError,
-)
-from tensegrity_codegen.pipeline import build_library, find_needs, load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, load_scene
 from tensegrity_codegen.runtime.sensitivity import bordered
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
@@ -29,6 +20,15 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    FormulationError,
+    InvalidValueError,
+    NonFiniteError,
+    SingularStiffnessError,
+    UnknownNameError,
+)
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import assemble_document
 from tests.cases import thorough
 from tests.reference import ReferenceModel

@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError, UnknownNameError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition import build_condition, find_quantities
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    NonFiniteError,
+    UnknownNameError,
+)
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, make_structure, spring
 
 WANTED = (*SIMULATION_QUANTITIES, "member_length", "member_vector", "tangent_stiffness")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.runtime.simulate.condition_text import parse_condition
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
 
 
 @pytest.mark.parametrize("text", ["abs+1", "abs < 1", "min(min)", "max", "sum(sqrt, 1)", "-min"])

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tensegrity_codegen.errors import FormulationError
-from tensegrity_codegen.pipeline import SIMULATION_QUANTITIES, build_library, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import (
+    SIMULATION_QUANTITIES,
+    build_library,
+    simulation_quantities,
+)
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES, SLACK_QUANTITIES
 from tensegrity_codegen.runtime.simulate.motion_events import find_contact, find_slack
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import example
 from tests.runtime.build import bar, cable, make_structure, spring
 

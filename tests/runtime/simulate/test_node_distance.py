@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.pipeline import (
+from tensegrity_codegen.pipeline.compile_scene import (
     build_library,
     linearize_quantities,
     load_scene,
     settle_structure,
     simulation_quantities,
 )
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.simulate.sample_memory import MOST_BYTES, check_sample_memory
+from tensegrity_codegen.system.errors import InvalidValueError
 
 
 def manifest_of(nodes: int, members: int) -> Any:

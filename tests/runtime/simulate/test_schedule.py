@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 
 RATE = float(np.sqrt(200.0))  # of two masses of 1 kg on 100 N/m

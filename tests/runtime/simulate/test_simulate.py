@@ -9,15 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, NonFiniteError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    NonFiniteError,
+    UnknownNameError,
+)
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import cable, make_structure, prism, spring
 
 RATE = float(np.sqrt(200.0))  # of the oscillator: two masses of 1 kg on 100 N/m

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError, UnknownNameError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.integrate import batch_integration, c_run
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -23,6 +21,13 @@ from tensegrity_codegen.runtime.simulate import sample_memory
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    LibraryError,
+    UnknownNameError,
+)
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, prism
 
 METHODS: tuple[tuple[str, dict[str, Any]], ...] = (("rk4", {"step": 1e-3}), ("rk54", {}), ("rk853", {}))

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 from tests.runtime.rigid_reference import RigidReference, stiffened

@@ -7,14 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import ConvergenceError, FormulationError
-from tensegrity_codegen.pipeline import build_library, equilibrium_quantities, simulation_quantities
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import (
+    build_library,
+    equilibrium_quantities,
+    simulation_quantities,
+)
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.system.errors import ConvergenceError, FormulationError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, BodyEvaluator, assemble_document, example
 from tests.symbolic.test_bodies import as_structure, two_bars
 

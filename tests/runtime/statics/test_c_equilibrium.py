@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
+from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.studies.papers.lin.events import follow_load
+from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_load
+from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
     InvalidValueError,
@@ -18,14 +25,7 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     UnstableError,
 )
-from tensegrity_codegen.papers.lin.events import follow_load
-from tensegrity_codegen.papers.lin.model import compile_prism, place_load
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
-from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
-from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import cable, make_structure, prism, spring
 
 SOLVER = ("equilibrium",)

@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.runtime.statics import newton
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
     InvalidValueError,
@@ -13,9 +16,6 @@ from tensegrity_codegen.errors import (
     UnknownNameError,
     UnstableError,
 )
-from tensegrity_codegen.runtime.statics import newton
-from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.structure.structure import ActuatedInput
 from tests.cases import thorough
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, cable, make_structure, prism, spring

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import compile_scene, simulate, simulate_batch
-from tensegrity_codegen.errors import MissingExtraError
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.columns import list_columns
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.errors import MissingExtraError
 
 SCENE = {
     "name": "pair",

@@ -13,15 +13,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import OutputError, SceneError, SceneSyntaxError, StructureError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.model import array_file
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.read_trajectory import read_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import OutputError, SceneError, SceneSyntaxError, StructureError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import make_structure, spring
 
 # A trajectory and the bytes of its file.

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.structure.actuators import Actuator, Sensor
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidNameError,
     InvalidValueError,
@@ -12,7 +13,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tests.body_scenes import EVERYTHING, assemble_document
 from tests.scene.samples import WHERE, build, changed
 

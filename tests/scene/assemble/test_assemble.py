@@ -3,9 +3,9 @@ import time
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, StructureError, UnknownNameError
 from tensegrity_codegen.scene.assemble.assemble import DEFAULT_QUANTITIES, MASSLESS_QUANTITIES
 from tensegrity_codegen.scene.checks.check import check_structure
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError, UnknownNameError
 from tests.scene.samples import ARCH, REMOVE, WHERE, build, changed
 
 PRISM = {

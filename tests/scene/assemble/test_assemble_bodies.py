@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.subject import assemble_scene
+from tensegrity_codegen.structure.bodies import Bar, Chart, FixedBody, RigidBody
+from tensegrity_codegen.structure.kinematics import compute_node_position
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidNameError,
     InvalidValueError,
@@ -16,12 +22,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings
-from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.subject import assemble_scene
-from tensegrity_codegen.structure.bodies import Bar, Chart, FixedBody, RigidBody
-from tensegrity_codegen.structure.kinematics import compute_node_position
 from tests.body_scenes import EVERYTHING, assemble_document
 from tests.scene.samples import ARCH, REMOVE, changed
 

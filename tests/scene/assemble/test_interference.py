@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError
 
 
 def scene(**more: Any) -> dict[str, Any]:

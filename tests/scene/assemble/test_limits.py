@@ -5,7 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, UnknownKeyError, UnknownNameError
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    UnknownKeyError,
+    UnknownNameError,
+)
 from tests.body_scenes import EVERYTHING, assemble_document
 from tests.scene.samples import WHERE, build, changed
 

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.scene.assemble.member_values import resolve_values
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 CLASSES = {
     "strut": MemberClass(kind="bar", mass=2.0, axial_stiffness=5.0),

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownNameError
 from tensegrity_codegen.scene.assemble.members import compute_rest_length
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError
 from tests.scene.samples import REMOVE, WHERE, build, changed
 
 POSITIVE = st.floats(1e-3, 1e6)

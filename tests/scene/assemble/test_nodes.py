@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.scene.assemble.nodes import spread_vectors
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.scene.samples import WHERE, build, changed
 
 PLACES = [("nodes", "a", "position"), ("nodes", "b", "position")]

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, UnknownNameError
 from tensegrity_codegen.scene.assemble.targets import normalise
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError
 from tests.scene.samples import REMOVE, WHERE, build, changed
 
 

@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.checks.check import check_structure
+from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidNameError,
     InvalidValueError,
     NonFiniteError,
     StructureError,
 )
-from tensegrity_codegen.scene.checks.check import check_structure
-from tensegrity_codegen.structure.structure import ActuatedInput
 from tests.scene.samples import ARCH, build
 
 STRUCTURE, _ = build(ARCH)

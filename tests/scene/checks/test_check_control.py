@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, NonFiniteError
 from tests.scene.samples import build, changed
 
 STRUCTURE = build(changed("actuators", to=[{"name": "m", "members": ["ab"]}]))[0]

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, StructureError
 from tensegrity_codegen.scene.checks.geometry import (
     check_connectivity,
     check_freedom,
     compute_member_length,
     find_fully_anchored,
 )
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 from tests.scene.samples import WHERE, build, changed
 
 POSITION = np.array([[0.0, 0, 0], [3, 0, 4], [1, 1, 1]])

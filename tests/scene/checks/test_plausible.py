@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.checks.scene_warnings import find_body_warnings, find_warnings
 from tensegrity_codegen.scene.read import parse_scene

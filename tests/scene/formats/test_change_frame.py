@@ -11,13 +11,13 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.formats.change_frame import UP_AXES, change_frame
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.reference import ReferenceModel
 
 DOCUMENT: dict[str, Any] = {

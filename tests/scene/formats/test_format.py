@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, SceneError
 from tensegrity_codegen.scene.formats.format import find_format, find_formats, read_files
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, SceneError, StructureError, UnknownNameError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, StructureError, UnknownNameError
 
 TEXT = """!a strut and two stays
 finish

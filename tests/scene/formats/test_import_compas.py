@@ -8,7 +8,11 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -16,10 +20,6 @@ from tensegrity_codegen.errors import (
     StructureError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.format import read_files
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.read import parse_scene
 
 NODES: dict[str, Any] = {
     "0": {"x": 0, "y": 0, "z": 0, "is_anchor": True, "rx": 3.0},

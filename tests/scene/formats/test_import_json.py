@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.files import json_file
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.formats.import_json import MEMBER_KEYS, NODE_KEYS, SECTIONS, import_json
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidNameError,
     InvalidValueError,
@@ -22,12 +28,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.files import json_file
-from tensegrity_codegen.scene.formats.format import read_files
-from tensegrity_codegen.scene.formats.import_json import MEMBER_KEYS, NODE_KEYS, SECTIONS, import_json
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.read import parse_scene
 
 ROOT = Path(__file__).resolve().parents[3]
 BY_NAME: dict[str, Any] = {

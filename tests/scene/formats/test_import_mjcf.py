@@ -13,12 +13,17 @@ from hypothesis import strategies as st
 
 from tensegrity_codegen import compile_scene, load_scene, simulate
 from tensegrity_codegen.cli.scene_files import read_example
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, SceneError, UnknownNameError
 from tensegrity_codegen.export.exporter import ExportSource, write_export
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    SceneError,
+    UnknownNameError,
+)
 from tests.export.test_export_mjcf import build_scene
 
 TEXT = """<mujoco model="two rods">

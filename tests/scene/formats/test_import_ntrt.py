@@ -6,7 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.symbolic.rigid_bar_check import check_formulation
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -16,10 +20,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
-from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.symbolic.rigid_bar_check import check_formulation
 
 SHARED = Path(__file__).parents[4] / "shared" / "data" / "ntrt"
 needs_shared = pytest.mark.skipif(

@@ -10,12 +10,17 @@ import pytest
 
 from tensegrity_codegen import read_scene
 from tensegrity_codegen.cli.scene_files import list_examples, read_example
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, SceneError, UnknownKeyError
 from tensegrity_codegen.export.exporter import ExportSource, write_export
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.formats.import_scene_json import SCENE_FORMAT
 from tensegrity_codegen.scene.write import write_scene
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    SceneError,
+    UnknownKeyError,
+)
 
 
 @pytest.mark.parametrize("name", list_examples())

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS, import_tables
+from tensegrity_codegen.scene.formats.imported import NameBook
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidNameError,
     InvalidValueError,
@@ -17,10 +21,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.import_tables import MEMBER_COLUMNS, NODE_COLUMNS, import_tables
-from tensegrity_codegen.scene.formats.imported import NameBook
-from tensegrity_codegen.scene.read import parse_scene
 
 NODES = "node,x,y,z,vx,vy,vz,mass,anchored\na,0,0,0,,,,,1\nb,1,0,0,0,0.5,0,0.2,\nc,0,1,0,,,,0.1,xz\n"
 MEMBERS = (

@@ -9,7 +9,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.formats.files import xml_file
+from tensegrity_codegen.scene.formats.files.xml_file import read_xml
+from tensegrity_codegen.scene.formats.format import read_files
+from tensegrity_codegen.scene.formats.import_tdf import import_tdf
+from tensegrity_codegen.scene.formats.imported import ImportResult
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     SceneError,
@@ -18,13 +25,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     UnknownNameError,
 )
-from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.formats.files import xml_file
-from tensegrity_codegen.scene.formats.files.xml_file import read_xml
-from tensegrity_codegen.scene.formats.format import read_files
-from tensegrity_codegen.scene.formats.import_tdf import import_tdf
-from tensegrity_codegen.scene.formats.imported import ImportResult
-from tensegrity_codegen.scene.read import parse_scene
 from tests.cases import thorough
 
 TEXT = """<?xml version="1.0"?>

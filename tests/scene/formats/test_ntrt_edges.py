@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 # Three upright rods over a triangle of cables below and one above; sides 2 h.
 FRAME = """

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.errors import SceneError
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
+from tensegrity_codegen.system.errors import SceneError
 
 LAUGHS = "".join(
     f"  k{i}: &l{i} [{', '.join([f'*l{i - 1}'] * 10)}]\n" if i else "  k0: &l0 [[a, b]]\n" for i in range(9)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, SceneError, UnknownKeyError, UnknownNameError
-from tensegrity_codegen.formulations import FORMULATIONS
-from tensegrity_codegen.request import complete_options
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.system.errors import InvalidValueError, SceneError, UnknownKeyError, UnknownNameError
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.request import complete_options
 from tests.scene.samples import ARCH, WHERE, build, changed
 
 ASKED = {"pairs": "full", "order": "uvec123", "basis": "orthonormal"}

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import StructureError
 from tensegrity_codegen.scene.shapes import expand_shape, tower
 from tensegrity_codegen.scene.shapes.long_tower import find_long_twist
 from tensegrity_codegen.scene.shapes.tower import TowerShape, find_tower_twist
+from tensegrity_codegen.system.errors import StructureError
 
 
 def shape(stages: int, bars: int = 3, overlap: float = 0.2) -> dict[str, Any]:

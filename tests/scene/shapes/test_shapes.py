@@ -6,11 +6,11 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError, UnknownKeyError
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.shapes import PrismShape, expand_shape
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownKeyError
 
 PRISM = {"kind": "prism", "bottom_radius": 1.0, "height": 2.0}
 TOWER = {"kind": "tower", "stages": 3, "radius": 1.0, "height": 2.0}

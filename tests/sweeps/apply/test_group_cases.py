@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
-    DuplicateNameError,
-    InvalidValueError,
-    TensegrityError,
-    UnknownKeyError,
-)
 from tensegrity_codegen.scene.read import read_document
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group_cases import MOST_LIBRARIES, find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.keys import KeyPath, find_numbers
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    TensegrityError,
+    UnknownKeyError,
+)
 from tests.cases import thorough
 from tests.sweeps.apply.exactly import EXAMPLES, group_and_compare
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.libraries import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import read_document
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.sweeps.cases.build_cases import MOST_CASES, build_cases
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -18,7 +19,6 @@ from tensegrity_codegen.errors import (
     StructureError,
     TensegrityError,
 )
-from tensegrity_codegen.sweeps.cases.build_cases import MOST_CASES, build_cases
 
 
 def test_ranges_and_lists_make_a_grid() -> None:

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.cases import MOST_LISTED, Cases
+from tensegrity_codegen.system.errors import InvalidValueError
 
 AXES = (
     Axis("a", np.array([1.0, 2.0])),

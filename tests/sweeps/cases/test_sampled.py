@@ -10,11 +10,16 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, TensegrityError, UnknownNameError
 from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.sampled import METHODS, Sample, build_sample
 from tensegrity_codegen.sweeps.cases.unit_points import BITS, SobolPoints
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    TensegrityError,
+    UnknownNameError,
+)
 
 THREE = {"a": "normal(2,0.5)", "b": "uniform(-1,3)", "c": "lognormal(0,0.25)"}
 

@@ -11,11 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tensegrity_codegen.analyses import Needs
-from tensegrity_codegen.errors import LibraryError
-from tensegrity_codegen.manifest import Manifest
-from tensegrity_codegen.pipeline import load_scene
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import Needs
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
@@ -25,6 +22,9 @@ from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.statuses import encode_statuses
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult
+from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
 SCENE = Path(__file__).resolve().parents[3] / "tensegrity_codegen/scene/examples/two_nodes.toml"
 

@@ -4,8 +4,8 @@ import socket
 
 import pytest
 
-from tensegrity_codegen.errors import ClusterError, InvalidValueError
 from tensegrity_codegen.sweeps.engines.dask_engine import DaskEngine
+from tensegrity_codegen.system.errors import ClusterError, InvalidValueError
 from tests.sweeps.engines.conftest import Square, make_work
 
 pytest.importorskip("distributed", reason="Dask is missing: pip install '.[cluster]'")

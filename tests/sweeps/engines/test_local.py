@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import LibraryError
-from tensegrity_codegen.long_work.forked import can_fork
 from tensegrity_codegen.sweeps.engines.engine import FinishedTask
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.statuses import decode_statuses
+from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.system.forked import can_fork
 from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="these tests need a system that forks processes")

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import OutputError
-from tensegrity_codegen.long_work.forked import can_fork
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.progress import SweepOutcome
 from tensegrity_codegen.sweeps.run import run_sweep
 from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
 from tensegrity_codegen.sweeps.summary.read_results import read_results
+from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.forked import can_fork
 from tests.cases import thorough
 from tests.sweeps.engines.conftest import NoLibraries, Square, make_work
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.create import create_store
 from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
 from tensegrity_codegen.sweeps.store.store import SweepStore
+from tensegrity_codegen.system.errors import OutputError
 from tests.sweeps.store.conftest import KINDS, make_contents, make_result
 
 pytest.importorskip("zarr", reason="Zarr is missing: pip install '.[sweep]'")
@@ -101,7 +101,7 @@ def test_nothing_is_left_beside_a_new_store_and_a_foreign_folder_stays(tmp_path:
 FULL = """
 import resource, signal, sys
 from pathlib import Path
-from tensegrity_codegen.errors import OutputError
+from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.sweeps.store.store import SweepStore
 from tests.sweeps.store.conftest import make_result
 store = SweepStore(Path(sys.argv[1]))

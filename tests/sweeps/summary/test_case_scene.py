@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler

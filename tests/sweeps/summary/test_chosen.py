@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.sweeps.summary.chosen import choose_results
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.sweeps.summary.sweeps import keep, make_sweep
 
 RNG = np.random.default_rng(1)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import OutputError
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.summary.read_results import read_results
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.sweeps.summary.summary import summarize
+from tensegrity_codegen.system.errors import OutputError
 from tests.sweeps.store.conftest import KINDS, OUTPUTS, make_contents, make_result
 
 pytest.importorskip("zarr")

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.libraries import build_library
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 

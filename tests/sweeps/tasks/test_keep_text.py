@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import DuplicateNameError, InvalidValueError, TensegrityError
 from tensegrity_codegen.sweeps.tasks.keep_text import parse_kept
 from tensegrity_codegen.sweeps.tasks.reductions import find_first_time, reduce_values
+from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, TensegrityError
 
 TIME = np.array([0.0, 1.0, 3.0])
 VALUES = np.array([[-1.0, 1.0, 3.0], [1.0, -1.0, 0.0], [-1.0, -2.0, -3.0]])

@@ -8,12 +8,17 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import FormulationError, InvalidValueError, LibraryError, TensegrityError
-from tensegrity_codegen.pipeline import load_scene
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.sweeps.statuses import decode_statuses
 from tensegrity_codegen.sweeps.tasks import simulate as module
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
+from tensegrity_codegen.system.errors import (
+    FormulationError,
+    InvalidValueError,
+    LibraryError,
+    TensegrityError,
+)
 from tests.cases import thorough
 from tests.sweeps.tasks.compiling import check_alike, compile_for, vary
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
 from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
-from tensegrity_codegen.manifest import Pattern
+from tensegrity_codegen.tables.manifest import Pattern
 
 __all__ = ["BlockPattern", "make_pattern"]
 

@@ -13,8 +13,8 @@ import numpy as np
 from tensegrity_codegen.codegen.lanes.kernel import AXES, RATES, DensityKernel, KernelKind
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.laws import MEMBER_VALUES
 from tensegrity_codegen.structure.assembly import ABSENT, MemberClass
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.sinks import AddToNodes

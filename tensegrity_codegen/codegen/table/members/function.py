@@ -9,8 +9,8 @@ from functools import cached_property
 from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.text import in_precision
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.manifest import Pattern
-from tensegrity_codegen.quantities import ARGUMENTS, Quantity
+from tensegrity_codegen.tables.manifest import Pattern
+from tensegrity_codegen.tables.quantities import ARGUMENTS, Quantity
 
 __all__ = ["Recipe", "TableFunction"]
 

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
-from tensegrity_codegen.errors import FormulationError
 from tensegrity_codegen.structure.symmetric_factor import factorise
+from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["MOST_ENTRIES", "MassGroups", "check_constant_masses", "check_entries", "find_groups"]
 

@@ -12,15 +12,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.formulations import find_formulation
-from tensegrity_codegen.quantities import ARGUMENTS
-from tensegrity_codegen.request import ModelRequest
 from tensegrity_codegen.structure.assembly import plan_assembly
 from tensegrity_codegen.structure.inertia_plan import InertiaPlan
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import check_parameters, nominal_value
 from tensegrity_codegen.symbolic.formulations.rigid_bar import WORDS
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, frame_structure
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["FloatArray", "IntArray", "TableModel"]
 

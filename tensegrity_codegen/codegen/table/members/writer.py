@@ -12,10 +12,10 @@ from tensegrity_codegen.codegen.lanes.text import emit_kernels
 from tensegrity_codegen.codegen.print.printer import print_body, print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.table.members.model import TableModel
-from tensegrity_codegen.precision import Precision
 from tensegrity_codegen.structure.assembly import MemberClass
 from tensegrity_codegen.structure.repeated_modules import NEAR
 from tensegrity_codegen.symbolic.members.member_kernel import VECTORS, MemberKernel, build_member_kernel
+from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["Writer", "index_text"]
 

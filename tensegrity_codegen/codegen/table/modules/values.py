@@ -9,8 +9,8 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.text import ModuleText
-from tensegrity_codegen.laws import MEMBER_VALUES
 from tensegrity_codegen.structure.assembly import ARGUMENT, MemberGroup
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
 
 __all__ = ["RowValues"]
 

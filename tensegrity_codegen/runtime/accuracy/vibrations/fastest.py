@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_decay", "find_fastest", "find_fastest_of_batch", "find_noise"]
 

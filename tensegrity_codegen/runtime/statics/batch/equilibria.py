@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.results.by_name import ByName
-from tensegrity_codegen.results.summaries import Fact, Summarised, count_names, describe_range
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.results_by_name import ByName
+from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
 __all__ = ["NUMBERS", "WORDS", "Equilibria", "EquilibriaTable"]
 

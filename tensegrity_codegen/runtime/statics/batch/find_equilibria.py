@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.checks import check_callback
-from tensegrity_codegen.errors import NonFiniteError
 from tensegrity_codegen.runtime.model.arguments import check_argument_names
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
 from tensegrity_codegen.runtime.model.batch import check_threads
@@ -31,6 +29,8 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
     find_equilibrium,
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_equilibria"]
 

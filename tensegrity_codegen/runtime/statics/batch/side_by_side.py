@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.formulations import find_formulation
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import EquilibriaTable
 from tensegrity_codegen.runtime.statics.batch.moved import find_distances
@@ -17,6 +16,7 @@ from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium_record import NEARLY
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["block_size", "can_go_side_by_side", "search_block"]
 

@@ -15,7 +15,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
+from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -23,8 +25,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     suggest,
 )
-from tensegrity_codegen.scene.checks.limits import MOST_ENTRIES
-from tensegrity_codegen.scene.formats.imported import read_text
 
 __all__ = ["LARGEST_TABLE", "Row", "make_row", "read_lines", "read_table"]
 

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.errors import DuplicateNameError, NonFiniteError, SceneSyntaxError
 from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.system.errors import DuplicateNameError, NonFiniteError, SceneSyntaxError
 
 __all__ = ["LARGEST_JSON", "MOST_VALUES", "read_json"]
 

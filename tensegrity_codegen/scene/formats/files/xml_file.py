@@ -8,8 +8,13 @@ from contextlib import suppress
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
-from tensegrity_codegen.errors import InvalidValueError, NonFiniteError, SceneSyntaxError, UnknownKeyError
 from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.system.errors import (
+    InvalidValueError,
+    NonFiniteError,
+    SceneSyntaxError,
+    UnknownKeyError,
+)
 
 __all__ = ["LARGEST_XML", "find_root", "read_attribute", "read_number", "read_numbers", "read_xml"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
-from tensegrity_codegen.errors import InvalidValueError, UnknownNameError
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 __all__ = ["Defaults", "read_defaults"]
 

@@ -10,10 +10,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.formats.files.xml_file import read_number, read_numbers
 from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults
 from tensegrity_codegen.scene.formats.network import NetworkMember
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["read_coupled_masses", "read_tendons"]
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-from tensegrity_codegen.errors import InvalidValueError
 from tensegrity_codegen.scene.formats.ntrt.file import check_keys, parse_number, read_table
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtPair
+from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["BuilderBook", "NtrtBuilder"]
 

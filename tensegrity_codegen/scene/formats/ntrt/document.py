@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.errors import InvalidValueError
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.formats.imported import NameBook
 from tensegrity_codegen.scene.formats.ntrt.bodies import Position, find_rigid_pairs, is_flat
 from tensegrity_codegen.scene.formats.ntrt.plan import Built, Plan, find_position
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtStructure
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["Conversion", "write_document"]
 

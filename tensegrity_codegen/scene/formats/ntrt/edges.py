@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import InvalidValueError, StructureError
 from tensegrity_codegen.scene.formats.ntrt.file import parse_pair
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, NtrtStructure
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 __all__ = ["IsRod", "bond_nodes_to_edges"]
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import yaml
 
-from tensegrity_codegen.errors import (
+from tensegrity_codegen.scene.formats.imported import read_text
+from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
     NonFiniteError,
@@ -20,7 +21,6 @@ from tensegrity_codegen.errors import (
     UnknownKeyError,
     suggest,
 )
-from tensegrity_codegen.scene.formats.imported import read_text
 
 __all__ = [
     "LARGEST_YAML",

@@ -16,13 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import (
-    DuplicateNameError,
-    InvalidValueError,
-    NonFiniteError,
-    SceneError,
-    StructureError,
-)
 from tensegrity_codegen.scene.formats.ntrt.builders import BuilderBook
 from tensegrity_codegen.scene.formats.ntrt.edges import bond_nodes_to_edges
 from tensegrity_codegen.scene.formats.ntrt.file import (
@@ -34,6 +27,13 @@ from tensegrity_codegen.scene.formats.ntrt.file import (
     read_yaml,
 )
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, NtrtStructure
+from tensegrity_codegen.system.errors import (
+    DuplicateNameError,
+    InvalidValueError,
+    NonFiniteError,
+    SceneError,
+    StructureError,
+)
 
 __all__ = ["load_structure"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from tensegrity_codegen.errors import DuplicateNameError, StructureError
-from tensegrity_codegen.results.summaries import describe_count
 from tensegrity_codegen.scene.formats.ntrt.bodies import Position, find_bodies
 from tensegrity_codegen.scene.formats.ntrt.builders import BuilderBook, NtrtBuilder
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, NtrtStructure
+from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
+from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["Built", "Plan", "Sphere", "find_position", "make_plan"]
 

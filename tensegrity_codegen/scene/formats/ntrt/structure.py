@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.errors import StructureError, UnknownNameError, suggest
+from tensegrity_codegen.system.errors import StructureError, UnknownNameError, suggest
 
 __all__ = ["NtrtNode", "NtrtPair", "NtrtStructure"]
 

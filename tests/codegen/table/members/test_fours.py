@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.errors import NonFiniteError
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import NonFiniteError
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough
 from tests.codegen.compilers import EACH_FAMILY, require_compiler
 from tests.codegen.subjects import all_parameters, offered

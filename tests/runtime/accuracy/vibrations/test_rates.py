@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from tensegrity_codegen.pipeline import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import find_rates
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.stiff_bars import class_two, pendulums, prism_of_ratio
 
 WANTED = ("member_law", "mass_matrix", "tangent_stiffness", "damping_matrix")

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.errors import InvalidValueError, LibraryError, UnknownNameError
-from tensegrity_codegen.pipeline import compile_scene
+from tensegrity_codegen.pipeline.compile_scene import compile_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError
 from tests.sweeps.tasks.scenes import BODIES, PRISM, SINGLE, TRIANGLE
 
 COUNT = 8

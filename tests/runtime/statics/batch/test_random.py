@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.analyses import want_analyses
-from tensegrity_codegen.libraries import build_library
-from tensegrity_codegen.request import ModelRequest
+from tensegrity_codegen.pipeline.analyses import want_analyses
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.tables.request import ModelRequest
 from tests.random_structures import AXES, make_structure
 
 CASES = 6

@@ -1,3 +1,0 @@
-"""Methods and peers compared: error against run time, and stability in extreme cases."""
-
-__all__: list[str] = []

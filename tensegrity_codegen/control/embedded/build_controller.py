@@ -1,0 +1,208 @@
+"""Write a controller in C: feedback about a motion, its estimator and the model that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
+from tensegrity_codegen.codegen.compilation.flags import find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.control.embedded.description import ControllerDescription
+from tensegrity_codegen.control.embedded.distribution_tables import QP_ITERATIONS
+from tensegrity_codegen.control.embedded.loaded import LoadedController, load_controller
+from tensegrity_codegen.control.embedded.parts import collect_parts
+from tensegrity_codegen.control.embedded.subject import find_described, find_motion
+from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
+from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.scene.names import check_scene_name
+from tensegrity_codegen.system.checks import check_instance, check_path, check_switch, check_whole
+from tensegrity_codegen.system.output_folder import check_folder, write_folder
+from tensegrity_codegen.tables.precision import find_precision
+
+__all__ = ["ControllerBundle", "build_controller"]
+
+MOST_ITERATIONS = 10_000
+
+
+@dataclass(frozen=True)
+class ControllerBundle:
+    """A controller in C, as written into a folder.
+
+    Attributes
+    ----------
+    folder : Path
+        Where the files are.
+    files : tuple of str
+        Names of the files.
+    description : ControllerDescription
+        Names, sizes, knots, precision; also in ``manifest.json``.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    description: ControllerDescription
+
+    def load(self) -> LoadedController:
+        """Load the compiled controller into this process, as `load_controller` does."""
+        return load_controller(self.folder)
+
+
+def build_controller(
+    scene: str | Path | CompiledModel,
+    motion: Motion | Equilibrium,
+    gains: Gains | None = None,
+    *,
+    estimator: Estimator | None = None,
+    distribution: TensionDistribution | None = None,
+    out: str | Path,
+    name: str | None = None,
+    precision: str = "double",
+    knots: int | None = MOST_KNOTS,
+    sample: float | None = None,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    qp_iterations: int = QP_ITERATIONS,
+    daqp_sdist: str | Path | None = None,
+    library: bool = True,
+    compiler: str | None = None,
+    overwrite: bool = False,
+    inputs: Iterable[Path] = (),
+) -> ControllerBundle:
+    """Write a controller in C into a folder: all of its files, or none.
+
+    Parameters
+    ----------
+    scene : str, Path or CompiledModel
+        Scene file, or the model that was compiled from one.
+    motion : Motion or Equilibrium
+        The motion to hold; after its end its last point is held.
+    gains : Gains, optional
+        Feedback; without it the inputs of the motion alone act.
+    estimator : Estimator, optional
+        Estimates the state from measurements; without it steps take the state.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones.
+    out : str or Path
+        Folder, made where it does not exist.
+    name : str, optional
+        First word of all names in C and of the files; by default the name of the scene.
+    precision : str
+        ``"double"`` or ``"single"``, for every number of the controller and its model.
+    knots : int or None
+        Largest number of stored gains of feedback, see `Gains.at_knots`; None: all samples.
+    sample : float, optional [s]
+        Time between two steps; by default that of the gains, 0.005 s without.
+    rate, range, delay : float or array_like, optional [m/s, m, s]
+        Limits of the actuators, by default those of the scene.
+    arguments : mapping, optional
+        Inputs of an equilibrium that was found with others than those of the scene; a motion has its own.
+    qp_iterations : int
+        Most iterations of the solver in one quadratic program of the distribution; a step that needs more has
+        the status ``"not_solved"``.
+    daqp_sdist : str or Path, optional
+        Source package of DAQP, of which a distribution needs C text; by default that in the cache, else pip
+        downloads it. Version and SHA-256 are fixed.
+    library : bool
+        Whether to compile a shared library too, which `load_controller` needs.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    overwrite : bool
+        Whether files may be replaced that are not as SHA256SUMS in the folder says.
+    inputs : iterable of Path
+        Files that are never replaced.
+
+    Returns
+    -------
+    ControllerBundle
+        Folder, files, description; ``load()`` gives the compiled controller.
+
+    Raises
+    ------
+    InvalidValueError
+        A part is designed for another model or motion, a value is out of range, or the motion starts outside
+        of the range of an actuator.
+    FormulationError
+        Coordinates depend on each other, or an unknown precision.
+    OutputError
+        The folder cannot be written, or holds files that may not be replaced.
+    MissingSourceError
+        The source of DAQP cannot be had, or is another one.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+
+    Notes
+    -----
+    A step computes what a step of `simulate_control` computes: the same numbers to 1e-12 in double precision,
+    where the gains are the same (``gains.at_knots(25)``). All memory is in a struct of the caller.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import build_controller, compile_scene, design_lqr, find_equilibrium
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> found = find_equilibrium(model)
+    >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    >>> controller = build_controller(model, found, gains, out="lift_controller").load()
+    >>> controller.init()
+    'ok'
+    >>> controller.step_state(0.0, [*found.coordinate, 0.0])[0]
+    'ok'
+    """
+    check_instance(precision, str, "precision", '"double" or "single"')
+    real = find_precision(precision, "precision")
+    check_path(out, "out")
+    for switch, where in ((library, "library"), (overwrite, "overwrite")):
+        check_switch(switch, where)
+    check_instance(inputs, Iterable, "inputs", "a list of paths")
+    read = tuple(inputs)
+    for path in read:
+        check_path(path, "inputs")
+    check_folder(out)
+    described, request = find_described(scene, motion)
+    way = find_motion(described, motion, arguments)
+    chosen = described.manifest.name if name is None else name
+    check_scene_name(chosen, "name")
+    parts = collect_parts(
+        described, way, name=chosen, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
+        sample=sample, rate=rate, range=range, delay=delay,
+        qp_iterations=_check_iterations(qp_iterations), daqp_sdist=daqp_sdist,
+    )  # fmt: skip
+    files = write_files(parts, replace(request, precision=real.name), real)
+    contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
+    description = files.description
+    if library:
+        artifact = _compile(files, compiler)
+        contents[artifact.file_name] = artifact.library
+        description = replace(description, library=artifact.file_name)
+    contents["manifest.json"] = description.to_json().encode("utf-8")
+    taken = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
+    folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
+    return ControllerBundle(folder, tuple(sorted(contents)), description)
+
+
+def _check_iterations(given: int) -> int:
+    """Return the largest number of iterations; raises InvalidValueError."""
+    return check_whole(given, "qp_iterations", 1, MOST_ITERATIONS)
+
+
+def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:
+    return compile_library(
+        files.sources(),
+        name=f"{files.description.name}_control",
+        compiler=find_compiler(compiler),
+        flags=find_flags("reference"),
+    )

@@ -1,0 +1,170 @@
+"""C text of DAQP's solver as a controller includes it: static functions of one precision, without malloc.
+
+Of the source archive only the solver of least-distance programs is used: daqp.c, auxiliary.c, factorization.c
+and their headers. What makes such programs is `templates/c/control/quadratic_program.h`.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import tarfile
+
+from tensegrity_codegen.control.embedded.daqp_archive import DAQP_ARCHIVE, DAQP_SHA256, DAQP_VERSION
+from tensegrity_codegen.system.errors import MissingSourceError
+
+__all__ = ["emit_daqp", "read_daqp_licence"]
+
+ROOT = f"daqp-{DAQP_VERSION}"
+PARTS = (
+    "include/types.h",
+    "include/constants.h",
+    "include/factorization.h",
+    "include/auxiliary.h",
+    "include/daqp.h",
+    "src/factorization.c",
+    "src/auxiliary.c",
+    "src/daqp.c",
+)
+GUARD = re.compile(r"\A\s*#ifndef (\w+_H)\n#\s*define \1\n(.*)#endif[^\n]*\s*\Z", re.DOTALL)
+CPLUSPLUS = re.compile(r"# *ifdef __cplusplus\n.*?# *endif[^\n]*\n", re.DOTALL)
+PROFILING = re.compile(r"#ifdef PROFILING\n.*?#endif[^\n]*\n", re.DOTALL)
+INCLUDE = re.compile(r'#include [<"][^>"]*[>"]\n')
+PRECISION = re.compile(r"#ifdef DAQP_SINGLE_PRECISION\n.*?#endif\n", re.DOTALL)
+OUTER = re.compile(
+    r"^(?=(?:void|int|c_float) (?:daqp_\w+|ldp2qp_solution|reset_daqp_workspace)\()", re.MULTILINE
+)
+COMMENT = re.compile(r"(/\*.*?\*/|//[^\n]*)", re.DOTALL)
+DOUBLE = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])")
+# What no program of a controller has: soft and binary constraints, and levels of priority.
+ABSENT = ("DAQP_IS_SOFT(x)", "DAQP_IS_BINARY(x)", "DAQP_HAS_L1(work)", "DAQP_IS_HIERARCHICAL(work)")
+SILENCED = (
+    "conversion", "sign-conversion", "double-promotion", "float-conversion", "shadow", "sign-compare",
+    "unused-function", "unused-parameter", "unused-variable", "unused-but-set-variable",
+)  # fmt: skip
+HEAD = """\
+/* DAQP {version}, a dual active-set solver: csrc/{{include,src}} of {archive}
+ * (SHA-256 {digest}),
+ * under the licence below. Changed by tensegrity_codegen: one file of static functions; double or single
+ * precision is chosen; soft and binary constraints, levels of priority, timing, and declarations for C++ are
+ * left out.
+ *
+{licence} */
+#ifndef DAQP_STATIC_H
+#define DAQP_STATIC_H
+
+#include <float.h>
+#include <stddef.h>
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic push
+{silenced}#endif
+"""
+TAIL = """\
+#if defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
+#endif
+"""
+
+
+def emit_daqp(archive: bytes, *, single: bool = False) -> str:
+    """Return DAQP's solver as one C file of static functions.
+
+    Parameters
+    ----------
+    archive : bytes
+        As of find_daqp_archive.
+    single : bool
+        Single precision, without any double.
+
+    Returns
+    -------
+    str
+        A file to include, with DAQP's licence and what was changed in its head.
+
+    Raises
+    ------
+    MissingSourceError
+        The archive does not hold the expected text.
+    """
+    files = _read(archive)
+    head = HEAD.format(
+        version=DAQP_VERSION,
+        archive=DAQP_ARCHIVE,
+        digest=DAQP_SHA256,
+        licence=_as_comment(files["LICENSE"]),
+        silenced="".join(f'#pragma GCC diagnostic ignored "-W{name}"\n' for name in SILENCED),
+    )
+    text = "\n".join(_join(files[f"csrc/{name}"]) for name in PARTS)
+    for macro in ABSENT:
+        text = _replace_macro(text, macro)
+    text = _substitute(PRECISION, f"typedef {'float' if single else 'double'} c_float;\n", text)
+    text = OUTER.sub("static ", text)
+    if single:
+        text = _make_single(text)
+    return f"{head}{_tidy(text)}\n{TAIL}"
+
+
+def read_daqp_licence(archive: bytes) -> str:
+    """Return the text of DAQP's licence."""
+    return _read(archive)["LICENSE"]
+
+
+def _read(archive: bytes) -> dict[str, str]:
+    """Return the files that are used, by their paths in the archive."""
+    names = ("LICENSE", *(f"csrc/{name}" for name in PARTS))
+    found = {}
+    try:
+        with tarfile.open(fileobj=io.BytesIO(archive), mode="r:gz") as tar:
+            for name in names:
+                stream = tar.extractfile(f"{ROOT}/{name}")
+                found[name] = b"" if stream is None else stream.read()
+    except (KeyError, tarfile.TarError, OSError, EOFError) as error:
+        raise MissingSourceError(
+            "the archive of DAQP is damaged", where=DAQP_ARCHIVE, given=str(error)
+        ) from error
+    return {name: data.decode("utf-8").replace("\r\n", "\n") for name, data in found.items()}
+
+
+def _join(text: str) -> str:
+    """Return a file without its guard, includes, and branches for C++ and timing."""
+    guarded = GUARD.match(text)
+    text = text if guarded is None else guarded[2]
+    for pattern in (CPLUSPLUS, PROFILING, INCLUDE):
+        text = pattern.sub("", text)
+    return text
+
+
+def _replace_macro(text: str, macro: str) -> str:
+    """Return the text in which a macro is 0, wherever it was defined."""
+    pattern = re.compile(rf"#define {re.escape(macro)}(?:[^\n]*\\\n)*[^\n]*\n")
+    return _substitute(pattern, f"#define {macro} 0\n", text)
+
+
+def _substitute(pattern: re.Pattern[str], new: str, text: str) -> str:
+    text, count = pattern.subn(lambda _: new, text)
+    if not count:
+        raise MissingSourceError(
+            "the archive of DAQP does not hold the expected text", where=DAQP_ARCHIVE, given=pattern.pattern
+        )
+    return text
+
+
+def _make_single(text: str) -> str:
+    """Return the text with literals of single precision; comments stay."""
+    parts = COMMENT.split(text)
+    for k in range(0, len(parts), 2):
+        parts[k] = DOUBLE.sub(r"\1f", parts[k]).replace("DBL_EPSILON", "FLT_EPSILON")
+    return "".join(parts)
+
+
+def _tidy(text: str) -> str:
+    lines = [line.rstrip() for line in text.splitlines()]
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip("\n") + "\n"
+
+
+def _as_comment(text: str) -> str:
+    lines = [f" * {line.replace('*/', '* /')}".rstrip() for line in text.strip().splitlines()]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,177 @@
+"""A compiled controller in this process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cffi
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.control.embedded.description import ControllerDescription
+from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.system.checks import check_path
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError
+from tensegrity_codegen.tables.precision import find_precision
+
+__all__ = ["LoadedController", "load_controller"]
+
+FloatArray = NDArray[Any]
+
+
+class LoadedController:
+    """A compiled controller with memory of its own; several of one folder are independent.
+
+    Parameters
+    ----------
+    folder : Path
+        Written by `build_controller` with its library.
+
+    Attributes
+    ----------
+    description : ControllerDescription
+        Names, sizes and precision.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.description = ControllerDescription.read(folder / "manifest.json")
+        self._real = find_precision(self.description.precision)
+        self._ffi = cffi.FFI()
+        path = folder / self.description.library
+        if not self.description.library:
+            raise LibraryError(
+                "the folder has no library", where=str(folder), hint="build it with library=True"
+            )
+        try:
+            self._ffi.cdef(self.description.declarations)
+            self._library = self._ffi.dlopen(str(path.absolute()))
+        except (cffi.FFIError, cffi.CDefError, OSError) as error:
+            raise LibraryError(
+                "the controller does not load", where=str(path), given=str(error), hint="build it again"
+            ) from error
+        self._prefix = f"{self.description.name}_control"
+        self._memory = self._ffi.new(f"{self._prefix} *")
+        self._command = np.zeros(len(self.description.actuators), self._real.dtype)
+
+    def __repr__(self) -> str:
+        """Name, precision and how many actuators there are."""
+        known = self.description
+        return (
+            f"<LoadedController {known.name}: {len(known.actuators)} actuators, {known.precision} precision>"
+        )
+
+    def init(self, coordinate: ArrayLike | None = None) -> str:
+        """Begin at the start of the motion; return the status.
+
+        Parameters
+        ----------
+        coordinate : array_like, shape (n_coordinates,), optional
+            Where the structure is; by default at the start of the motion.
+        """
+        given = self._ffi.NULL
+        if coordinate is not None:
+            given = self._pointer(to_sized(coordinate, (len(self.description.coordinates),), "coordinate"))
+        return self._word(self._call("init")(self._memory, given))
+
+    def step(self, time: float, measured: ArrayLike | None) -> tuple[str, FloatArray]:
+        """Return the status and the rest lengths (n_actuators,) [m] of a step from measurements (n_y,)."""
+        return self._step("step", (time,), measured, len(self.description.sensors), "measured")
+
+    def step_state(self, time: float, state: ArrayLike | None) -> tuple[str, FloatArray]:
+        """Return the status and the rest lengths (n_actuators,) [m] of a step from a state (n_states,)."""
+        return self._step("step_state", (time,), state, 2 * len(self.description.coordinates), "state")
+
+    def next(self, measured: ArrayLike | None) -> tuple[str, FloatArray]:
+        """Return what `step` does, one sample after the last step."""
+        return self._step("next", (), measured, len(self.description.sensors), "measured")
+
+    def next_state(self, state: ArrayLike | None) -> tuple[str, FloatArray]:
+        """Return what `step_state` does, one sample after the last step."""
+        return self._step("next_state", (), state, 2 * len(self.description.coordinates), "state")
+
+    def read(self, field: str) -> FloatArray:
+        """Return a copy of an array in the memory of the controller, such as ``"command"``.
+
+        ``"command"``: inputs of the actuators [m]; ``"wanted"``: before they were cut; ``"estimate"``:
+        coordinates, velocities, disturbance forces; ``"disturbance"``: force on each coordinate;
+        ``"deviation"``: of the state from the motion, then sums; ``"input"``: all inputs; with a distribution
+        of tensions ``"distribution.yields"``: members that actuators pull whose least tension yields,
+        ``"distribution.iterations"``: most iterations of the solver in one program of the last step, ().
+        """
+        found = self._memory
+        for part in str(field).split("."):
+            found = getattr(found, part, None)
+        if found is None:
+            names = ", ".join(dir(self._memory))
+            raise UnknownNameError("no such field", where="field", given=field, allowed=names)
+        is_array = isinstance(found, self._ffi.CData)
+        return np.array(self._ffi.unpack(found, len(found)) if is_array else found)
+
+    def status_text(self, number: int) -> str:
+        """Return the sentence of a status."""
+        return str(self._ffi.string(self._call("status_text")(number)).decode("ascii"))
+
+    def _step(
+        self, name: str, before: tuple[float, ...], given: ArrayLike | None, size: int, where: str
+    ) -> tuple[str, FloatArray]:
+        call, values = self._call(name), self._ffi.NULL
+        if given is not None:
+            values = self._pointer(to_sized(given, (size,), where))
+        try:
+            status = call(self._memory, *map(float, before), values, self._pointer(self._command))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InvalidValueError(
+                "not a time", where="time", given=before[0], allowed="a number [s]"
+            ) from error
+        return self._word(status), self._command.copy()
+
+    def _pointer(self, values: FloatArray) -> Any:
+        kept = values if values is self._command else np.ascontiguousarray(values, self._real.dtype)
+        return self._ffi.from_buffer(f"{self._real.c_type}[]", kept)
+
+    def _word(self, status: int) -> str:
+        return self.description.statuses[status]
+
+    def _call(self, name: str) -> Any:
+        try:
+            return getattr(self._library, f"{self._prefix}_{name}")
+        except AttributeError as error:
+            raise LibraryError(
+                "the controller has no such function",
+                where=self._prefix,
+                given=name,
+                hint="step and next need an estimator; without one call step_state",
+            ) from error
+
+
+def load_controller(folder: str | Path) -> LoadedController:
+    """Load a compiled controller.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder that `build_controller` wrote.
+
+    Returns
+    -------
+    LoadedController
+        Not yet initialised: call ``init`` first.
+
+    Raises
+    ------
+    LibraryError
+        There is no controller, it has no library, or it does not load.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import build_controller, compile_scene, load_controller, plan, time_motion
+    >>> model = compile_scene("prism12.toml", for_=("plan", "time_motion", "control"))
+    >>> motion = time_motion(model, plan(model, "twist=157", steps=2), duration=1.0)
+    >>> _ = build_controller(model, motion, out="prism_controller")
+    >>> controller = load_controller("prism_controller")
+    >>> controller.init(), controller.step_state(0.0, [0.0] * 36)[0]
+    ('ok', 'ok')
+    """
+    check_path(folder, "folder")
+    return LoadedController(Path(folder))

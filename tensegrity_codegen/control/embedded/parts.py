@@ -1,0 +1,198 @@
+"""The parts of a controller: motion, gains, estimator, distribution and actuators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
+from tensegrity_codegen.control.embedded.distribution_tables import QP_ITERATIONS
+from tensegrity_codegen.control.feedback.design.delays import split_delays
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
+from tensegrity_codegen.control.feedback.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
+from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.interface import Described
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import Manifest
+
+__all__ = ["ControllerParts", "check_same_motion", "check_start", "collect_parts", "find_quantities"]
+
+FloatArray = NDArray[np.float64]
+
+NEAR = 1e-9  # [m], by which the start may be outside of the range of an actuator
+
+
+@dataclass(frozen=True)
+class ControllerParts:
+    """What a controller in C is made from.
+
+    Attributes
+    ----------
+    name : str
+        First word of all names in C.
+    subject : Structure or BodySystem
+        The structure.
+    manifest : Manifest
+        Of a model of it.
+    motion : Motion
+        The motion to hold.
+    gains : Gains or None
+        Feedback, at the stored knots.
+    estimator : Estimator or None
+        Estimates the state from measurements.
+    distribution : TensionDistribution or None
+        Distributes tensions.
+    bounds : ActuatorBounds
+        Rates, ranges and delays.
+    sample : float [s]
+        Time between two commands.
+    qp_iterations : int
+        Most iterations of the solver in one quadratic program of the distribution.
+    daqp : bytes
+        Source archive of DAQP, for a distribution.
+    """
+
+    name: str
+    subject: Subject
+    manifest: Manifest
+    motion: Motion
+    gains: Gains | None
+    estimator: Estimator | None
+    distribution: TensionDistribution | None
+    bounds: ActuatorBounds
+    sample: float
+    qp_iterations: int = QP_ITERATIONS
+    daqp: bytes = field(default=b"", repr=False)
+
+    @property
+    def model_name(self) -> str:
+        """Name of the model that is written beside the controller."""
+        return f"{self.name}_control_model"
+
+    @property
+    def sensors(self) -> tuple[Sensor, ...]:
+        """What is measured."""
+        return () if self.estimator is None else self.estimator.sensing.sensors
+
+    @property
+    def disturbed(self) -> NDArray[np.int64]:
+        """Coordinates with a disturbance force."""
+        return np.zeros(0, dtype=np.int64) if self.estimator is None else self.estimator.disturbed
+
+    @property
+    def n_past(self) -> int:
+        """Number of commands on their way that the gains know."""
+        return 0 if self.gains is None else int(split_delays(self.gains.delay, self.sample)[2].sum())
+
+    def delays(self) -> DelayedInputs:
+        """Return the delays of the actuators in samples."""
+        return DelayedInputs(self.bounds, np.zeros(len(self.bounds.names)), self.sample)
+
+
+def collect_parts(
+    described: Described,
+    motion: Motion,
+    *,
+    name: str,
+    gains: Gains | None,
+    knots: int | None,
+    estimator: Estimator | None,
+    distribution: TensionDistribution | None,
+    sample: float | None,
+    rate: ArrayLike | None,
+    range: ArrayLike | None,
+    delay: ArrayLike | None,
+    qp_iterations: int = QP_ITERATIONS,
+    daqp_sdist: str | Path | None = None,
+) -> ControllerParts:
+    """Return the parts of a controller after the checks that all controllers need.
+
+    Parameters are those of `build_controller`. Raises what `check_independent`, `check_motion`,
+    `check_parts`, `find_bounds`, `find_sample`, `check_same_motion`, `check_start` and `find_daqp_archive`
+    raise.
+    """
+    manifest = described.manifest
+    check_independent(described)
+    check_motion(described, motion)
+    check_parts(manifest, motion, gains, estimator, distribution)
+    check_same_motion(distribution, motion)
+    assert described.structure is not None  # find_described refuses models without
+    parts = ControllerParts(
+        name=name,
+        subject=described.structure,
+        manifest=manifest,
+        motion=motion,
+        gains=gains if gains is None or knots is None else gains.at_knots(knots),
+        estimator=estimator,
+        distribution=distribution,
+        bounds=find_bounds(described, motion, rate=rate, range=range, delay=delay),
+        sample=find_sample(gains, estimator, sample),
+        qp_iterations=qp_iterations,
+        daqp=b"" if distribution is None else find_daqp_archive(daqp_sdist),
+    )
+    check_start(parts)
+    return parts
+
+
+def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
+    """Return the quantities of the model that the controller calls."""
+    found: list[str] = []
+    if parts.estimator is not None:
+        found.append("acceleration")
+        found += ["mass_matrix"] if len(parts.disturbed) else []
+        found += _measured(parts.sensors, in_nodes=bool(parts.manifest.coordinate_node_axis))
+    if parts.distribution is not None:
+        found += ["member_length", "equilibrium_matrix"]
+    return tuple(dict.fromkeys(found))
+
+
+def _measured(sensors: Sequence[Sensor], *, in_nodes: bool) -> list[str]:
+    """Return the quantities that sensors read; places of nodes are coordinates themselves in some models."""
+    kinds = [sensor.kind for sensor in sensors]
+    return [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
+
+
+def check_start(parts: ControllerParts) -> None:
+    """Raise InvalidValueError where the first command would be outside of the range of an actuator."""
+    bounds = parts.bounds
+    start = parts.motion.at(0.0).input[bounds.place]
+    outside = (start < bounds.least - NEAR) | (start > bounds.most + NEAR)
+    if not outside.any():
+        return
+    k = int(np.argmax(outside))
+    structure = parts.subject
+    rest = np.array([structure.rest_length[e] for e in bounds.members[k]])
+    raise InvalidValueError(
+        "the motion starts outside of the range of an actuator",
+        where=f"actuators.{bounds.names[k]}.range",
+        given=f"rest lengths of {(rest + start[k]).min():.6g} to {(rest + start[k]).max():.6g} m",
+        allowed=f"{rest.min() + bounds.least[k]:.6g} to {rest.max() + bounds.most[k]:.6g} m",
+        hint="a larger range, or another motion",
+    )
+
+
+def check_same_motion(distribution: TensionDistribution | None, motion: Motion) -> None:
+    """Raise InvalidValueError for a distribution that prefers the tensions of another motion."""
+    if distribution is None:
+        return
+    other = distribution.motion
+    names = ("time", "input", "member_tension")
+    if not all(np.array_equal(getattr(other, name), getattr(motion, name)) for name in names):
+        raise InvalidValueError(
+            "designed for another motion",
+            where="distribution",
+            given=f"a motion of {other.duration:g} s with {len(other.time)} knots",
+            allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
+            hint="design_distribution(model, motion, ...) with this motion",
+        )

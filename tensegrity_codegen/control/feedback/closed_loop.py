@@ -1,0 +1,244 @@
+"""Closed loops in simulation: the controller acts at samples, the full model moves in between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
+from tensegrity_codegen.control.feedback.loop.build_run import build_run
+from tensegrity_codegen.control.feedback.loop.compare_runs import compare_with_open_loop
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
+from tensegrity_codegen.control.feedback.loop.controller import Controller
+from tensegrity_codegen.control.feedback.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, Gust, bind_gust
+from tensegrity_codegen.control.feedback.loop.filter import Filter
+from tensegrity_codegen.control.feedback.loop.loop_parts import (
+    check_parts,
+    describe_unknown_delays,
+    find_sample,
+)
+from tensegrity_codegen.control.feedback.loop.loop_start import count_samples, find_given, find_start
+from tensegrity_codegen.control.feedback.loop.sampled_plant import SampledPlant
+from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
+from tensegrity_codegen.system.errors import NonFiniteError
+
+__all__ = ["simulate_control"]
+
+FloatArray = NDArray[np.float64]
+
+
+def simulate_control(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    gains: Gains | None = None,
+    *,
+    estimator: Estimator | None = None,
+    distribution: TensionDistribution | None = None,
+    t_end: float | None = None,
+    sample: float | None = None,
+    coordinate_error: ArrayLike | None = None,
+    velocity_error: ArrayLike | None = None,
+    axial_stiffness: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    gust: Gust | Sequence[Gust] | None = None,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+    seed: int = 0,
+    compare: bool = True,
+) -> ControlRun:
+    """Simulate a motion of the full model with sampled feedback.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion or Equilibrium
+        The motion to hold; after its end its last point is held. An equilibrium is held for 1 s, or `t_end`.
+    gains : Gains, optional
+        Feedback; without it the inputs of the motion alone act (open loop).
+    estimator : Estimator, optional
+        Estimates the state from noisy measurements; without it feedback acts on the true state.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones; it must be for the same motion.
+    t_end : float, optional [s]
+        End of the simulation, cut to whole samples; by default the end of the motion.
+    sample : float, optional [s]
+        Time between two commands; by default that of the gains, 0.005 s without.
+    coordinate_error, velocity_error : array_like, shape (n_coordinates,), optional
+        Added to the state of the motion at its start.
+    axial_stiffness : array_like, shape (k,), optional [N]
+        Of the simulated model, in the order of its run-time parameter.
+    arguments : mapping, optional
+        Run-time parameters of the simulated model where they differ from the scene.
+    gust : Gust or sequence of Gust, optional
+        Forces on nodes for a limited time.
+    rate, range, delay : float or array_like, optional [m/s, m, s]
+        Limits of the actuators, by default those of the scene.
+    seed : int
+        Of the noise of the measurements.
+    compare : bool
+        Whether a loop that ends far from the motion is compared with the open loop, which is simulated too.
+
+    Returns
+    -------
+    ControlRun
+        States, commands, tensions and the status of each sample; status, message and warnings of the run.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError
+        A value of another shape or out of range, a motion that an actuator is too slow for, an unknown
+        argument or node.
+    FormulationError
+        The library lacks a quantity, integrator or run-time parameter.
+
+    Notes
+    -----
+    The controller and its estimator know the scene and the motion, not the errors, `arguments` and gusts.
+    Commands are held between samples, and arrive after the delays of the actuators. The motion in between is
+    integrated in C (rk853, relative tolerance 1e-9), stretch by stretch between changes of
+    inputs or loads.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium, simulate_control
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> found = find_equilibrium(model)
+    >>> gains = design_lqr(model, found, [100.0, 1.0], [1.0], sample=0.02)
+    >>> run = simulate_control(model, found, gains, t_end=1.0, coordinate_error=[0.01])
+    >>> run.status, run.worst_error(last=0.2) < 1e-4
+    ('ok', True)
+    """
+    require_model(model)
+    require_double(model.manifest, "a simulated closed loop")
+    require_quantities(model, ("member_tension",), "a simulated closed loop needs")
+    check_whole(seed, "seed", 0)
+    check_switch(compare, "compare")
+    held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    check_motion(model, way)
+    check_parts(model.manifest, way, gains, estimator, distribution)
+    step = find_sample(gains, estimator, sample)
+    bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
+    count = count_samples(way.duration if t_end is None else t_end, step)
+    given = find_given(model, arguments, axial_stiffness)
+    start = find_start(way, coordinate_error, velocity_error)
+    plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
+    senses = None if estimator is None else Filter(model, estimator, way, {})
+    tensions = None if distribution is None else replace(distribution, bounds=bounds)
+    loop = _Loop(model, way, Controller(way, gains, bounds, step, tensions), plant, bounds, senses, seed)
+    late = describe_unknown_delays(gains, bounds)
+    run = replace(loop.run(count), warnings=(late,) if late else ())
+    if gains is None or not compare:
+        return run
+
+    def run_open() -> ControlRun:
+        return simulate_control(
+            model, way, t_end=count * step, sample=step, coordinate_error=coordinate_error,
+            velocity_error=velocity_error, axial_stiffness=axial_stiffness, arguments=arguments, gust=gust,
+            rate=rate, range=range, delay=delay,
+        )  # fmt: skip
+
+    return compare_with_open_loop(model, way, run, run_open)
+
+
+@dataclass
+class _Loop:
+    """One closed loop."""
+
+    model: CompiledModel
+    motion: Motion
+    controller: Controller
+    plant: SampledPlant
+    bounds: ActuatorBounds
+    senses: Filter | None
+    seed: int
+
+    def run(self, count: int) -> ControlRun:
+        """Return the run over so many samples."""
+        step = self.controller.sample
+        delayed = DelayedInputs(self.bounds, self.controller.command, step)
+        states, commands, inputs, statuses, yielding = [self.plant.state], [], [], [], []
+        value = self.motion.at(0.0).input.copy()
+        tensions, estimates = [self._tension(states[0], value)], []
+        noise = np.random.default_rng(self.seed)
+        for k in range(count):
+            try:
+                known = self._estimate(k * step, states[-1], value, noise)
+                if self.senses is not None and self.senses.is_outlier:
+                    command, status = self.controller.hold(k)
+                else:
+                    command, status = self.controller.step(k, known[: len(states[-1])])
+                value = self.motion.at((k + 0.5) * step).input.copy()
+                if not self._advance(k * step, delayed.push(command), value):
+                    break
+            except NonFiniteError:
+                self.plant.word = "the estimate is not finite"
+                break
+            estimates.append(known)
+            states.append(self.plant.state)
+            commands.append(command)
+            inputs.append(value.copy())
+            statuses.append(status)
+            none = np.zeros(len(self.model.manifest.member_name), dtype=bool)
+            yielding.append(none if self.controller.yielding is None else self.controller.yielding)
+            tensions.append(self._tension(states[-1], value))
+        return build_run(
+            self.model.manifest,
+            self.motion,
+            step,
+            state=np.array(states),
+            command=np.array(commands),
+            input=np.array(inputs),
+            tension=np.array(tensions),
+            known=None if self.senses is None else np.array(estimates),
+            statuses=statuses,
+            word=self.plant.word,
+            yielding=None if self.controller.distribution is None else np.array(yielding, dtype=bool),
+        )
+
+    def _estimate(
+        self, time: float, state: FloatArray, value: FloatArray, noise: np.random.Generator
+    ) -> FloatArray:
+        """Return the true state, or the estimated one with the disturbance force on each coordinate."""
+        if self.senses is None:
+            return state
+        sensing, n = self.senses.estimator.sensing, len(state) // 2
+        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
+        measured = sensing.measure(at) + sensing.noise * noise.normal(size=len(sensing.noise))
+        return np.concatenate([self.senses.correct(time, measured, value), self.senses.disturbance])
+
+    def _advance(self, start: float, stretches: list[tuple[float, FloatArray]], value: FloatArray) -> bool:
+        """Move the model to the next sample; `value` (n_inputs,) becomes the inputs at its end."""
+        ends = [*(since for since, _ in stretches[1:]), self.controller.sample]
+        for (since, arrived), end in zip(stretches, ends, strict=True):
+            value[self.bounds.place] = arrived
+            if not self.plant.advance(start + since, start + end, value):
+                return False
+            if self.senses is not None:
+                self.senses.predict(end - since, value)
+        return True
+
+    def _tension(self, state: FloatArray, value: FloatArray) -> FloatArray:
+        n = len(state) // 2
+        at = {**self.plant.arguments(), "coordinate": state[:n], "velocity": state[n:], INPUT: value}
+        return np.asarray(self.model.compute("member_tension", **at)).copy()

@@ -1,0 +1,169 @@
+"""Linear models along a motion, sampled exactly: x[k+1] = A[k] x[k] + B[k] u[k] for constant inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.feedback.design.delays import hold_delayed
+from tensegrity_codegen.runtime.model.interface import Described
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.checks import check_instance, check_positive
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
+from tensegrity_codegen.tables.formulations import find_formulation
+
+__all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "linearise", "sample_linear_models"]
+
+FloatArray = NDArray[np.float64]
+
+LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
+MOST_SAMPLES = 100_000
+SAME = 1e-9  # of a sample, by which rounding may have the duration exceed whole samples
+
+
+@dataclass(frozen=True)
+class LinearSamples:
+    """Linear models at sample times, of x = (q, q') and the actuators' inputs u minus those of the motion.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_t,) [s]
+        Sample times; the last one is the end of the motion or just after it, at rest the second one.
+    sample : float [s]
+        Sample time.
+    A, B : ndarray, shape (n_t, n_states, n_states) and (n_t, n_states, n_actuators)
+        Transition over the sample that starts there, for inputs held constant.
+    past : ndarray, shape (n_t, n_states, n_past)
+        Effect of the commands that are on their way then, see `hold_delayed`; without delays n_past = 0.
+    rate, gain : ndarray, same shapes
+        Continuous-time matrices x' = rate x + gain u.
+    """
+
+    time: FloatArray
+    sample: float
+    A: FloatArray
+    B: FloatArray
+    past: FloatArray
+    rate: FloatArray
+    gain: FloatArray
+
+
+def sample_linear_models(
+    model: CompiledModel,
+    motion: Motion,
+    sample: float,
+    actuators: Sequence[str],
+    arguments: Mapping[str, Any] | None = None,
+    delay: FloatArray | None = None,
+) -> LinearSamples:
+    """Return the sampled linear models along a motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With LINEAR_QUANTITIES.
+    motion : Motion
+        The motion.
+    sample : float [s]
+        Sample time.
+    actuators : sequence of str
+        Names of the inputs that feedback changes.
+    arguments : mapping, optional
+        Run-time parameters where they differ from the scene.
+    delay : ndarray, shape (n_actuators,), optional [s]
+        After which commands arrive; by default at once.
+
+    Returns
+    -------
+    LinearSamples
+        One model at each sample time.
+
+    Raises
+    ------
+    InvalidValueError
+        The sample time is out of range, or the motion has other coordinates than the model.
+    FormulationError
+        Coordinates depend on each other, or the model lacks a quantity.
+
+    Notes
+    -----
+    expm([[A, B], [0, 0]] h) = [[A_h, B_h], [0, 1]] (Van Loan, IEEE Transactions on Automatic Control 23,
+    1978), A and B at the state, inputs and time of the start of the sample.
+    """
+    require_double(model.manifest, "the design of feedback")
+    check_independent(model)
+    require_quantities(model, LINEAR_QUANTITIES, "the design of feedback needs")
+    check_motion(model, motion)
+    time = build_sample_time(motion, sample)
+    if not (motion.velocity.any() or motion.acceleration.any() or np.ptp(motion.input, axis=0).any()):
+        time = time[:2]  # at rest all models are the same
+    given = merge_inputs(model.manifest, arguments)
+    models = [linearise(model, motion, now, actuators, given) for now in time.tolist()]
+    rate, gain = (np.array(item) for item in zip(*models, strict=True))
+    late = np.zeros(len(actuators)) if delay is None else delay
+    hold = [hold_delayed(a, b, sample, late) for a, b in zip(rate, gain, strict=True)]
+    a, b, past = (np.array(item) for item in zip(*hold, strict=True))
+    return LinearSamples(time, sample, a, b, past, rate, gain)
+
+
+def linearise(
+    model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], given: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
+    """Return x' = rate x + gain u of a model at a time [s] of a motion, u: inputs of the actuators."""
+    point = motion.at(time)
+    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    place = [model.manifest.input_name.index(name) for name in actuators]
+    gain = model.compute("input_jacobian", **at).toarray()[:, place]
+    return model.compute("state_jacobian", **at).toarray(), gain
+
+
+def build_sample_time(motion: Motion, sample: float) -> FloatArray:
+    """Return the sample times of a motion, (n_t,) [s]; the last is at its end or just after.
+
+    Raises InvalidValueError for a sample that is no time, or of which too many make the motion.
+    """
+    check_positive(sample, "sample", "[s]")
+    count = motion.duration / sample
+    if count > MOST_SAMPLES or count < 1.0 - SAME:
+        raise InvalidValueError(
+            "the sample time does not fit the motion",
+            where="sample",
+            given=f"{sample!r} s, motion of {motion.duration:g} s",
+            allowed=f"{motion.duration / MOST_SAMPLES:.3g} to {motion.duration:g} s",
+        )
+    return sample * np.arange(int(np.ceil(count - SAME)) + 1, dtype=float)
+
+
+def check_independent(model: Described) -> None:
+    """Raise FormulationError for a model whose coordinates depend on each other."""
+    formulation = find_formulation(model.manifest.formulation)
+    in_nodes = formulation.in_nodes and not formulation.has_rigid_bars
+    if not (formulation.of_bodies or in_nodes):
+        raise FormulationError(
+            "feedback needs coordinates that are independent of each other",
+            where=model.manifest.name,
+            given=f"formulation {model.manifest.formulation!r}",
+            allowed='"bodies" or "node_position"',
+            hint="state the bars as [bodies], or give them a stiffness",
+        )
+
+
+def check_motion(model: Described, motion: Motion) -> None:
+    """Raise InvalidValueError for a motion of another model."""
+    check_instance(motion, Motion, "motion", "a Motion, as of time_motion")
+    n, m = len(model.manifest.coordinate_name), len(model.manifest.input_name)
+    names = ", ".join(motion.input_name) or "none"
+    if motion.coordinate.shape[1] != n or motion.input_name != model.manifest.input_name:
+        raise InvalidValueError(
+            "the motion belongs to another model",
+            where="motion",
+            given=f"{motion.coordinate.shape[1]} coordinates, inputs {names}",
+            allowed=f"{n} coordinates and the {m} inputs of {model.manifest.name}",
+        )

@@ -1,0 +1,258 @@
+"""Inverse dynamics: the inputs and tensions that produce given accelerations.
+
+The equations of motion M q'' + A t = f hold in all formulations, with the tensions t of all members and the
+force f of everything else. f follows from the model's own accelerations: f = M q''(q, q') + A t(q, q').
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import FormulationError
+
+__all__ = ["DYNAMIC_QUANTITIES", "Drive", "InverseDynamics"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+DYNAMIC_QUANTITIES = (
+    "acceleration",
+    "mass_matrix",
+    "equilibrium_matrix",
+    "member_tension",
+    "tension_rest_length_derivative",
+)
+FREE = 1e3  # weight of differences of cable tensions over those of bar forces
+RANK = 1e-10  # of the largest singular value: smaller ones count as zero
+BALANCE = 1e6  # weight of forces over differences of tensions, where bounds are active
+MOST_ITERATIONS, CONVERGED = 12, 1e-12
+WITHIN = 1e-9  # of the tensions: violation of a bound that counts as none
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives the motion at one time.
+
+    change (n_actuators,) [m]: inputs; tension (n_members,) [N]; residual (n_coordinates,) [N]: force that is
+    missing, coordinates of bodies scaled to metres; bounded (n_actuators,): at a bound of tension or range.
+    """
+
+    change: FloatArray
+    tension: FloatArray
+    residual: FloatArray
+    bounded: BoolArray
+
+
+@dataclass(frozen=True)
+class _State:
+    """One time: matrix A (n_coordinates, n_members), force A t, damping c l' (n_members,)."""
+
+    coordinate: FloatArray
+    matrix: FloatArray
+    force: FloatArray
+    damping: FloatArray
+
+
+class InverseDynamics:
+    """Inverse dynamics of a model with actuators.
+
+    Tensions of cables without actuator follow from the coordinates. Forces of bars are free: those of rigid
+    bars are multipliers, and elastic bars take the force that the motion needs by a small change of length.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model, its actuators and arguments.
+    coordinate : ndarray, shape (n_coordinates,)
+        A configuration, by which coordinates of bodies are scaled.
+
+    Raises
+    ------
+    FormulationError
+        The model lacks a quantity: without masses there are no accelerations.
+    """
+
+    def __init__(self, plan_model: PlanModel, coordinate: FloatArray) -> None:
+        _check_quantities(plan_model.model)
+        structure = plan_model.model.structure
+        assert structure is not None  # it has the actuators
+        self.plan_model, self.model = plan_model, plan_model.model
+        driven = plan_model.incidence.any(axis=1)
+        self.bar = np.flatnonzero(np.asarray(structure.is_bar) & ~driven)
+        self.damping = _read_damping(plan_model, np.array(structure.damping))
+        one_sided = np.asarray(structure.tension_only)
+        self.least = np.where(one_sided, np.maximum(structure.limits.least_tension, 0.0), -np.inf)
+        self.most = np.asarray(structure.limits.most_tension)
+        self.row = 1.0 / _find_scale(plan_model, coordinate)
+
+    def solve(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, change: FloatArray, preferred: FloatArray
+    ) -> Drive:
+        """Return the inputs for an acceleration.
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (n_coordinates,)
+            Coordinates, velocities and accelerations.
+        change : ndarray, shape (n_actuators,) [m]
+            Inputs to begin with, at which all cables that shall pull are in tension.
+        preferred : ndarray, shape (n_members,) [N]
+            Tensions that those of actuated cables are near to, in least squares, where several produce the
+            acceleration.
+
+        Returns
+        -------
+        Drive
+            Inputs and tensions; what no inputs produce is left in the residual, in least squares.
+        """
+        state = self._build_state(q, v, a, change)
+        change, bars = change.copy(), preferred[self.bar].copy()
+        bounded = np.zeros(len(change), dtype=bool)
+        for _ in range(MOST_ITERATIONS):
+            tension, slope = self._tensions(state, change, bars)
+            step, pulled, bounded = self._step(state, change, tension, slope, preferred)
+            change, bars = change + step, bars + pulled
+            moved = np.abs(slope @ step).max(initial=0.0)
+            if moved <= CONVERGED * max(float(np.abs(tension).max(initial=0.0)), 1e-300):
+                break
+        tension, _ = self._tensions(state, change, bars)
+        return Drive(change, tension, self.row * (state.force - state.matrix @ tension), bounded)
+
+    def _build_state(self, q: FloatArray, v: FloatArray, a: FloatArray, change: FloatArray) -> _State:
+        given = {**self.plan_model.arguments, "input": self.plan_model.inputs(change), "coordinate": q}
+        mass = self.model.compute("mass_matrix", **given)
+        matrix = np.asarray(self.model.compute("equilibrium_matrix", **given).toarray())
+        own = self.model.compute("acceleration", velocity=v, **given)
+        tension = self.model.compute("member_tension", velocity=v, **given)
+        return _State(q, matrix, mass @ (own - a) + matrix @ tension, self.damping * (matrix.T @ v))
+
+    def _tensions(self, state: _State, change: FloatArray, bars: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return tensions (n_members,) with these bar forces, slopes (n_members, n_actuators) by inputs."""
+        given = {
+            **self.plan_model.arguments,
+            "input": self.plan_model.inputs(change),
+            "coordinate": state.coordinate,
+        }
+        still = np.zeros(len(state.coordinate))
+        tension = np.array(self.model.compute("member_tension", velocity=still, **given))
+        tension = np.where(tension != 0.0, tension + state.damping, 0.0)
+        tension[self.bar] = bars
+        slope = np.asarray(self.model.compute("tension_rest_length_derivative", **given))
+        return tension, slope[:, None] * self.plan_model.incidence
+
+    def _step(
+        self,
+        state: _State,
+        change: FloatArray,
+        tension: FloatArray,
+        slope: FloatArray,
+        preferred: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return the changes of inputs and bar forces by the equations linearised, and which are bounded."""
+        size = np.linalg.norm(slope, axis=0)
+        unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)  # 0: a slack cable stays slack
+        nearest = (slope.T @ (preferred - tension)) * unit**2
+        by_input, by_bar = self.row[:, None] * (state.matrix @ slope), state.matrix[:, self.bar]
+        by_bar = self.row[:, None] * by_bar
+        wanted = preferred[self.bar] - tension[self.bar]
+        missing = self.row * (state.force - state.matrix @ tension) - by_input @ nearest - by_bar @ wanted
+        columns = np.hstack([by_input * unit, FREE * by_bar])
+        found = np.linalg.lstsq(columns, missing, rcond=RANK)[0]
+        low, high = self._bounds(state, change, tension, slope, preferred)
+        count, bounded = len(change), np.zeros(len(change), dtype=bool)
+        slack, moving = WITHIN * float(np.abs(tension).max(initial=1.0)), size > 0
+        ends = [np.where(moving, end - nearest, 0.0) * size for end in (low, high)]
+        low, high = np.where(moving, ends, [[-np.inf], [np.inf]])
+        if np.any(found[:count] < low - slack) or np.any(found[:count] > high + slack):
+            found, bounded = _solve_bounded(columns, missing, low, high)
+        return nearest + unit * found[:count], wanted + FREE * found[count:], bounded
+
+    def _bounds(
+        self,
+        state: _State,
+        change: FloatArray,
+        tension: FloatArray,
+        slope: FloatArray,
+        preferred: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of the changes of inputs, (n_actuators,) each.
+
+        Elastic and total tensions stay above the least, or above those preferred where these are below.
+        """
+        actuation = self.plan_model.actuation
+        low, high = actuation.least_change - change, actuation.most_change - change
+        least = np.minimum(self.least, preferred) + np.maximum(state.damping, 0.0)
+        most = np.maximum(self.most, preferred)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fall = np.where(slope < 0, (least - tension)[:, None] / slope, np.inf)
+            rise = np.where(slope < 0, (most - tension)[:, None] / slope, -np.inf)
+        return np.maximum(low, rise.max(axis=0)), np.minimum(high, fall.min(axis=0))
+
+
+def _solve_bounded(
+    columns: FloatArray, missing: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the least y of least |columns y - missing| within bounds of the inputs, and which are active.
+
+    The active bounds are those of the least |columns y - missing|^2 BALANCE^2 / |columns|^2 + |y|^2.
+    """
+    size, count = columns.shape[1], len(low)
+    weight = BALANCE / max(float(np.linalg.norm(columns, 2)), 1e-300)
+    lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
+    lower[:count], upper[:count] = low, high
+    upper = np.maximum(upper, lower + 1e-12 * (1.0 + np.where(np.isfinite(lower), np.abs(lower), 0.0)))
+    found = lsq_linear(
+        np.vstack([weight * columns, np.eye(size)]),
+        np.concatenate([weight * missing, np.zeros(size)]),
+        bounds=(lower, upper),
+        method="bvls",
+        tol=1e-14,
+    )
+    y, active = np.array(found.x), np.asarray(found.active_mask != 0)
+    exact, rest = y.copy(), missing - columns[:, active] @ y[active]
+    exact[~active] = np.linalg.lstsq(columns[:, ~active], rest, rcond=RANK)[0]
+    slack = WITHIN * (1.0 + float(np.abs(y).max(initial=0.0)))
+    is_inside = np.all(exact >= lower - slack) and np.all(exact <= upper + slack)
+    return (exact if is_inside else y), active[:count]
+
+
+def _check_quantities(model: CompiledModel) -> None:
+    structure = model.structure
+    if isinstance(structure, Structure) and not model.has("acceleration"):
+        moving = np.flatnonzero((structure.node_mass == 0) & ~np.all(structure.node_anchored, axis=1))
+        names = ", ".join(structure.node_name[k] for k in moving[:5])
+        raise FormulationError(
+            "without masses of the nodes there are no accelerations",
+            where=f"{model.manifest.name}: nodes",
+            given=f"no accelerations; without own mass: {names or 'none'}",
+            allowed='masses of free nodes, and a model compiled for "time_motion"',
+            hint='give nodes or bars a mass, or use feedforward="static"',
+        )
+    require_quantities(model, DYNAMIC_QUANTITIES, "inverse dynamics needs")
+
+
+def _find_scale(plan_model: PlanModel, coordinate: FloatArray) -> FloatArray:
+    """Return the most that a unit of each coordinate moves a node, (n_coordinates,); 1 for node positions."""
+    problem = plan_model.problem(plan_model.start)
+    if not isinstance(problem, BodyProblem):
+        return np.ones(len(coordinate))
+    problem.enter(coordinate)
+    return np.array(problem.scale)
+
+
+def _read_damping(plan_model: PlanModel, stated: FloatArray) -> FloatArray:
+    """Return the damping of members [N s/m]: as stated, or as given among the arguments."""
+    given, manifest = plan_model.arguments.get("damping"), plan_model.model.manifest
+    spec = next((item for item in manifest.arguments if item.name == "damping"), None)
+    if given is not None and spec is not None:
+        stated[[manifest.member_name.index(name) for name in spec.over]] = np.ravel(given)
+    return stated

@@ -1,0 +1,290 @@
+"""Estimators: extended Kalman filters with disturbance forces, their gains stored at knots along a motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_sample_time,
+    check_independent,
+    check_motion,
+)
+from tensegrity_codegen.control.feedback.design.reachable import (
+    HiddenMode,
+    describe_direction,
+    find_unobserved,
+)
+from tensegrity_codegen.control.feedback.design.riccati import compute_gain, find_stationary
+from tensegrity_codegen.control.feedback.design.sensing import Sensing, find_sensing
+from tensegrity_codegen.control.feedback.design.shown_forces import find_shown_forces
+from tensegrity_codegen.control.feedback.design.usual_forces import UNKNOWN, find_usual_forces
+from tensegrity_codegen.runtime.model.arrays import to_each
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
+from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
+from tensegrity_codegen.system.errors import FormulationError
+
+__all__ = ["design_kalman", "linearise_estimate"]
+
+FloatArray = NDArray[np.float64]
+
+QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
+MOST_KNOTS = 25
+SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
+REACH = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
+MOST_SUBSTEPS = 1000
+LARGEST = 1e100  # noise whose square is far from the largest double
+
+
+def design_kalman(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    sensors: Sequence[Sensor] | None = None,
+    *,
+    sample: float = 0.005,
+    disturbance: ArrayLike | None = None,
+    acceleration_noise: ArrayLike | None = None,
+    only_observable: bool = False,
+    knots: int = MOST_KNOTS,
+    arguments: Mapping[str, Any] | None = None,
+) -> Estimator:
+    """Return an extended Kalman filter for a motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene; its coordinates are independent of each other.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold.
+    sensors : sequence of Sensor, optional
+        What is measured, each with its noise; by default the sensors of the scene.
+    sample : float [s]
+        Time between two measurements.
+    disturbance : float or array_like, shape (n_coordinates,), optional [N/sqrt(s) or N m/sqrt(s)]
+        How fast the disturbance force on each coordinate changes: standard deviation of its change in 1 s.
+        By default a tenth of the forces that the largest tension causes; 0: no such force is estimated.
+    acceleration_noise : float or array_like, shape (n_coordinates,), optional [m/s2 or rad/s2, by sqrt(Hz)]
+        White noise of the accelerations.
+    only_observable : bool
+        Estimate disturbance forces on as many coordinates as the sensors tell apart, those that they show
+        best, and leave out the others. By default forces that cannot be told apart are refused.
+    knots : int
+        Number of times at which gains are computed.
+    arguments : mapping, optional
+        Run-time parameters where they differ from the scene.
+
+    Returns
+    -------
+    Estimator
+        Gains ``L`` and covariances ``P`` at the knots.
+
+    Raises
+    ------
+    InvalidValueError
+        A value out of range, a sensor without noise, a motion of another model.
+    StructureError
+        There are no sensors.
+    FormulationError
+        The state cannot be observed (rank and direction are named), or coordinates depend on each other.
+    ConvergenceError
+        A Riccati equation is not solved.
+
+    Notes
+    -----
+    q'' = a(q, q', u) + M^-1 d, d' = white noise. Without d, errors of stiffness and constant loads become
+    errors of the estimate. Gains are stationary at each knot: P = A (P - L C P) A^T + W,
+    L = P C^T (C P C^T + V)^-1, with A and W exact for the sample (R. E. Kalman, Journal of Basic Engineering
+    82, 1960; C. F. Van Loan, IEEE Transactions on Automatic Control 23, 1978).
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_kalman, find_equilibrium
+    >>> text = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> text += '[[sensors]]\\nkind = "member_length"\\nmembers = "cord"\\nnoise = 1e-3\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + text)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> estimator = design_kalman(model, find_equilibrium(model), sample=0.02, knots=2)
+    >>> estimator.state_name, estimator.L.shape
+    (('n2.z', "n2.z'", 'force on n2.z'), (2, 3, 1))
+    """
+    require_model(model)
+    check_independent(model)
+    require_quantities(model, QUANTITIES, "an estimator needs")
+    check_positive(sample, "sample", "[s]")
+    check_switch(only_observable, "only_observable")
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    check_motion(model, way)
+    build_sample_time(way, sample)
+    sensing = find_sensing(model, sensors)
+    given = merge_inputs(model.manifest, arguments)
+    walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
+    time = np.linspace(0.0, way.duration, _check_knots(knots))
+    if only_observable:
+        last = linearise_estimate(model, way, way.duration, given, sensing, np.flatnonzero(walk))
+        walk = _leave_out(*last, sensing, walk, sample)
+    disturbed = np.flatnonzero(walk)
+    parts = [linearise_estimate(model, way, now, given, sensing, disturbed) for now in time.tolist()]
+    spectrum = np.diag(np.concatenate([np.zeros(len(shake)), shake, walk[disturbed]]) ** 2)
+    names = name_states(model.manifest)
+    n = len(names) // 2
+    names = (*names, *(f"force on {names[k]}" for k in disturbed))
+    noise = np.diag(sensing.noise**2)
+    gains, covariances, innovations, residuals = [], [], [], []
+    for rate, slope in parts:
+        a, w = _sample_noise(rate, spectrum, sample)
+        hidden = find_unobserved(a, slope)
+        if hidden:
+            _refuse(model.manifest.name, hidden, names, sensing)
+        p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
+        gains.append(_correct(p, slope, noise))
+        covariances.append(p)
+        innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
+        residuals.append(residual)
+    error = (np.eye(len(names)) - gains[-1] @ parts[-1][1]) @ a
+    return Estimator(
+        time=time,
+        L=np.array(gains),
+        P=np.array(covariances),
+        innovation=np.array(innovations),
+        E=np.linalg.eigvals(error).astype(np.complex128),
+        sample=sample,
+        residual=max(residuals),
+        substeps=_count_substeps([rate[: 2 * n, : 2 * n] for rate, _ in parts], sample),
+        disturbed=disturbed.astype(np.int64),
+        sensing=sensing,
+        state_name=names,
+    )
+
+
+def linearise_estimate(
+    model: CompiledModel,
+    motion: Motion,
+    time: float,
+    given: Mapping[str, Any],
+    sensing: Sensing,
+    disturbed: NDArray[np.int64],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the linear model of an estimator's state x = (q, q', d) at a time, and of its measurements.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``.
+    motion : Motion
+        The motion.
+    time : float [s]
+        When.
+    given : mapping
+        Run-time parameters.
+    sensing : Sensing
+        The sensors.
+    disturbed : ndarray of int, shape (n_d,)
+        Coordinates with a disturbance force d.
+
+    Returns
+    -------
+    rate, slope : ndarray, shape (n, n) and (n_y, n), n = 2 n_q + n_d
+        x' = rate x; derivatives of the measurements by x.
+    """
+    point = motion.at(time)
+    at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
+    inner = model.compute("state_jacobian", **at).toarray()
+    inverse = np.linalg.inv(_dense(model.compute("mass_matrix", **at)))
+    n = len(point.coordinate)
+    rate = np.zeros((2 * n + len(disturbed), 2 * n + len(disturbed)))
+    rate[: 2 * n, : 2 * n], rate[n : 2 * n, 2 * n :] = inner, inverse[:, disturbed]
+    slope = np.zeros((len(sensing.noise), len(rate)))
+    slope[:, : 2 * n] = sensing.slopes(at)
+    return rate, slope
+
+
+def _leave_out(
+    rate: FloatArray, slope: FloatArray, sensing: Sensing, walk: FloatArray, sample: float
+) -> FloatArray:
+    """Return how fast disturbances change, 0 for forces that the sensors do not tell apart."""
+    disturbed = np.flatnonzero(walk)
+    if not len(disturbed):
+        return walk
+    shown = disturbed[find_shown_forces(expm(sample * rate), slope, sensing.noise, walk[disturbed], sample)]
+    return np.where(np.isin(np.arange(len(walk)), shown), walk, 0.0)
+
+
+def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
+    """Return the transition over a sample, and the covariance of the noise that it gathers."""
+    n = len(rate)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -rate, spectrum, rate.T
+    whole = expm(sample * block)
+    a = whole[n:, n:].T
+    w = a @ whole[:n, n:]
+    return a, 0.5 * (w + w.T)
+
+
+def _correct(p: FloatArray, slope: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return L = P C^T (C P C^T + V)^-1."""
+    return compute_gain(p, np.eye(len(p)), slope.T, noise).T
+
+
+def _read_noise(
+    model: CompiledModel,
+    motion: Motion,
+    given: Mapping[str, Any],
+    disturbance: ArrayLike | None,
+    acceleration_noise: ArrayLike | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return how fast disturbances change, and the noise of accelerations, (n_coordinates,) each."""
+    n = motion.coordinate.shape[1]
+    at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
+    force = find_usual_forces(model, motion, given)
+    mass = np.diag(_dense(model.compute("mass_matrix", **at)))
+    walk = UNKNOWN * force if disturbance is None else _read(disturbance, n, "disturbance")
+    usual = SHAKING * force / mass
+    shake = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
+    return walk, shake
+
+
+def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
+    allowed = f"a number from 0 to {LARGEST:g}, or one for each of {n} coordinates"
+    return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST), allowed)
+
+
+def _check_knots(knots: int) -> int:
+    return check_whole(knots, "knots", 2, 10_000)
+
+
+def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
+    """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
+    fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
+    return min(max(1, math.ceil(fastest * sample / REACH)), MOST_SUBSTEPS)
+
+
+def _dense(matrix: Any) -> FloatArray:
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+
+
+def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing) -> NoReturn:
+    """Raise FormulationError for states that the sensors do not show."""
+    first = hidden[0]
+    shown = ", ".join(sensing.names[:3]) + ", ..." * (len(sensing.names) > 3)
+    direction = describe_direction(first.direction, names)
+    raise FormulationError(
+        f"the state cannot be observed from these sensors; unobservable: {direction}",
+        where=f"{scene}: design_kalman",
+        given=f"rank {first.rank} of {first.size} with {len(sensing.noise)} numbers: {shown}",
+        allowed="sensors that show every motion and disturbance force that does not decay",
+        hint="add sensors, or estimate fewer forces (`only_observable=True`) or none (`disturbance=0`)",
+    )

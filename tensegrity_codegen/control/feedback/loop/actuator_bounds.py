@@ -1,0 +1,147 @@
+"""What the motors of a motion can do: bounds of their inputs, rates, delays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.control.planning.actuation import find_actuation
+from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
+from tensegrity_codegen.runtime.model.interface import Described
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.errors import InvalidValueError
+
+__all__ = ["ActuatorBounds", "find_bounds"]
+
+FloatArray = NDArray[np.float64]
+
+ROUNDING = 1e-9  # of a rate, by which a motion may exceed it
+
+
+@dataclass(frozen=True)
+class ActuatorBounds:
+    """Bounds of the actuators of a motion, in its order.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Their names.
+    place : ndarray of int, shape (n_actuators,)
+        Indices of their inputs.
+    members : tuple of tuple of int
+        Indices of their members.
+    least, most : ndarray, shape (n_actuators,) [m]
+        Bounds of their inputs.
+    rate : ndarray, shape (n_actuators,) [m/s]
+        Largest rates.
+    delay : ndarray, shape (n_actuators,) [s]
+        Times from the command to the motion.
+    """
+
+    names: tuple[str, ...]
+    place: NDArray[np.int64]
+    members: tuple[tuple[int, ...], ...]
+    least: FloatArray
+    most: FloatArray
+    rate: FloatArray
+    delay: FloatArray
+
+
+def find_bounds(
+    model: Described,
+    motion: Motion,
+    *,
+    rate: ArrayLike | None = None,
+    range: ArrayLike | None = None,
+    delay: ArrayLike | None = None,
+    longest_delay: float | None = None,
+) -> ActuatorBounds:
+    """Return the bounds of a motion's actuators: those of the scene, or those given.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure, which has the actuators.
+    motion : Motion
+        Names the actuators.
+    rate : float or array_like, shape (n_actuators,), optional [m/s]
+        Largest rates.
+    range : array_like, shape (2,) or (n_actuators, 2), optional [m]
+        Least and largest rest lengths.
+    delay : float or array_like, shape (n_actuators,), optional [s]
+        Delays.
+    longest_delay : float, optional [s]
+        That is accepted; by default the duration of the motion.
+
+    Returns
+    -------
+    ActuatorBounds
+        Bounds in the order of the motion.
+
+    Raises
+    ------
+    InvalidValueError
+        A value out of range, a motion that needs higher rates, or a delay longer than the motion.
+    """
+    actuation = find_actuation(model, motion.actuators)
+    structure = model.structure
+    assert structure is not None  # find_actuation refuses models without
+    count = len(actuation.actuators)
+    found = ActuatorBounds(
+        names=actuation.names,
+        place=actuation.place,
+        members=tuple(item.members for item in actuation.actuators),
+        least=actuation.least_change,
+        most=actuation.most_change,
+        rate=actuation.rate,
+        delay=np.array([item.delay for item in actuation.actuators]),
+    )
+    if rate is not None:
+        found = replace(found, rate=_read(rate, count, "rate", "m/s", strictly=True))
+    if delay is not None:
+        found = replace(found, delay=_read(delay, count, "delay", "s", strictly=False))
+    if range is not None:
+        allowed = "0 <= least < largest rest length [m], one pair or one for each actuator"
+        given = to_doubles(range, "range", allowed)
+        is_range = given.shape in ((2,), (count, 2))
+        if not is_range or not (given[..., 0] < given[..., 1]).all() or not (given[..., 0] >= 0.0).all():
+            raise InvalidValueError("not a range", where="range", given=range, allowed=allowed)
+        pair = np.broadcast_to(given, (count, 2))
+        rest = [structure.rest_length[list(members)] for members in found.members]
+        found = replace(
+            found,
+            least=pair[:, 0] - np.array([row.min() for row in rest]),
+            most=pair[:, 1] - np.array([row.max() for row in rest]),
+        )
+    _check_rates(found, motion, motion.duration if longest_delay is None else longest_delay)
+    return found
+
+
+def _read(value: ArrayLike, count: int, where: str, unit: str, *, strictly: bool) -> FloatArray:
+    allowed = f"a number {'>' if strictly else '>='} 0 [{unit}], or one for each of {count} actuators"
+    return to_each(value, count, where, lambda x: x > 0.0 if strictly else x >= 0.0, allowed)
+
+
+def _check_rates(bounds: ActuatorBounds, motion: Motion, longest: float) -> None:
+    """Raise InvalidValueError for a motion that needs higher rates or is shorter than a delay."""
+    over = motion.peak_rate > bounds.rate * (1.0 + ROUNDING)
+    if over.any():
+        worst = int(np.argmax(motion.peak_rate / bounds.rate))
+        raise InvalidValueError(
+            "the motion is too fast for an actuator",
+            where=f"actuators.{bounds.names[worst]}.rate",
+            given=f"{bounds.rate[worst]:.4g} m/s, the motion needs {motion.peak_rate[worst]:.4g} m/s",
+            allowed=f"at least {motion.peak_rate[worst]:.4g} m/s",
+            hint="a longer motion",
+        )
+    late = bounds.delay > longest
+    if late.any():
+        name = bounds.names[int(np.argmax(late))]
+        raise InvalidValueError(
+            "the delay is longer than the motion",
+            where=f"actuators.{name}.delay",
+            given=f"{bounds.delay.max():g} s, motion of {motion.duration:g} s",
+            allowed=f"at most {motion.duration:g} s",
+        )

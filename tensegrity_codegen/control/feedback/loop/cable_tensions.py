@@ -1,0 +1,150 @@
+"""Tensions of members as functions of the actuators' inputs, and the rest lengths that give tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.bodies import BodyInput
+from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.laws import LINEAR
+
+__all__ = ["CableTensions", "find_cables"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CableTensions:
+    """Linear springs t = (k + EA / rho) (l - rho), taut or not, with rest lengths moved by actuators.
+
+    Attributes
+    ----------
+    spring_constant, axial_stiffness : ndarray, shape (n_members,) [N/m, N]
+        k and EA.
+    base : ndarray, shape (n_members,) [m]
+        Rest lengths without inputs.
+    incidence : ndarray, shape (n_members, n_actuators)
+        Which actuators change which rest lengths.
+    other_incidence : ndarray, shape (n_members, n_inputs)
+        The same of the inputs that are not these actuators.
+    limited : ndarray of int, shape (n_limited,)
+        Members that actuators pull and that have a least tension.
+    """
+
+    spring_constant: FloatArray
+    axial_stiffness: FloatArray
+    base: FloatArray
+    incidence: FloatArray
+    other_incidence: FloatArray
+    limited: NDArray[np.int64]
+
+    @property
+    def driven(self) -> NDArray[np.int64]:
+        """Members that actuators pull, (n_driven,)."""
+        return np.flatnonzero(self.incidence.any(axis=1)).astype(np.int64)
+
+    @property
+    def shared(self) -> NDArray[np.int64]:
+        """Limited members that several actuators pull, (n_shared,)."""
+        several: NDArray[np.bool_] = self.incidence[self.limited].sum(axis=1) > 1.0
+        return self.limited[several]
+
+    @property
+    def is_one_to_one(self) -> bool:
+        """Whether each actuator pulls one member, and no member has several actuators."""
+        counts = self.incidence.sum(axis=0), self.incidence.sum(axis=1)
+        return bool((counts[0] == 1.0).all() and (counts[1] <= 1.0).all())
+
+    def rest_length(self, inputs: FloatArray, change: FloatArray) -> FloatArray:
+        """Return rest lengths (n_members,) [m] for inputs (n_inputs,) and those of the actuators."""
+        found: FloatArray = self.base + self.other_incidence @ inputs + self.incidence @ change
+        return found
+
+    def tension(self, length: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return tensions (n_members,) [N]; negative where a cable is slack."""
+        return (self.spring_constant + self.axial_stiffness / rest) * (length - rest)
+
+    def slope(self, length: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return the derivatives of tensions by rest lengths, (n_members,) [N/m]."""
+        return -(self.spring_constant + self.axial_stiffness * length / rest**2)
+
+    def find_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
+        """Return the rest lengths [m] at which tensions are reached; infinite where any one does."""
+        given = {"spring_constant": self.spring_constant, "axial_stiffness": self.axial_stiffness}
+        found = np.full(len(length), np.inf)
+        finite = np.isfinite(tension) & (self.spring_constant + self.axial_stiffness > 0.0)
+        found[finite] = LINEAR.find_rest_length(length, np.where(finite, tension, 0.0), given)[finite]
+        return found
+
+
+def find_cables(
+    model: CompiledModel, bounds: ActuatorBounds, least: FloatArray, arguments: Mapping[str, Any]
+) -> CableTensions:
+    """Return the members of a model as functions of its actuators.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure.
+    bounds : ActuatorBounds
+        The actuators.
+    least : ndarray, shape (n_members,) [N]
+        Least tensions.
+    arguments : mapping
+        Run-time rest lengths and stiffnesses where they differ from the scene.
+
+    Returns
+    -------
+    CableTensions
+        Stiffnesses and rest lengths.
+
+    Raises
+    ------
+    FormulationError
+        An actuator pulls a member whose law is not a linear spring.
+    """
+    structure = model.structure
+    assert structure is not None
+    count = structure.n_members
+    incidence = np.zeros((count, len(bounds.names)))
+    for column, members in enumerate(bounds.members):
+        incidence[list(members), column] = 1.0
+    bent = np.flatnonzero(incidence.any(axis=1) & ~structure.is_linear)
+    if bent.size:
+        raise FormulationError(
+            "tensions are distributed over linear springs only",
+            where=f"{structure.name}: {structure.member_name[int(bent[0])]}",
+            given=structure.law_of(int(bent[0])).name,
+            allowed="members with spring_constant or axial_stiffness alone",
+        )
+    others = np.zeros((count, len(structure.inputs)))
+    inputs: Sequence[ActuatedInput | BodyInput] = structure.inputs
+    for column, item in enumerate(inputs):
+        if item.kind == "rest_length" and column not in bounds.place.tolist():
+            others[list(item.targets), column] = 1.0
+    values = {
+        name: np.array(getattr(structure, name), dtype=float)
+        for name in ("spring_constant", "axial_stiffness", "rest_length")
+    }
+    for name, value in values.items():
+        spec = next((item for item in model.manifest.arguments if item.name == name), None)
+        if spec is not None and name in arguments:
+            rows = [structure.member_name.index(member) for member in spec.over]
+            value[rows] = np.asarray(arguments[name], dtype=float).ravel()
+    limited = np.flatnonzero(incidence.any(axis=1) & np.isfinite(least))
+    return CableTensions(
+        values["spring_constant"],
+        values["axial_stiffness"],
+        values["rest_length"],
+        incidence,
+        others,
+        limited.astype(np.int64),
+    )

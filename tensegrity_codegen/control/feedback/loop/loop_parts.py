@@ -1,0 +1,94 @@
+"""Gains, estimator and distribution of one loop: whether they fit each other and the motion."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.checks import check_instance, check_positive
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import Manifest
+
+__all__ = ["check_parts", "describe_unknown_delays", "find_sample"]
+
+SAMPLE = 0.005  # [s], where no gains state another
+
+
+class DesignedDistribution(Protocol):
+    """A distribution of tensions with the actuators and the model that it was designed for."""
+
+    @property
+    def bounds(self) -> ActuatorBounds:
+        """Its actuators."""
+        ...
+
+    @property
+    def model(self) -> CompiledModel:
+        """Its model."""
+        ...
+
+
+def check_parts(
+    manifest: Manifest,
+    motion: Motion,
+    gains: Gains | None,
+    estimator: Estimator | None,
+    distribution: DesignedDistribution | None,
+) -> None:
+    """Raise InvalidValueError for gains, an estimator or a distribution of another model or motion."""
+    check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
+    check_instance(estimator, (Estimator, type(None)), "estimator", "an Estimator of design_kalman, or None")
+    if distribution is not None:
+        made = getattr(distribution, "bounds", None)
+        check_instance(made, ActuatorBounds, "distribution", "a TensionDistribution of design_distribution")
+    states, members = name_states(manifest), manifest.member_name
+    parts = {
+        "gains": gains is None or (gains.actuators == motion.actuators and gains.state_name == states),
+        "estimator": estimator is None or estimator.state_name[: len(states)] == states,
+        "distribution": distribution is None
+        or (
+            distribution.bounds.names == motion.actuators
+            and distribution.model.manifest.member_name == members
+        ),
+    }
+    for name, fits in parts.items():
+        if not fits:
+            raise InvalidValueError(
+                "designed for another model or motion",
+                where=name,
+                given=f"a design for other actuators, states or members than those of {manifest.name}",
+                allowed=f"a design for the actuators {', '.join(motion.actuators)}",
+            )
+
+
+def describe_unknown_delays(gains: Gains | None, bounds: ActuatorBounds) -> str:
+    """Return a sentence where gains are designed for other delays than those of the actuators, else ""."""
+    if gains is None or np.allclose(gains.delay, bounds.delay, rtol=1e-9, atol=1e-12):
+        return ""
+    known, late = 1000 * float(gains.delay.max(initial=0.0)), 1000 * float(bounds.delay.max(initial=0.0))
+    return (
+        f"the gains are designed for delays of up to {known:.3g} ms, and the actuators answer up to "
+        f"{late:.3g} ms late: design_lqr(..., delay=...) takes the delays of the actuators"
+    )
+
+
+def find_sample(gains: Gains | None, estimator: Estimator | None, sample: float | None) -> float:
+    """Return the time between two commands [s], which gains and estimator must share."""
+    stated = [item.sample for item in (gains, estimator) if item is not None]
+    stated += [] if sample is None else [check_positive(sample, "sample", "[s]")]
+    found = stated[0] if stated else SAMPLE
+    if any(other != found for other in stated):
+        raise InvalidValueError(
+            "gains and estimator are for another sample time",
+            where="sample",
+            given=", ".join(f"{other!r} s" for other in stated),
+            allowed="one sample time of gains, estimator and simulation",
+        )
+    return check_positive(found, "sample", "[s]")

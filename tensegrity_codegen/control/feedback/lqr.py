@@ -1,0 +1,238 @@
+"""Linear-quadratic feedback along a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+from tensegrity_codegen.control.feedback.design.delays import compute_hold, shift_commands
+from tensegrity_codegen.control.feedback.design.effects import check_effects
+from tensegrity_codegen.control.feedback.design.free_motions import name_free_motions
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import build_sample_time, sample_linear_models
+from tensegrity_codegen.control.feedback.design.reachable import (
+    HiddenMode,
+    describe_direction,
+    find_uncontrolled,
+)
+from tensegrity_codegen.control.feedback.design.riccati import find_stationary, step_back
+from tensegrity_codegen.control.feedback.design.weights import read_weight
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.checks import check_positive
+from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+
+__all__ = ["design_lqr"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_PAST = 1000  # commands on their way
+
+
+def design_lqr(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    Q: ArrayLike,
+    R: ArrayLike,
+    *,
+    sample: float = 0.005,
+    integral_action: ArrayLike | Sequence[str] | None = None,
+    delay: ArrayLike | None = None,
+    arguments: Mapping[str, Any] | None = None,
+) -> Gains:
+    """Return the gains of the linear-quadratic regulator along a motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene; its coordinates are independent of each other.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold.
+    Q : array_like, shape (n_states, n_states) or (n_states,)
+        Weight of the states: coordinates, velocities, then the sums of `integral_action`; a vector is a
+        diagonal. Symmetric, positive semidefinite.
+    R : array_like, shape (n_actuators, n_actuators) or (n_actuators,)
+        Weight of the actuators' inputs. Symmetric, positive definite.
+    sample : float [s]
+        Time between two commands.
+    integral_action : array_like, shape (n_integrals, n_x), or sequence of str, optional
+        Outputs C x whose errors are summed at each sample, x = (q, q'); names of coordinates stand for these.
+    delay : float or array_like, shape (n_actuators,), optional [s]
+        Delays of the actuators, by default those of the scene. The state is predicted to the arrival of each
+        command with those that are on their way.
+    arguments : mapping, optional
+        Run-time parameters where they differ from the scene.
+
+    Returns
+    -------
+    Gains
+        ``K``, ``S``, ``E`` by the names of python-control's `dlqr`, along the motion.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError
+        A weight of another size, not symmetric or not definite; an actuator without effect; a delay longer
+        than the motion; a motion of another model.
+    UnknownNameError
+        An unknown coordinate.
+    FormulationError
+        Coordinates depend on each other, or a motion that does not decay cannot be changed by the actuators.
+    ConvergenceError
+        The Riccati equation is not solved.
+
+    Notes
+    -----
+    Minimises the sum of x^T Q x + u^T R u over the deviations from the motion, with sampled linear models
+    along it (linear_samples.py). The recursion starts at the end of the motion with the stationary solution
+    there (B. D. O. Anderson, J. B. Moore, Optimal Control: Linear Quadratic Methods, 1990, chapters 2, 3).
+    With delays the commands on their way are further states (K. J. Astrom, B. Wittenmark, Computer-Controlled
+    Systems, 1997, section 3.2), without weight; arrivals within a sample are exact.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, design_lqr, find_equilibrium
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> gains = design_lqr(model, find_equilibrium(model), [100.0, 1.0], [1.0], sample=0.02)
+    >>> gains.K.shape, abs(gains.E).round(3).tolist()
+    ((2, 1, 2), [0.815, 0.086])
+    """
+    require_model(model)
+    check_positive(sample, "sample", "[s]")
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    if not way.actuators:
+        raise InvalidValueError(
+            "the motion has no actuators", where="motion.actuators", allowed="at least one actuator"
+        )
+    build_sample_time(way, sample)
+    longest = None if isinstance(motion, Motion) else np.inf  # an equilibrium is a motion of one sample
+    late = find_bounds(model, way, delay=delay, longest_delay=longest).delay
+    _check_count(late, sample)
+    names = name_states(model.manifest)
+    output, labels = _read_outputs(integral_action, model, names)
+    n, k, m = len(names), len(output), len(way.actuators)
+    over = f"{n} states (q, q')" + (f" and {k} sums" if k else "")
+    q = read_weight(Q, n + k, "Q", over, definite=False)
+    r = read_weight(R, m, "R", f"{m} actuators", definite=True)
+    samples = sample_linear_models(model, way, sample, way.actuators, arguments, late)
+    check_effects(model, samples.gain, way.actuators)
+    held = compute_hold(samples.rate[-1], samples.gain[-1], sample)[1]
+    hidden = find_uncontrolled(*_augment(samples.A[-1], held, np.zeros((n, 0)), output, 0.0 * late, sample))
+    if hidden:
+        end, given = way.at(way.duration).coordinate, merge_inputs(model.manifest, arguments)
+        rigid = name_free_motions(model, end, samples.gain[-1, n // 2 :], given)
+        _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
+    models = [
+        _augment(*parts, output, late, sample)
+        for parts in zip(samples.A, samples.B, samples.past, strict=True)
+    ]
+    a, b = models[-1]
+    weight = np.zeros_like(a)
+    weight[: n + k, : n + k] = q
+    p, residual = find_stationary(a, b, weight, r, f"{model.manifest.name}: design_lqr")
+    costs, gains = [p[: n + k, : n + k]], [step_back(p, a, b, weight, r)[1]]
+    for a_k, b_k in models[-2::-1]:
+        p, gain = step_back(p, a_k, b_k, weight, r)
+        costs.append(p[: n + k, : n + k])
+        gains.append(gain)
+    return Gains(
+        time=samples.time,
+        K=np.array(gains[::-1]),
+        S=np.array(costs[::-1]),
+        E=np.linalg.eigvals(a - b @ gains[0]).astype(np.complex128),
+        A=samples.A[-1],
+        B=held,
+        integral_action=output,
+        delay=late,
+        sample=sample,
+        residual=residual,
+        actuators=way.actuators,
+        state_name=names,
+        integral_name=labels,
+    )
+
+
+def _check_count(delay: FloatArray, sample: float) -> None:
+    """Raise InvalidValueError for delays in which too many commands are on their way."""
+    count = float(np.ceil(delay / sample).sum())
+    if count > MOST_PAST:
+        raise InvalidValueError(
+            "too many commands are on their way",
+            where="delay",
+            given=f"{count:.0f} of {len(delay)} actuators, in delays of up to {delay.max():g} s",
+            allowed=f"at most {MOST_PAST}",
+            hint=f"a longer sample than {sample:g} s",
+        )
+
+
+def _augment(
+    a: FloatArray, b: FloatArray, past: FloatArray, output: FloatArray, delay: FloatArray, sample: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the model with the sums of outputs and the commands on their way as further states."""
+    shift, enter = shift_commands(delay, sample)
+    n, k = len(a), len(output)
+    whole = block_diag(a, np.eye(k), shift)
+    whole[n : n + k, :n], whole[:n, n + k :] = output, past
+    return whole, np.vstack([b, np.zeros((k, b.shape[1])), enter])
+
+
+def _read_outputs(
+    value: ArrayLike | Sequence[str] | None, model: CompiledModel, names: tuple[str, ...]
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return C (n_integrals, n_x) and the names of its rows."""
+    n = len(names)
+    if value is None:
+        return np.zeros((0, n)), ()
+    items = [value] if isinstance(value, str) else value
+    if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
+        known = names[: n // 2]
+        for item in items:
+            check_choice(item, known, "coordinate", "integral_action")
+        chosen = [str(item) for item in items]
+        return np.eye(n)[[known.index(item) for item in chosen]], tuple(f"sum of {item}" for item in chosen)
+    allowed = f"shape (n_integrals, {n}), or names of coordinates"
+    output = to_doubles(value, "integral_action", allowed)
+    if output.ndim != 2 or output.shape[1] != n:
+        raise InvalidValueError(
+            "wrong shape",
+            where="integral_action",
+            given=output.shape,
+            allowed=allowed,
+        )
+    check_finite(output, "integral_action")
+    return output, tuple(f"sum {k + 1}" for k in range(len(output)))
+
+
+def _refuse(
+    scene: str, hidden: Sequence[HiddenMode], rigid: Sequence[str], names: tuple[str, ...]
+) -> NoReturn:
+    """Raise FormulationError for modes that do not decay and that the actuators cannot change."""
+    first = hidden[0]
+    reason = describe_direction(first.direction, names)
+    if rigid:
+        reason = f"rigid motions of the whole structure: {', '.join(rigid)}"
+    raise FormulationError(
+        f"the actuators cannot stabilise the motion; not changed: {reason}",
+        where=f"{scene}: design_lqr",
+        given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; "
+        f"rank {first.rank} of {first.size} at eigenvalue {_tell(first.eigenvalue)}",
+        allowed="actuators that change every motion that does not decay",
+        hint="anchor a structure that can move freely; sum fewer outputs; or add actuators",
+    )
+
+
+def _tell(value: complex) -> str:
+    return f"{value.real:.6g}" if abs(value.imag) < 1e-9 else f"{value:.6g}"

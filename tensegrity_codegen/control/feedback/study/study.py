@@ -1,0 +1,296 @@
+"""The study of a controller: open loop, true state, estimator, over many draws of disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.feedback.closed_loop import simulate_control
+from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
+from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.study.calm_estimator import design_calm_estimator
+from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
+from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop, find_margins
+from tensegrity_codegen.control.feedback.study.loop_result import LOOPS, OPEN, LoopResult
+from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures, measure_run
+from tensegrity_codegen.control.feedback.study.stated_errors import (
+    DrawnErrors,
+    StatedErrors,
+    check_errors,
+    draw_errors,
+)
+from tensegrity_codegen.control.feedback.study.study_times import (
+    HELD,
+    check_gust_times,
+    check_times,
+    find_default_times,
+    read_times,
+)
+from tensegrity_codegen.control.feedback.study.study_warnings import find_time_constants, judge_study
+from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
+from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive, check_whole
+from tensegrity_codegen.system.errors import check_choice
+
+__all__ = ["study_control"]
+
+FloatArray = NDArray[np.float64]
+
+SENSORS = "sensors"
+MOST_DRAWS = 10_000
+CHUNK = 32  # draws that are simulated at once
+
+Batch = Callable[..., Sequence[ControlRun]]
+
+
+def study_control(
+    model: CompiledModel,
+    motion: Motion | Equilibrium,
+    *,
+    tuning: Tuning | None = None,
+    gains: Gains | None = None,
+    estimator: Estimator | str | None = SENSORS,
+    distribution: TensionDistribution | None = None,
+    errors: StatedErrors | None = None,
+    sample: float = 0.005,
+    t_end: float | None = None,
+    last: float | None = None,
+    draws: int = 5,
+    seed: int = 0,
+    arguments: Mapping[str, Any] | None = None,
+    batch: Batch | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ControlStudy:
+    """Simulate a motion under disturbances: without feedback, with the true state, with an estimator.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion or Equilibrium
+        The motion, or the equilibrium to hold for 2 s.
+    tuning : Tuning, optional
+        Weights of the gains; by default those of `choose_weights`.
+    gains : Gains, optional
+        Feedback; by default of `design_lqr` with the weights.
+    estimator : Estimator, "sensors" or None
+        ``"sensors"``: of `design_kalman` for the sensors of the scene, none without sensors; its disturbance
+        forces are smaller where noise then disturbs the loop less. None: no loop with an estimator.
+    distribution : TensionDistribution, optional
+        Keeps tensions above the least ones, in the loops with feedback.
+    errors : StatedErrors, optional
+        Disturbances; by default every coordinate off at the start and stiffnesses off by 5 %.
+    sample : float [s]
+        Time between two commands, where no gains are given.
+    t_end : float, optional [s]
+        Simulated time; by default three times the motion, longer where the slowest error needs it.
+    last : float, optional [s]
+        Time before the end in which errors are compared; by default a sixth of the simulated time.
+    draws : int
+        Number of draws of the disturbances.
+    seed : int
+        Of the draws.
+    arguments : mapping, optional
+        Inputs and run-time parameters where they differ from the scene, known to the controller.
+    batch : callable, optional
+        `simulate_control_batch`: simulates many draws at once, in C; loops with a distribution are simulated
+        in Python.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    ControlStudy
+        Status, errors, tensions and limits of every loop and draw, and the runs of the worst draw.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError, UnknownNameError
+        A value out of range, an unknown node, a motion that an actuator is too slow for.
+    FormulationError
+        Coordinates depend on each other, the actuators cannot stabilise the motion, or the sensors do not
+        show the state.
+
+    Notes
+    -----
+    docs/control.md has the statuses.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import compile_scene, find_equilibrium, study_control
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("equilibrium", "control"))
+    >>> study = study_control(model, find_equilibrium(model), sample=0.02, draws=2)
+    >>> study.status, list(study.loops)
+    ('holds', ['open', 'true_state'])
+    """
+    require_model(model)
+    check_times(t_end=t_end, last=last)
+    check_positive(sample, "sample", "[s]")
+    check_whole(seed, "seed", 0)
+    check_instance(tuning, (Tuning, type(None)), "tuning", "a Tuning of choose_weights, or None")
+    check_instance(errors, (StatedErrors, type(None)), "errors", "StatedErrors, or None")
+    check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
+    check_callback(batch, "batch")
+    check_callback(progress, "progress")
+    held = HELD if t_end is None else t_end
+    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    given = merge_inputs(model.manifest, arguments)
+    chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
+    stated = errors or StatedErrors()
+    check_errors(model, stated)
+    _check_count(draws)
+    if gains is None:
+        gains = design_lqr(
+            model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
+            arguments=arguments,
+        )  # fmt: skip
+    senses, note = _find_estimator(model, way, estimator, gains, chosen, arguments)
+    default = find_default_times(way, *find_time_constants(gains, senses))[0]
+    end, window = read_times(gains.sample, default, t_end, last)
+    check_gust_times(stated.gusts, end)
+    notes = () if note is None else (note,)
+    work = _Work(
+        model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch, notes
+    )
+    return work.study(draws, progress)
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """All parts of a study."""
+
+    model: CompiledModel
+    motion: Motion
+    gains: Gains
+    estimator: Estimator | None
+    distribution: TensionDistribution | None
+    tuning: Tuning
+    stated: StatedErrors
+    given: Mapping[str, Any]
+    t_end: float
+    last: float
+    seed: int
+    batch: Batch | None
+    notes: tuple[str, ...]
+
+    def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
+        """Simulate all draws; of the worst one the runs are kept."""
+        names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
+        rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
+        worst, kept, number = -np.inf, {}, 0
+        scales = self.tuning.scales
+        drawn = [draw_errors(self.model, self.stated, scales, self.seed, k) for k in range(draws)]
+        size = 1 if self.batch is None else CHUNK
+        for first in range(0, draws, size):
+            some = range(first, min(first + size, draws))
+            runs = {}
+            for k, name in enumerate(names):
+                runs[name] = self.run(name, [drawn[draw] for draw in some], first)
+                rows[name] += [measure_run(self.model, run, self.last) for run in runs[name]]
+                if progress is not None:
+                    progress((first + len(some) * (k + 1) / len(names)) / draws)
+            for draw in some:
+                rank = _rank(rows[names[-1]][draw])
+                if rank > worst:
+                    worst, number = rank, draw
+                    kept = {name: runs[name][draw - first] for name in names}
+        loops = {name: LoopResult.collect(name, rows[name], kept[name]) for name in names}
+        status, message = judge_study(loops, self.tuning.tolerance)
+        structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
+        assert structure is not None  # find_bounds refuses models without
+        margins = {
+            name: find_margins(
+                build_linear_loop(
+                    self.model, self.motion, self.gains, bounds.delay,
+                    self.estimator if name == LOOPS[2] else None, self.given,
+                )
+            )
+            for name in names[1:]
+        }  # fmt: skip
+        return ControlStudy(
+            status=status,
+            message=message,
+            motion=self.motion,
+            tuning=self.tuning,
+            gains=self.gains,
+            estimator=self.estimator,
+            distribution=self.distribution,
+            errors=self.stated,
+            bounds=bounds,
+            drawn=tuple(drawn),
+            loops=loops,
+            margins=margins,
+            limits=structure.limits,
+            notes=self.notes,
+            worst_draw=number,
+            t_end=self.t_end,
+            last=self.last,
+            seed=self.seed,
+        )
+
+    def run(self, name: str, drawn: Sequence[DrawnErrors], first: int) -> Sequence[ControlRun]:
+        """Simulate one loop for some draws, the first of this number."""
+        is_open = name == OPEN
+        gains = None if is_open else self.gains
+        spread = None if is_open else self.distribution
+        parts: dict[str, Any] = {"t_end": self.t_end, "sample": self.gains.sample, "compare": False}
+        parts["estimator"] = self.estimator if name == LOOPS[2] else None
+        states = [self._describe(item, first + k) for k, item in enumerate(drawn)]
+        if self.batch is not None and spread is None:
+            return self.batch(self.model, self.motion, gains, draws=states, **parts)
+        return [
+            simulate_control(self.model, self.motion, gains, distribution=spread, **parts, **state)
+            for state in states
+        ]
+
+    def _describe(self, drawn: DrawnErrors, draw: int) -> dict[str, Any]:
+        """Return a draw as arguments of `simulate_control`."""
+        return {
+            "coordinate_error": drawn.coordinate,
+            "arguments": {**self.given, **drawn.arguments},
+            "gust": drawn.gusts or None,
+            "seed": int(np.random.SeedSequence([self.seed, draw]).generate_state(1)[0]),
+        }
+
+
+def _find_estimator(
+    model: CompiledModel,
+    motion: Motion,
+    estimator: Estimator | str | None,
+    gains: Gains,
+    tuning: Tuning,
+    arguments: Mapping[str, Any] | None,
+) -> tuple[Estimator | None, str | None]:
+    """Return the estimator, and a warning of its design."""
+    if not isinstance(estimator, str):
+        check_instance(estimator, (Estimator, type(None)), "estimator", 'an Estimator, "sensors" or None')
+        return estimator, None
+    check_choice(estimator, (SENSORS,), "estimator", "estimator")
+    if model.structure is None or not model.structure.sensors:
+        return None, None
+    return design_calm_estimator(model, motion, gains, tuning.scales, arguments=arguments)
+
+
+def _rank(row: RunMeasures) -> float:
+    """Return what the worst draw is chosen by: the error at the end, above all where a run stopped."""
+    return np.finfo(float).max if row.status != "ok" else row.end_error
+
+
+def _check_count(draws: int) -> None:
+    check_whole(draws, "draws", 1, MOST_DRAWS)

@@ -1,0 +1,209 @@
+"""Weights of the regulator from the scene: each quantity over the largest value that is accepted of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.feedback.design.linear_samples import check_independent, check_motion
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
+from tensegrity_codegen.control.feedback.study.scales import Scales, find_scales
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.runtime.model.require import require_model, require_quantities
+from tensegrity_codegen.runtime.model.state_names import name_states
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.checks import check_instance, check_positive
+from tensegrity_codegen.system.errors import NonFiniteError
+
+__all__ = ["Tuning", "choose_weights"]
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
+EFFORT = 0.05  # of this displacement: change of a rest length
+SUMMED = 1.0  # response times for which the displacement is accepted
+SHORTEST, LONGEST = 2.0, 0.05  # response time: samples at least, part of the motion at most
+REACHED = 0.02  # of the largest static gain: outputs that actuators change less are not summed
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """Weights of `design_lqr`, and what they were chosen from.
+
+    Attributes
+    ----------
+    Q : ndarray, shape (n_states,)
+        Diagonal weights of coordinates, velocities, sums.
+    R : ndarray, shape (n_actuators,)
+        Diagonal weights of the actuators' inputs.
+    integral_action : tuple of str, or ndarray, shape (n_integrals, n_x)
+        As `design_lqr` takes it: names of coordinates, or outputs.
+    tolerance : float [m]
+        Displacement of a node that is accepted for a moment.
+    effort : ndarray, shape (n_actuators,) [m]
+        Change of each actuator's input that is accepted for it.
+    response_time : float [s]
+        Time in which a displacement may change by as much.
+    sample : float [s]
+        Time between two commands.
+    scales : Scales
+        Lengths and times of the structure.
+    """
+
+    Q: FloatArray
+    R: FloatArray
+    integral_action: tuple[str, ...] | FloatArray
+    tolerance: float
+    effort: FloatArray
+    response_time: float
+    sample: float
+    scales: Scales
+
+    def __post_init__(self) -> None:
+        freeze_fields(self)
+
+
+def choose_weights(
+    model: CompiledModel,
+    motion: Motion,
+    *,
+    sample: float = 0.005,
+    tolerance: float | None = None,
+    effort: float | None = None,
+    response_time: float | None = None,
+    integral_action: Sequence[str] | None = None,
+    arguments: Mapping[str, Any] | None = None,
+) -> Tuning:
+    """Return weights of the linear-quadratic regulator by Bryson's rule.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"control"``, see compile_scene.
+    motion : Motion
+        The motion to hold.
+    sample : float [s]
+        Time between two commands.
+    tolerance : float, optional [m]
+        Displacement d of a node that is accepted for a moment; by default a twentieth of the longest side of
+        the box around the nodes.
+    effort : float, optional [m]
+        Change of a rest length that is accepted for it; by default the least of d / 20, of what the rate of
+        the actuator permits in the response time, and of half its range.
+    response_time : float, optional [s]
+        T; by default 1 over the lowest natural frequency [rad/s], at least two samples and at most a
+        twentieth of the motion.
+    integral_action : sequence of str, optional
+        Names of coordinates whose errors are summed, none for an empty one; by default all coordinates, or
+        where the actuators cannot move all of them at rest, the displacements that they move most.
+    arguments : mapping, optional
+        Run-time parameters where they differ from the scene.
+
+    Returns
+    -------
+    Tuning
+        Weights and what they were chosen from.
+
+    Raises
+    ------
+    InvalidValueError, NonFiniteError
+        A value out of range, a motion of another model, weights that are not finite.
+    FormulationError
+        Coordinates depend on each other.
+
+    Notes
+    -----
+    Each weight is 1 over the square of the largest value that is accepted (A. E. Bryson, Y.-C. Ho, Applied
+    Optimal Control, 1975, section 5.2). A coordinate whose unit moves a node by at most c [m] has the largest
+    values d / c, its velocity d / (c T), the sum of its errors d T / (c h) over samples of h seconds.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensegrity_codegen import EquilibriumPath, choose_weights, compile_scene, time_motion
+    >>> winch = '[[actuators]]\\nname = "winch"\\nmembers = "cord"\\n'
+    >>> _ = Path("lift.toml").write_text('axes = "z"\\n' + Path("two_nodes.toml").read_text() + winch)
+    >>> model = compile_scene("lift.toml", for_=("time_motion", "control"))
+    >>> motion = time_motion(model, EquilibriumPath([[0.0], [-0.1]]), duration=2.0)
+    >>> tuning = choose_weights(model, motion, tolerance=0.01, sample=0.02)
+    >>> (tuning.Q**-0.5).round(4).tolist()[0], (tuning.R**-0.5).round(4).tolist(), tuning.integral_action
+    (0.01, [0.0005], ('n2.z',))
+    """
+    require_model(model)
+    check_independent(model)
+    check_motion(model, motion)
+    require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
+    step = check_positive(sample, "sample", "[s]")
+    scales = find_scales(model, motion, merge_inputs(model.manifest, arguments))
+    d = _read_positive(tolerance, "tolerance", "m") or TOLERANCE * scales.size
+    time = _read_positive(response_time, "response_time", "s") or _find_time(scales, motion, step)
+    inputs = _find_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
+    outputs, reach = _choose_outputs(model, scales, inputs, integral_action)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        weight = (scales.lever / d) ** 2
+        summed = (step * reach / (SUMMED * d * time)) ** 2
+        squares, costs = np.concatenate([weight, weight * (time * time), summed]), inputs**-2.0
+    if not (np.isfinite(squares).all() and np.isfinite(costs).all()):
+        raise NonFiniteError(
+            "the weights are not finite",
+            where="tolerance",
+            given=f"tolerance {d:g} m, effort {inputs.min():g} m, response time {time:g} s",
+            allowed="lengths and times nearer to those of the structure",
+        )
+    return Tuning(
+        Q=squares,
+        R=costs,
+        integral_action=outputs,
+        tolerance=d,
+        effort=inputs,
+        response_time=time,
+        sample=step,
+        scales=scales,
+    )
+
+
+def _read_positive(value: float | None, where: str, unit: str) -> float | None:
+    if value is None:
+        return None
+    return check_positive(value, where, f"[{unit}]")
+
+
+def _find_time(scales: Scales, motion: Motion, sample: float) -> float:
+    own = 1.0 / scales.frequency if scales.frequency > 0.0 else np.inf
+    return float(max(min(own, LONGEST * motion.duration), SHORTEST * sample))
+
+
+def _find_efforts(
+    model: CompiledModel, motion: Motion, effort: float | None, tolerance: float, time: float
+) -> FloatArray:
+    """Return the changes of the actuators' inputs that are accepted, (n_actuators,) [m]."""
+    bounds = find_bounds(model, motion)
+    if effort is not None:
+        return np.full(len(bounds.names), effort)
+    half = 0.5 * (bounds.most - bounds.least)
+    return np.minimum(np.minimum(EFFORT * tolerance, bounds.rate * time), half)
+
+
+def _choose_outputs(
+    model: CompiledModel, scales: Scales, effort: FloatArray, names: Sequence[str] | None
+) -> tuple[tuple[str, ...] | FloatArray, FloatArray]:
+    """Return the outputs whose errors are summed, and how many metres a unit of each one is."""
+    known = name_states(model.manifest)[: len(scales.lever)]
+    if names is not None:
+        check_instance(names, (list, tuple), "integral_action", "a list of names of coordinates")
+        chosen = tuple(str(name) for name in names)
+        place = [known.index(name) for name in chosen if name in known]  # design_lqr refuses others
+        return chosen, scales.lever[place]
+    moved = scales.static_gain * effort
+    left, size, _ = np.linalg.svd(moved)
+    rank = int((size > REACHED * size[0]).sum()) if len(size) and size[0] > 0.0 else 0
+    if rank == len(known):
+        return known, scales.lever
+    rows = left[:, :rank].T * scales.lever
+    return np.hstack([rows, np.zeros_like(rows)]), np.ones(rank)

@@ -1,0 +1,133 @@
+"""Time laws s(t): how progress along a path goes from 0 to 1, with continuous second derivative."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BPoly, PPoly, make_interp_spline
+
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+
+__all__ = ["QUINTIC", "TimeLaw", "read_law"]
+
+FloatArray = NDArray[np.float64]
+
+QUINTIC = "quintic"
+BACK = 1e-9  # of the largest slope: a negative slope that counts as rounding
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw:
+    """Progress s over the part x = t / duration of the time, both from 0 to 1, at rest at both ends.
+
+    piece: polynomials of x; own_duration [s]: last time of a table, None without one; returns: whether the
+    first half of the time leads from 0 to 1, and the second half back to 0 as a mirror image.
+    """
+
+    piece: PPoly
+    own_duration: float | None = None
+    returns: bool = False
+
+    def at(self, part: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return s, ds/dx and d2s/dx2 at parts x of the time, each of the shape of `part`."""
+        x, slope = part, np.ones_like(part)
+        if self.returns:
+            x, slope = 1.0 - np.abs(1.0 - 2.0 * part), np.where(part <= 0.5, 2.0, -2.0)
+        s, rate, change = (self.piece(x, order) for order in range(3))
+        return np.clip(s, 0.0, 1.0), rate * slope, change * slope**2
+
+    def returning(self) -> TimeLaw:
+        """Return the law that goes back after it: in twice the time, at rest at the far end too."""
+        own = None if self.own_duration is None else 2.0 * self.own_duration
+        return TimeLaw(self.piece, own, returns=True)
+
+
+def read_law(law: str | ArrayLike) -> TimeLaw:
+    """Return a time law.
+
+    Parameters
+    ----------
+    law : str or array_like, shape (n, 2)
+        ``"quintic"``: s = 10 x^3 - 15 x^4 + 6 x^5; or a table of times [s] that rise from 0 and values of s
+        from 0 to 1 that do not fall.
+
+    Returns
+    -------
+    TimeLaw
+        Of class C2, without motion back, with s' = s'' = 0 at both ends.
+
+    Raises
+    ------
+    UnknownNameError, InvalidValueError, NonFiniteError
+        Another word; a table of another form, with times that do not rise or values that fall.
+
+    Notes
+    -----
+    A table is interpolated by the spline of degree 5 with s' = s'' = 0 at both ends. Where this goes back
+    anywhere, by polynomials of degree 5 with s'' = 0 at all points of the table, and as s' the smaller of the
+    mean slopes on both sides. With end slopes a, b <= 1 (over the mean slope of the interval) such a
+    polynomial has the slope a (1 - h) + b h + 30 (1 - (a + b) / 2) x^2 (1 - x)^2 >= 0, h = 3 x^2 - 2 x^3.
+    """
+    if isinstance(law, str):
+        check_choice(law, (QUINTIC,), "time law", "law")
+        return TimeLaw(_build_spline(np.array([0.0, 1.0]), np.array([0.0, 1.0])))
+    time, value = _read_table(law)
+    part = time / time[-1]
+    smooth = _build_spline(part, value)
+    return TimeLaw(smooth if _rises(smooth) else _build_monotone(part, value), float(time[-1]))
+
+
+def _read_table(law: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return times and values of a table after checks."""
+    allowed = "two rows (time [s], progress) or more, from (0, 0) to (duration, 1)"
+    table = to_doubles(law, "law", allowed)
+    if table.ndim != 2 or table.shape[1] != 2 or len(table) < 2:
+        raise InvalidValueError(
+            "not a table of times and progress", where="law", given=table.shape or law, allowed=allowed
+        )
+    check_finite(table, "law", "a time or a progress that is not finite")
+    time, value = table.T
+    if time[0] != 0.0 or value[0] != 0.0 or value[-1] != 1.0:
+        raise InvalidValueError(
+            "the table does not lead from the start to the end of the path",
+            where="law",
+            given=f"({time[0]:g}, {value[0]:g}) to ({time[-1]:g}, {value[-1]:g})",
+            allowed=allowed,
+        )
+    for rows, words in ((np.diff(time) <= 0, "times do not rise"), (np.diff(value) < 0, "progress falls")):
+        if rows.any():
+            k = int(np.argmax(rows)) + 1
+            raise InvalidValueError(
+                f"the {words}" if words.startswith("times") else f"the {words}: the motion would go back",
+                where=f"law, row {k}",
+                given=f"({time[k]:g}, {value[k]:g}) after ({time[k - 1]:g}, {value[k - 1]:g})",
+                allowed="rising times, progress that stays or rises",
+            )
+    return time, value
+
+
+def _build_spline(part: FloatArray, value: FloatArray) -> PPoly:
+    """Return the spline of degree 5 with no slope and curvature at both ends; of two points the quintic."""
+    rest: Any = ([(1, 0.0), (2, 0.0)], [(1, 0.0), (2, 0.0)])
+    spline = make_interp_spline(part, value, k=5, bc_type=rest)
+    return PPoly.from_spline((spline.t, spline.c, spline.k))
+
+
+def _build_monotone(part: FloatArray, value: FloatArray) -> PPoly:
+    slope = np.diff(value) / np.diff(part)
+    inner = np.minimum(slope[1:], slope[:-1])
+    rate = np.concatenate([[0.0], inner, [0.0]])
+    knots = np.stack([value, rate, np.zeros_like(value)], axis=1)
+    return PPoly.from_bernstein_basis(BPoly.from_derivatives(part, knots))
+
+
+def _rises(piece: PPoly) -> bool:
+    """Return whether a law never goes back: the smallest of its slopes is not negative."""
+    slope = piece.derivative()
+    extreme = np.asarray(slope.derivative().roots(extrapolate=False), dtype=float)
+    values = slope(np.concatenate([extreme[np.isfinite(extreme)], piece.x]))
+    return bool(values.min() >= -BACK * np.abs(values).max())

@@ -1,0 +1,181 @@
+"""Timed motions: a path through equilibria, put in time by a time law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
+from tensegrity_codegen.control.feedback.feedforward import (
+    DYNAMIC,
+    STATIC,
+    Driven,
+    Feedforward,
+    Timing,
+    build_feedforward,
+    describe_residual,
+)
+from tensegrity_codegen.control.feedback.free_motion import remove_momentum
+from tensegrity_codegen.control.feedback.path_knots import find_knots
+from tensegrity_codegen.control.feedback.rates import check_rates, find_shortest
+from tensegrity_codegen.control.feedback.smooth_path import build_smooth_path
+from tensegrity_codegen.control.feedback.time_law import QUINTIC, TimeLaw, read_law
+from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.checks import check_switch, check_whole, is_number
+from tensegrity_codegen.system.errors import InvalidValueError, check_choice
+
+__all__ = ["time_motion"]
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SAMPLES, MOST_SAMPLES = 5, 100_000
+
+
+def time_motion(
+    model: CompiledModel,
+    path: PlanResult | EquilibriumPath,
+    duration: float | None = None,
+    law: str | ArrayLike = QUINTIC,
+    *,
+    feedforward: str = "dynamic",
+    there_and_back: bool = False,
+    arguments: Mapping[str, Any] | None = None,
+    samples: int = 201,
+) -> Motion:
+    """Put a path through equilibria in time.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"time_motion"``, see compile_scene.
+    path : PlanResult or EquilibriumPath
+        A plan that was found, or equilibria one after the other.
+    duration : float, optional
+        Time of the motion [s]; by default that of the table, without one the shortest that the rates of the
+        actuators permit.
+    law : str or array_like, shape (n, 2)
+        ``"quintic"``: progress s = 10 x^3 - 15 x^4 + 6 x^5 over x = t / duration; or a table of times [s] and
+        progress, from (0, 0) to (end, 1).
+    feedforward : str
+        ``"dynamic"``: tensions and inputs that produce the accelerations of the motion, next to the tensions
+        of the path; needs masses. ``"static"``: those of the path, which neglect inertia and damping.
+    there_and_back : bool
+        Go to the end of the path in the first half of the time, and back the same way in the second half. The
+        duration is that of both, twice that of a table.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene; those of the path.
+    samples : int
+        Number of equally spaced knots of the motion.
+
+    Returns
+    -------
+    Motion
+        Coordinates, inputs and tensions over time.
+
+    Raises
+    ------
+    InvalidValueError
+        A duration below the shortest (the message names the actuator, its cable, its rate and the time); a
+        path that is none; points that are not in balance; a wrong table.
+    StructureError
+        The scene has no actuators.
+    ConvergenceError, UnstableError
+        No stable equilibrium between two points of the path.
+
+    Notes
+    -----
+    docs/control.md has the equations.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import EquilibriumPath, compile_scene, time_motion
+    >>> model = compile_scene("prism12.toml", for_="time_motion")
+    >>> path = EquilibriumPath([[0, 0, 0, 0, 0, 0], [-0.005, -0.005, -0.005, 0, 0, 0]])
+    >>> motion = time_motion(model, path, duration=1.0)
+    >>> motion.input.shape, motion.shortest_duration < 1.0
+    ((201, 6), True)
+    """
+    require_model(model)
+    _check_samples(samples)
+    check_switch(there_and_back, "there_and_back")
+    check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
+    shape = read_law(law).returning() if there_and_back else read_law(law)
+    wanted = _read_duration(duration, shape)
+    plan_model, knots = find_knots(model, path, arguments)
+    smooth = remove_momentum(plan_model, knots, build_smooth_path(plan_model, knots))
+    timing = Timing(smooth, shape, np.linspace(0.0, 1.0, samples))
+    drive = build_feedforward(feedforward, plan_model, timing)
+    shortest = _find_shortest(plan_model, timing, drive)
+    length = _choose_duration(wanted, shortest)
+    driven = drive(length)
+    check_rates(plan_model.actuation, driven.peaks, model.manifest.member_name, length, shortest)
+    return _record(plan_model, timing, driven, shortest)
+
+
+def _find_shortest(plan_model: PlanModel, timing: Timing, drive: Feedforward) -> float:
+    """Return the shortest duration that the rates permit [s], 0 without rates."""
+    rate = plan_model.actuation.rate
+
+    def excess(duration: float) -> float:
+        return float((drive(duration).peaks.rate / rate).max(initial=0.0))
+
+    static = build_feedforward(STATIC, plan_model, timing)
+    first = float((static(1.0).peaks.rate / rate).max(initial=0.0))
+    return first if drive.is_static else find_shortest(first, excess)
+
+
+def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: float) -> Motion:
+    q, v, a = timing.states(driven.duration)
+    manifest = plan_model.model.manifest
+    return Motion(
+        time=timing.part * driven.duration,
+        coordinate=q,
+        velocity=v,
+        acceleration=a,
+        rest_length=plan_model.rest_length(driven.change),
+        input=np.array([plan_model.inputs(row) for row in driven.change]),
+        member_tension=driven.tension,
+        peak_rate=driven.peaks.rate,
+        actuators=plan_model.actuation.names,
+        input_name=manifest.input_name,
+        shortest_duration=shortest,
+        path_error=timing.path.error,
+        residual=np.abs(driven.residual).max(axis=1) if driven.residual.size else np.zeros(0),
+        warnings=describe_residual(manifest.coordinate_name, timing, driven),
+    )
+
+
+def _check_samples(samples: int) -> None:
+    check_whole(samples, "samples", LEAST_SAMPLES, MOST_SAMPLES)
+
+
+def _read_duration(duration: float | None, law: TimeLaw) -> float | None:
+    """Return the duration that is asked for [s], None for the shortest."""
+    if duration is None:
+        return law.own_duration
+    if not is_number(duration) or duration <= 0:
+        raise InvalidValueError(
+            "the duration is not positive", where="duration", given=duration,
+            allowed="a finite number above 0 [s]",
+        )  # fmt: skip
+    return float(duration)
+
+
+def _choose_duration(wanted: float | None, shortest: float) -> float:
+    if wanted is not None:
+        return wanted
+    if shortest > 0:
+        return shortest
+    raise InvalidValueError(
+        "no rates limit the motion, so that no duration is the shortest",
+        where="duration",
+        given="no duration, actuators without `rate`",
+        allowed="a duration [s], or actuators with a rate [m/s]",
+    )

@@ -1,0 +1,3 @@
+"""Pages of plans and of feedback."""
+
+__all__: list[str] = []

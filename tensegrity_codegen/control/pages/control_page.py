@@ -1,0 +1,235 @@
+"""A study of feedback as a page: outcome, film, errors, commands, tensions, estimate, draws."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
+from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
+from tensegrity_codegen.control.feedback.study.run_measures import find_cables
+from tensegrity_codegen.control.pages.control_figures import (
+    build_commands,
+    build_errors,
+    build_estimate,
+    build_motion,
+    build_tensions,
+)
+from tensegrity_codegen.control.pages.control_finding import describe_control_finding, find_least_bound
+from tensegrity_codegen.control.pages.control_studies import (
+    LIMIT_NAMES,
+    LOOP_NAMES,
+    STEP_NAMES,
+    describe_facts,
+    has_limits,
+)
+from tensegrity_codegen.report.number_text import format_short
+from tensegrity_codegen.report.pages.page import Block, Chapter, Command, Page, Paragraph, Remark, Section
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.system.version import VERSION
+
+__all__ = ["build_control_page"]
+
+FloatArray = NDArray[np.float64]
+
+LEAD = {
+    "holds": "With feedback the errors at the end are not larger than without.",
+    "does_not_hold": "Without feedback the errors at the end are smaller than with it.",
+    "unstable": "The simulation of a loop with feedback stopped.",
+}
+STATUS = {
+    "holds": "feedback keeps the motion",
+    "does_not_hold": "feedback does not keep the motion",
+    "unstable": "feedback is unstable",
+}
+LOOPS = (
+    "Open loop: without feedback. True state: feedback on the exact state, as if everything were measured "
+    "without noise. Estimator: feedback on the state estimated from the sensors."
+)
+
+
+def build_control_page(study: ControlStudy, model: CompiledModel, structure: Structure, command: str) -> Page:
+    """Return the page of a study.
+
+    structure: what is drawn, its members first those of the model (then edges of bodies); command: the
+    command line that makes the page.
+    """
+    bound = -np.inf
+    if model.structure is not None:
+        bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
+    sections = (
+        _outcome(study),
+        build_motion(study, model, structure),
+        build_errors(study, model),
+        build_commands(study),
+        *build_tensions(study, model),
+        *build_estimate(study),
+        _limits(study),
+        _draws(study),
+        _design(study),
+        _again(command),
+    )
+    return Page(
+        subject=f"Feedback control of {structure.name}",
+        title=describe_control_finding(study, bound),
+        lead=f"{LEAD[study.status]} {_sentence(study.message)} The end is the last {study.last:.3g} of "
+        f"{format_short(study.t_end)} s; errors are the largest of {_draw_count(study)}. Diagrams show the "
+        f"worst draw, number {study.worst_draw} (counted from 0).",
+        chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study), sections),),
+        facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def _count(study: ControlStudy) -> str:
+    run = study.loops["open"].run
+    estimator = study.estimator
+    measured = "no sensors" if estimator is None else f"{len(estimator.sensing.names)} numbers measured"
+    return (
+        f"{describe_count(len(run.coordinate_name), 'coordinate')}, "
+        f"{describe_count(len(run.member_name), 'member')}, "
+        f"{describe_count(len(run.actuators), 'actuator')}, {measured}."
+    )
+
+
+def _draw_count(study: ControlStudy) -> str:
+    count = len(study.drawn)
+    return f"{count} draw{'s' * (count != 1)} of the disturbances"
+
+
+def _outcome(study: ControlStudy) -> Section:
+    columns = [
+        Column("loop", numeric=False), Column("error at the end", "mm"), Column("largest error", "mm"),
+        Column("angle at the end", "deg"), Column("least tension at the end", "N"),
+        Column("least tension, whole time", "N"), Column("commands cut", "%"),
+    ]  # fmt: skip
+    rows = [_outcome_row(name, loop) for name, loop in study.loops.items()]
+    shown = [0, *(k for k in range(1, len(columns)) if any(row[k].value is not None for row in rows))]
+    note = f"Distances of nodes from the motion, and errors of angles; of all draws the worst. {LOOPS}"
+    table = Table(
+        "Loops", tuple(columns[k] for k in shown), tuple(tuple(row[k] for k in shown) for row in rows), note
+    )
+    blocks: list[Block] = [table]
+    blocks += [Remark("differs", _sentence(text)) for text in study.warnings]
+    blocks += [Paragraph(_sentence(text)) for text in describe_facts(study)]
+    return Section("outcome", "all", "Outcome", "plain", study.message, tuple(blocks))
+
+
+def _outcome_row(name: str, loop: LoopResult) -> tuple[Cell, ...]:
+    steps = loop.steps
+    cut = 100 * (1.0 - steps.get("ok", 0) / max(sum(steps.values()), 1))
+    unstable = f", unstable in {loop.unstable}" if loop.unstable else ""
+    return (
+        text_cell(LOOP_NAMES[name] + unstable),
+        number_cell(1000 * float(loop.end_error.max()), ".3g"),
+        number_cell(1000 * float(loop.peak_error.max()), ".3g"),
+        number_cell(float(np.degrees(loop.end_angle.max())), ".3g"),
+        number_cell(float(np.min(loop.end_tension)), ".4g"),
+        number_cell(float(np.min(loop.least_tension)), ".4g"),
+        number_cell(cut, ".1f"),
+    )
+
+
+def _limits(study: ControlStudy) -> Section:
+    columns = (
+        Column("loop", numeric=False),
+        Column("limit", numeric=False),
+        Column("exceeded at the end", numeric=False),
+    )
+    rows = tuple(
+        (text_cell(LOOP_NAMES[name]), text_cell(LIMIT_NAMES[limit]), text_cell(", ".join(who)))
+        for name, loop in study.loops.items()
+        for limit, who in loop.broken.items()
+    )
+    bad = [LOOP_NAMES[name] for name, loop in study.loops.items() if loop.broken]
+    text = f"exceeded at the end: {', '.join(bad)}" if bad else "none is exceeded at the end, in any loop"
+    if not has_limits(study):
+        text = "the scene states no limits of tensions or clearance"
+    blocks: list[Block] = [Table("Limits of the scene", columns, rows)] if rows else []
+    heads = (
+        Column("loop", numeric=False),
+        Column("commands", numeric=False),
+        Column("number"),
+        Column("share", "%"),
+    )
+    counts = tuple(
+        (
+            text_cell(LOOP_NAMES[name]), text_cell(STEP_NAMES.get(word, word)),
+            number_cell(float(count), ".0f"),
+            number_cell(100 * count / max(sum(loop.steps.values()), 1), ".2f"),
+        )
+        for name, loop in study.loops.items()
+        for word, count in loop.steps.items()
+    )  # fmt: skip
+    blocks.append(Table("Commands of all draws", heads, counts))
+    return Section("limits", "limits", "Limits", "plain", text, tuple(blocks))
+
+
+def _draws(study: ControlStudy) -> Section:
+    names = list(study.loops)
+    columns = [Column("draw")]
+    columns += [Column(LOOP_NAMES[name], "mm") for name in names]
+    columns += [Column(f"tension, {LOOP_NAMES[name]}", "N") for name in names]
+    rows = []
+    for k in range(len(study.drawn)):
+        cells = [number_cell(float(k), ".0f")]
+        for name in names:
+            row = study.loops[name].measures[k]
+            cells.append(
+                text_cell("unstable") if row.status != "ok" else number_cell(1000 * row.end_error, ".3g")
+            )
+        cells += [number_cell(study.loops[name].measures[k].end_tension, ".4g") for name in names]
+        rows.append(tuple(cells))
+    note = "Largest distance of a node from the motion, and least tension of the cables, at the end."
+    last = study.loops[names[-1]].end_error
+    worst = tuple(np.argsort(-np.nan_to_num(last, nan=np.inf), kind="stable")[:8].tolist())
+    table = Table("Draws", tuple(columns), tuple(rows), note, head=worst, head_note="the largest errors")
+    return Section("draws", "all", "Draws", "plain", f"{len(rows)} draws, seed {study.seed}", (table,))
+
+
+def _design(study: ControlStudy) -> Section:
+    gains, tuning = study.gains, study.tuning
+    facts: list[tuple[str, float, str, str]] = [
+        (
+            "tolerance: displacement of a node that is accepted for a moment",
+            1000 * tuning.tolerance,
+            "mm",
+            ".4g",
+        ),
+        ("response time", 1000 * tuning.response_time, "ms", ".4g"),
+        ("lowest natural frequency", tuning.scales.frequency / (2 * np.pi), "Hz", ".4g"),
+        ("time between two commands", 1000 * gains.sample, "ms", ".4g"),
+        ("largest delay of an actuator", 1000 * float(study.bounds.delay.max(initial=0.0)), "ms", ".4g"),
+        ("time in which the slowest error falls to 1/e", study.time_constant, "s", ".3g"),
+        ("integrals of errors", float(len(gains.integral_name)), "", ".0f"),
+        ("residual of the Riccati equation", gains.residual, "", ".1e"),
+    ]
+    for name, margins in study.margins.items():
+        if np.isfinite(margins.delay):
+            what = f"further delay that makes the {LOOP_NAMES[name]} loop unstable"
+            facts.append((what, 1000 * margins.delay, "ms", ".3g"))
+        if np.isfinite(margins.gain):
+            what = f"factor of the actuators' effect that makes the {LOOP_NAMES[name]} loop unstable"
+            facts.append((what, margins.gain, "", ".3g"))
+    if study.estimator is not None:
+        facts.append(("states of the estimator", float(len(study.estimator.state_name)), "", ".0f"))
+        facts.append(("residual of the estimator's equation", study.estimator.residual, "", ".1e"))
+    rows = tuple(
+        (text_cell(name), number_cell(value, spec), text_cell(unit)) for name, value, unit, spec in facts
+    )
+    columns = (Column("what", numeric=False), Column("value"), Column("unit", numeric=False))
+    size = f"{gains.K.shape[1]} x {gains.K.shape[2]} gains at {len(gains.time)} times"
+    return Section(
+        "design", "design", "Design", "plain", size, (Table("Regulator and estimator", columns, rows),)
+    )
+
+
+def _again(command: str) -> Section:
+    return Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."

@@ -1,0 +1,305 @@
+"""Studies of feedback as JSON-ready data, and in tables for the terminal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
+from tensegrity_codegen.control.feedback.study.linear_loop import MOST_SAMPLES, Margins
+from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
+from tensegrity_codegen.control.feedback.study.study_warnings import count_worse
+from tensegrity_codegen.report.tables import add_row, new_table
+
+__all__ = [
+    "LIMIT_NAMES",
+    "LOOP_NAMES",
+    "STEP_NAMES",
+    "actuators_table",
+    "describe_delays",
+    "describe_facts",
+    "describe_study",
+    "errors_table",
+    "find_actuator_use",
+    "has_limits",
+]
+
+LOOP_NAMES = {"open": "open loop", "true_state": "true state", "estimator": "estimator"}
+LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
+STEP_NAMES = {
+    "ok": "within all limits",
+    "rate_limited": "cut to a rate",
+    "range_limited": "cut to a range",
+    "tension_limited": "least tensions prevent the forces",
+    "least_tension": "a least tension yields",
+    "not_solved": "not solved",
+    "outlier": "measurements not used",
+}
+
+
+def describe_study(study: ControlStudy) -> dict[str, Any]:
+    """Return a study as one JSON-ready object."""
+    tuning, gains = study.tuning, study.gains
+    return {
+        "status": study.status,
+        "message": study.message,
+        "motion": {
+            "duration": study.motion.duration,
+            "shortest_duration": study.motion.shortest_duration,
+            "is_rest": not np.any(study.motion.velocity),
+            "largest_residual": float(study.motion.residual.max(initial=0.0)),
+        },
+        "t_end": study.t_end,
+        "last": study.last,
+        "sample": gains.sample,
+        "draws": len(study.drawn),
+        "seed": study.seed,
+        "worst_draw": study.worst_draw,
+        "weights": {
+            "tolerance": tuning.tolerance,
+            "effort": dict(zip(study.motion.actuators, tuning.effort.tolist(), strict=True)),
+            "response_time": tuning.response_time,
+            "integral": list(gains.integral_name),
+            "lowest_frequency": tuning.scales.frequency / (2 * np.pi),
+            "size": tuning.scales.size,
+        },
+        "gains": {
+            "n_states": gains.K.shape[2],
+            "residual": gains.residual,
+            "spectral_radius": float(np.abs(gains.E).max(initial=0.0)),
+            "time_constant": study.time_constant,
+        },
+        "margins": {name: _describe_margins(margins) for name, margins in study.margins.items()},
+        "estimator": _describe_estimator(study),
+        "least_tension": _describe_distribution(study),
+        "errors": _describe_errors(study),
+        "loops": {
+            name: _describe_loop(loop) | {"worse": count_worse(study.loops, name)}
+            for name, loop in study.loops.items()
+        },
+        "actuators": find_actuator_use(study),
+        "warnings": study.warnings,
+    }
+
+
+def errors_table(study: ControlStudy, name: str) -> Table:
+    """Return a table with a column for each loop: errors at the end and on the way, tensions, limits."""
+    loops = study.loops
+    count = len(study.drawn)
+    title = f"{name}: {count} draw{'s' * (count > 1)}" + (", least to largest" if count > 1 else "")
+    heads: dict[str, str] = {LOOP_NAMES[key]: "right" for key in loops}
+    table = new_table(title, f"last {study.last:.3g} s", **heads)
+    add_row(table, "error [mm]", *(_range(1000 * loop.end_error) for loop in loops.values()))
+    if study.tuning.scales.is_angle.any():
+        add_row(table, "error [deg]", *(_range(np.degrees(loop.end_angle)) for loop in loops.values()))
+    if not all(np.isnan(loop.end_tension).all() for loop in loops.values()):
+        least = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
+        add_row(table, "least tension [N]", *least)
+    add_row(table, "limits", *(_judge(study, loop) for loop in loops.values()))
+    table.add_section()
+    add_row(table, "whole time", *("" for _ in loops))
+    add_row(table, "error [mm]", *(_range(1000 * loop.peak_error) for loop in loops.values()))
+    add_row(table, "commands cut", *(_cut(loop) for loop in loops.values()))
+    return table
+
+
+def actuators_table(study: ControlStudy, name: str) -> Table:
+    """Return a table of the actuators in the worst draw: rest lengths and rates, with their limits."""
+    heads = {"rest length\n[m]": "right", "range\n[m]": "right"}
+    heads |= {"motion needs\n[m/s]": "right", "commanded\n[m/s]": "right", "rate\n[m/s]": "right"}
+    table = new_table(f"{name}: actuators with feedback, draw {study.worst_draw}", "actuator", **heads)
+    for actuator, use in find_actuator_use(study).items():
+        low, high = use["rest_length"]
+        add_row(
+            table, actuator, f"{low:.4f} to {high:.4f}",
+            "" if use["range"] is None else f"{use['range'][0]:g} to {use['range'][1]:g}",
+            f"{use['motion_rate']:.4f}", f"{use['peak_rate']:.4f}",
+            "" if use["rate"] is None else f"{use['rate']:g}",
+        )  # fmt: skip
+    return table
+
+
+def describe_facts(study: ControlStudy) -> list[str]:
+    """Return what the study assumes and what the design is, a line each."""
+    tuning, gains = study.tuning, study.gains
+    still = not np.any(study.motion.velocity)
+    motion = "an equilibrium to be kept" if still else f"motion of {study.motion.duration:.6g} s"
+    if not still and study.motion.shortest_duration:
+        motion += f", shortest {study.motion.shortest_duration:.6g} s"
+    lines = [f"{motion}; simulated {study.t_end:.6g} s, a command every {gains.sample:.6g} s"]
+    low, high = 1000 * tuning.effort.min(), 1000 * tuning.effort.max()
+    effort = f"{low:.4g} mm" if high - low < 1e-9 else f"{low:.4g} to {high:.4g} mm"
+    lines.append(
+        f"weights: displacement {1000 * tuning.tolerance:.4g} mm, effort {effort}, response time "
+        f"{1000 * tuning.response_time:.4g} ms; {len(gains.integral_name)} integrals of errors; slowest "
+        f"error falls to 1/e in {study.time_constant:.3g} s"
+    )
+    lines.append(describe_delays(study))
+    lines.append(f"disturbances: {_describe_words(study)}")
+    if study.estimator is None:
+        lines.append("no estimator: feedback acts on the true state")
+    else:
+        names = study.estimator.sensing.names
+        forces = len(study.estimator.disturbed)
+        lines.append(f"estimator: {len(names)} numbers measured, {forces} disturbance forces")
+    if study.distribution is not None:
+        bound = study.distribution.least_tension
+        finite = bound[np.isfinite(bound)]
+        lines.append(
+            f"tensions distributed above {finite.min():.4g} N" if len(finite) else "tensions distributed"
+        )
+    return lines
+
+
+def describe_delays(study: ControlStudy) -> str:
+    """Return when commands act, and with what further delay the linear loops become unstable."""
+    delay, sample = study.bounds.delay, study.gains.sample
+    late = float(delay.max(initial=0.0))
+    text = "commands act at once"
+    if late:
+        rest = "up to " if float(delay.min()) < late else ""
+        text = f"commands act {rest}{1000 * late:.3g} ms ({_count_samples(late / sample)}) later"
+        text += ", which the gains predict" if np.allclose(study.gains.delay, delay) else ""
+    stood = []
+    for name, margins in study.margins.items():
+        is_known = np.isfinite(margins.delay)
+        more = margins.delay if is_known else MOST_SAMPLES * sample
+        size = f"{'' if is_known else 'more than '}{1000 * more:.3g} ms ({_count_samples(more / sample)})"
+        stood.append(f"{LOOP_NAMES[name]} {f'with {size} more' if margins.is_stable else 'at once'}")
+    return f"{text}; linear loops become unstable: {', '.join(stood)}"
+
+
+def _count_samples(count: float) -> str:
+    return f"{count:.3g} sample{'s' * (abs(count - 1.0) > 1e-9)}"
+
+
+def find_actuator_use(study: ControlStudy) -> dict[str, dict[str, Any]]:
+    """Return of each actuator in the worst draw of the last loop: rest lengths, rates, their limits."""
+    run = list(study.loops.values())[-1].run
+    motion, bounds = study.motion, study.bounds
+    found = {}
+    for k, name in enumerate(motion.actuators):
+        base = float(motion.rest_length[0, k] - motion.input[0, int(bounds.place[k])])
+        command = run.command[:, k]
+        rate = np.abs(np.diff(command)) / study.gains.sample
+        limits = (float(base + bounds.least[k]), float(base + bounds.most[k]))
+        found[name] = {
+            "rest_length": [base + float(command.min()), base + float(command.max())]
+            if len(command)
+            else None,
+            "range": list(limits) if np.isfinite(limits[1]) else None,
+            "motion_rate": float(motion.peak_rate[k]),
+            "peak_rate": float(rate.max(initial=0.0)),
+            "rate": float(bounds.rate[k]) if np.isfinite(bounds.rate[k]) else None,
+            "delay": float(bounds.delay[k]),
+        }
+    return found
+
+
+def _describe_loop(loop: LoopResult) -> dict[str, Any]:
+    data = {
+        key: {"least": float(np.min(values)), "largest": float(np.max(values)), "draws": values.tolist()}
+        for key, values in (
+            ("end_error", loop.end_error),
+            ("peak_error", loop.peak_error),
+            ("end_angle", loop.end_angle),
+        )
+    }
+    return {
+        **data,
+        "end_node": [row.end_node for row in loop.measures],
+        "least_tension": loop.least_tension.tolist(),
+        "end_tension": loop.end_tension.tolist(),
+        "steps": loop.steps,
+        "broken": {name: list(who) for name, who in loop.broken.items()},
+        "unstable": loop.unstable,
+    }
+
+
+def _describe_margins(margins: Margins) -> dict[str, Any]:
+    values = {"delay": margins.delay, "gain": margins.gain}
+    found = {key: float(value) if np.isfinite(value) else None for key, value in values.items()}
+    return {"is_stable": margins.is_stable, **found}
+
+
+def _describe_estimator(study: ControlStudy) -> dict[str, Any] | None:
+    estimator = study.estimator
+    if estimator is None:
+        return None
+    return {
+        "measured": list(estimator.sensing.names),
+        "noise": estimator.sensing.noise.tolist(),
+        "n_states": len(estimator.state_name),
+        "disturbances": len(estimator.disturbed),
+        "knots": len(estimator.time),
+        "residual": estimator.residual,
+    }
+
+
+def _describe_distribution(study: ControlStudy) -> dict[str, float] | None:
+    if study.distribution is None:
+        return None
+    members = study.loops["open"].run.member_name
+    bound = study.distribution.least_tension
+    return {name: float(value) for name, value in zip(members, bound, strict=True) if np.isfinite(value)}
+
+
+def _describe_errors(study: ControlStudy) -> dict[str, Any]:
+    stated = study.errors
+    start = np.abs(study.drawn[0].coordinate)
+    names = study.gains.state_name[: len(start)]
+    return {
+        "start": dict(zip(names, start.tolist(), strict=True)),
+        "stiffness": stated.stiffness_error,
+        "gusts": [[vars(gust) for gust in item.gusts] for item in study.drawn],
+    }
+
+
+def _describe_words(study: ControlStudy) -> str:
+    start = np.abs(study.drawn[0].coordinate)
+    angle = study.tuning.scales.is_angle
+    parts = []
+    if angle.any() and start[angle].any():
+        parts.append(f"angles off by {_span(np.degrees(start[angle]))} deg at the start")
+    if (~angle).any() and start[~angle].any():
+        parts.append(f"coordinates off by {_span(1000 * start[~angle])} mm at the start")
+    if study.errors.stiffness_error:
+        parts.append(f"stiffness of cables off by {100 * study.errors.stiffness_error:.4g} %")
+    for gust in study.drawn[0].gusts:
+        size = float(np.linalg.norm(gust.force))
+        parts.append(f"{size:.4g} N on a node from {gust.start:g} to {gust.end:g} s")
+    if study.estimator is not None:
+        parts.append("noise of the sensors")
+    return ", ".join(parts) or "none"
+
+
+def _cut(loop: LoopResult) -> str:
+    steps = loop.steps
+    return f"{1.0 - steps.get('ok', 0) / max(sum(steps.values()), 1):.1%}"
+
+
+def has_limits(study: ControlStudy) -> bool:
+    """Return whether the scene states limits of what loops are judged by: tensions, clearance."""
+    limits = study.limits
+    of_members = np.isfinite([*limits.least_tension, *limits.most_tension])
+    return bool(of_members.any()) or limits.clearance > -np.inf
+
+
+def _judge(study: ControlStudy, loop: LoopResult) -> str:
+    """Return the limits that are exceeded at the end, in words."""
+    if loop.unstable:
+        return f"unstable in {loop.unstable} draws" if loop.unstable > 1 else "unstable in 1 draw"
+    broken = [f"{LIMIT_NAMES[name]} not kept" for name in loop.broken]
+    return ", ".join(broken) or ("kept" if has_limits(study) else "none stated")
+
+
+def _range(values: Any) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:.3g}" if len(values) == 1 else f"{low:.3g} to {high:.3g}"
+
+
+def _span(values: Any) -> str:
+    low, high = float(np.min(values)), float(np.max(values))
+    return f"{low:.3g}" if high - low < 1e-6 * high else f"{low:.3g} to {high:.3g}"

@@ -1,0 +1,229 @@
+"""A plan as a page: outcome, shapes along the path, targets, rest lengths, tensions, what binds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.pages.plan_finding import describe_plan_finding
+from tensegrity_codegen.control.pages.plan_limits import PROGRESS, build_limit_sections
+from tensegrity_codegen.control.pages.plans import describe_extremes
+from tensegrity_codegen.report.number_text import format_short
+from tensegrity_codegen.report.pages.diagram import Diagram, Series
+from tensegrity_codegen.report.pages.joined_series import choose_looks, joined_figure
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Command,
+    Figure,
+    Page,
+    Paragraph,
+    Remark,
+    Section,
+)
+from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
+from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_tensions
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.system.version import VERSION
+
+__all__ = ["build_plan_page"]
+
+FloatArray = NDArray[np.float64]
+
+SHAPES = 4  # pictures of the path
+MOST_LINES = 6  # in a diagram
+LEAD = {
+    "found": "Changes of rest lengths move the structure through stable equilibria to its target.",
+    "blocked": "Changes of rest lengths move the structure through stable equilibria towards its target, "
+    "until it is blocked. Another path may exist: this one proves nothing about others.",
+    "infeasible": "There is no path to show: the target itself is impossible within the limits.",
+}
+POINTS = " Every point is an equilibrium within all limits. Tensions are positive, compressions negative."
+STATUS = {"found": "target reached", "blocked": "path blocked", "infeasible": "target impossible"}
+
+
+def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, command: str = "") -> Page:
+    """Return the page of a plan.
+
+    structure: what is drawn, its members first those of the plan (then edges of bodies); limits: those of
+    the members of the plan; command: the command line that makes the page.
+    """
+    sections = (
+        _outcome(found),
+        *_proof(found, structure),
+        *(_path_sections(found, structure, limits) if found.n_steps else ()),
+        *_again(command),
+    )
+    counts = (
+        f"{describe_count(len(found.node_name), 'node')}, "
+        f"{describe_count(len(found.member_name), 'member')}, "
+        f"{describe_count(len(found.actuator_name), 'actuator')}"
+    )
+    return Page(
+        subject=f"Plan of {structure.name}",
+        title=describe_plan_finding(found, limits),
+        lead=LEAD[found.status] + (POINTS if found.n_steps else ""),
+        chapters=(Chapter("plan", structure.name, STATUS[found.status], f"{counts}.", sections),),
+        facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/planning.md."),
+        summary_heads=("part", "what", "result"),
+    )
+
+
+def _path_sections(found: PlanResult, structure: Structure, limits: Limits) -> Iterator[Section]:
+    yield _shapes(found, structure)
+    yield _targets(found)
+    yield _rest_lengths(found)
+    yield from build_limit_sections(found, limits)
+
+
+def _outcome(found: PlanResult) -> Section:
+    rows = tuple(
+        (
+            text_cell(name),
+            *(number_cell(value, ".6g") for value in (*_ends(found, k), float(found.goal[k]))),
+            text_cell(found.target_unit[k]),
+        )
+        for k, name in enumerate(found.target_name)
+    )
+    heads = (Column("target", numeric=False), Column("start"), Column("reached"), Column("goal"))
+    blocks: list[Block] = [Paragraph(_sentence(found.message))]
+    blocks += [Remark("differs", _sentence(text)) for text in found.warnings]
+    blocks.append(Table("Targets", (*heads, Column("unit", numeric=False)), rows))
+    blocks += [Paragraph(_sentence(text)) for text in describe_extremes(found)]
+    if found.time is not None and found.n_steps:
+        blocks.append(Paragraph(f"The plan takes {format_short(float(found.time[-1]))} s."))
+    return Section("outcome", "all", "Outcome", "plain", STATUS[found.status], tuple(blocks))
+
+
+def _again(command: str) -> Iterator[Section]:
+    if command:
+        yield Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
+
+
+def _ends(found: PlanResult, row: int) -> tuple[float | None, float | None]:
+    if not len(found.target):
+        return None, None
+    return float(found.target[0, row]), float(found.target[-1, row])
+
+
+def _shapes(found: PlanResult, structure: Structure) -> Section:
+    rows = np.unique(np.linspace(0, found.n_steps, min(SHAPES, found.n_steps + 1)).round().astype(int))
+    drawn = np.pad(
+        found.member_tension,
+        ((0, 0), (0, structure.n_members - found.member_tension.shape[1])),
+        constant_values=np.nan,
+    )
+    among = (found.node_position[rows], drawn[rows])
+    figures = []
+    for row in rows:
+        caption = f"Progress {format_short(100 * found.progress[row])} %: {_name_targets(found, int(row))}."
+        picture = draw_tensions(
+            structure, found.node_position[row], drawn[row], "member tension [N]", among=among
+        )
+        data = {"node_position": found.node_position[row].tolist()}
+        figures.append(Figure(draw_picture(picture, f"shape{row}"), caption, caption, data))
+    text = f"{len(figures)} of {found.n_steps + 1} points"
+    return Section("shapes", "path", "Shapes along the path", "plain", text, tuple(figures))
+
+
+def _name_targets(found: PlanResult, row: int) -> str:
+    shown = [
+        f"{name} {format_short(float(value), 4)} {unit}".strip()
+        for name, value, unit in zip(found.target_name, found.target[row], found.target_unit, strict=True)
+    ]
+    return ", ".join(shown[:3]) + (f" and {len(shown) - 3} more" if len(shown) > 3 else "")
+
+
+def _targets(found: PlanResult) -> Section:
+    figures: list[Figure] = []
+    for unit in dict.fromkeys(found.target_unit):
+        rows = [k for k, other in enumerate(found.target_unit) if other == unit][:MOST_LINES]
+        series = [
+            Series(found.target_name[k], 100 * found.progress, found.target[:, k], color=n)
+            for n, k in enumerate(rows)
+        ]
+        goals = dict.fromkeys(float(found.goal[k]) for k in rows)
+        marks = tuple((goal, f"goal {format_short(goal, 4)} {unit}".rstrip()) for goal in goals)
+        label = f"target [{unit}]" if unit else "target [SI]"
+        diagram = Diagram(PROGRESS, label, series, horizontal=marks, legend_columns=2)
+        caption = "Values of the targets along the path."
+        figures.append(joined_figure(f"targets{len(figures)}", diagram, caption, caption))
+    count = len(found.target_name)
+    shown = _name_targets(found, -1)
+    text = f"{shown} at the end" if count <= 3 else f"{count} values"
+    return Section("targets", "targets", "Targets", "plain", text, tuple(figures))
+
+
+def _rest_lengths(found: PlanResult) -> Section:
+    moved = found.change - found.change[0]
+    order = np.argsort(-np.abs(moved).max(axis=0), kind="stable")[:MOST_LINES]
+    looks = choose_looks(found.actuator_name[k] for k in sorted(order))
+    series = [
+        Series(name, 100 * found.progress, 1000 * moved[:, found.actuator_name.index(name)], style, color)
+        for name, (color, style) in looks.items()
+    ]
+    few = "" if len(found.actuator_name) <= MOST_LINES else f" of the {MOST_LINES} that move most"
+    caption = f"Changes of rest lengths of the actuators{few}."
+    diagram = Diagram(PROGRESS, "change of rest length [mm]", series)
+    rows = tuple(
+        (
+            text_cell(name),
+            number_cell(float(found.rest_length[0, k]), ".6f"),
+            number_cell(float(found.rest_length[-1, k]), ".6f"),
+            number_cell(1000 * float(moved[-1, k]), "+.3f"),
+        )
+        for k, name in enumerate(found.actuator_name)
+    )
+    columns = (
+        Column("actuator", numeric=False),
+        Column("start", "m"),
+        Column("end", "m"),
+        Column("change", "mm"),
+    )
+    text = f"largest change {format_short(1000 * float(np.abs(moved).max()))} mm"
+    farthest = tuple(np.argsort(-np.abs(moved[-1]), kind="stable")[:8].tolist())
+    table = Table("Rest lengths", columns, rows, head=farthest, head_note="those that change most")
+    blocks = (joined_figure("rest", diagram, caption, text), table)
+    return Section("rest-lengths", "actuators", "Rest lengths", "plain", text, blocks)
+
+
+def _proof(found: PlanResult, structure: Structure) -> Iterator[Section]:
+    proof = found.certificate
+    if not isinstance(proof, Certificate):
+        return
+    rows = tuple(
+        (text_cell(name), number_cell(float(value), "+.9f"))
+        for name, value in zip(found.member_name, proof.elongation, strict=True)
+    )
+    note = (
+        f"Measured: bars change by {proof.bar_change:.1e}, cables lengthen by "
+        f"{proof.cable_lengthening:.1e} at most."
+    )
+    table = Table(
+        "Changes of length, A^T d", (Column("member", numeric=False), Column("change", "1")), rows, note
+    )
+    text = f"{len(proof.shortening)} cables shorten, no cable lengthens, no bar changes its length"
+    why = Paragraph(
+        "Tensions t that balance loads f satisfy t . e = f . d in all displacements d, where e = A^T d are "
+        "the changes of length. In these displacements f . d is zero or positive, and t . e zero or negative "
+        "as no cable is in compression. One of them is not zero where the cables that must be in tension "
+        "are: so there are no such tensions at this shape."
+    )
+    blocks: list[Block] = [why]
+    if found.proof_position is not None and found.proof_displacement is not None:
+        picture = draw_motion(structure, found.proof_position, found.proof_displacement)
+        data = {"displacement": found.proof_displacement.tolist()}
+        blocks.append(Figure(draw_picture(picture, "proof"), f"The motion, enlarged: {text}.", text, data))
+    blocks.append(table)
+    yield Section("proof", "proof", "Why there is no plan", "plain", text, tuple(blocks))
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."

@@ -1,0 +1,169 @@
+"""Plans as JSON-ready data, and in tables for the terminal."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from tensegrity_codegen.report.tables import add_row, new_table
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, PlanResult
+
+__all__ = [
+    "actuators_table",
+    "binding_table",
+    "certificate_table",
+    "describe_extremes",
+    "describe_plan",
+    "targets_table",
+]
+
+
+def describe_plan(found: PlanResult) -> dict[str, Any]:
+    """Return a plan as one JSON-ready object."""
+    return {
+        "status": found.status,
+        "message": found.message,
+        "n_steps": found.n_steps,
+        "progress": found.progress,
+        "targets": [
+            {
+                "name": name,
+                "unit": unit,
+                "start": float(found.target[0, k]) if len(found.target) else None,
+                "reached": float(found.target[-1, k]) if len(found.target) else None,
+                "goal": float(found.goal[k]),
+            }
+            for k, (name, unit) in enumerate(zip(found.target_name, found.target_unit, strict=True))
+        ],
+        "actuators": {
+            name: {
+                "start": float(found.rest_length[0, k]),
+                "end": float(found.rest_length[-1, k]),
+                "change": float(found.change[-1, k] - found.change[0, k]),
+            }
+            for k, name in enumerate(found.actuator_name)
+            if len(found.change)
+        },
+        "duration": None if found.time is None else float(found.time[-1]),
+        **_extremes(found),
+        "binding": [[item.as_dict() for item in items] for items in found.binding],
+        "block": None if found.block is None else found.block.as_dict(),
+        "certificate": _describe_proof(found),
+        "warnings": found.warnings,
+    }
+
+
+def targets_table(found: PlanResult, name: str) -> Table:
+    """Return a table of the targets: start, reached, goal."""
+    table = new_table(f"{name}: targets", "target", start="right", reached="right", goal="right", unit="left")
+    for k, target in enumerate(found.target_name):
+        ends = [f"{found.target[row, k]:.6g}" for row in (0, -1)] if len(found.target) else ["", ""]
+        add_row(table, target, *ends, f"{found.goal[k]:.6g}", found.target_unit[k])
+    return table
+
+
+def actuators_table(found: PlanResult, name: str) -> Table | None:
+    """Return a table of the actuators: rest lengths at the start and at the end; None without a path."""
+    if found.n_steps == 0:
+        return None
+    heads = {"start\n[m]": "right", "end\n[m]": "right", "change\n[mm]": "right"}
+    table = new_table(f"{name}: rest lengths", "actuator", **heads)
+    for k, actuator in enumerate(found.actuator_name):
+        start, end = found.rest_length[0, k], found.rest_length[-1, k]
+        own = 1000 * float(found.change[-1, k] - found.change[0, k])  # that of its own input
+        add_row(table, actuator, f"{start:.6f}", f"{end:.6f}", f"{own:+.3f}")
+    return table
+
+
+def binding_table(found: PlanResult, name: str) -> Table | None:
+    """Return a table of the limits that block a path, with their multipliers; None without a block."""
+    if found.block is None or not found.block.binding:
+        return None
+    table = new_table(
+        f"{name}: limits that bind", "limit", "of", value="right", **{"progress for a unit": "right"}
+    )
+    for item in found.block.binding:
+        value = f"{item.bound:.6g} {item.unit}"
+        gained = (
+            f"{item.multiplier:.4g} /{item.unit}" if "/" not in item.unit else f"{item.multiplier:.4g} m/N"
+        )
+        add_row(table, LIMIT_WORDS[item.limit], item.name, value, gained)
+    return table
+
+
+def certificate_table(found: PlanResult, name: str) -> Table | None:
+    """Return a table of the members in the displacements that prove it; None without such a proof."""
+    proof = found.certificate
+    if not isinstance(proof, Certificate):
+        return None
+    table = new_table(f"{name}: displacements that prove it", "member", **{"change of length": "right"})
+    for member, value in zip(found.member_name, proof.elongation, strict=True):
+        add_row(table, member, f"{value:+.3g}")
+    return table
+
+
+def describe_extremes(found: PlanResult) -> list[str]:
+    """Return the least tension, clearance and eigenvalue along the path, a line each."""
+    data = _extremes(found)
+    lines = []
+    if data["largest_tension"] is not None:
+        lines.append(
+            f"tensions of cables from {data['least_tension']['value']:.4g} N "
+            f"({data['least_tension']['member']}) to {data['largest_tension']['value']:.4g} N "
+            f"({data['largest_tension']['member']})"
+        )
+    if data["least_distance"] is not None:
+        lines.append(
+            f"least distance between bars {data['least_distance']['value']:.4g} m "
+            f"({data['least_distance']['bars']})"
+        )
+    if found.n_steps:
+        lines.append(f"smallest eigenvalue of the stiffness {data['smallest_eigenvalue']:.4g} N/m")
+    return lines
+
+
+def _extremes(found: PlanResult) -> dict[str, Any]:
+    """Return the extremes along the path: tensions of cables, distances, eigenvalue, residual."""
+    data: dict[str, Any] = dict.fromkeys(
+        ("least_tension", "largest_tension", "least_distance", "smallest_eigenvalue", "largest_residual")
+    )
+    if found.status == "infeasible":  # there is no path
+        return data
+    cables = np.flatnonzero(np.array(found.is_cable))
+    if len(cables):
+        tension = found.member_tension[:, cables]
+        for key, place in (("least_tension", tension.argmin()), ("largest_tension", tension.argmax())):
+            step, column = np.unravel_index(int(place), tension.shape)
+            member = found.member_name[cables[column]]
+            data[key] = {"value": float(tension[step, column]), "member": member, "step": int(step)}
+    if found.bar_distance.size:
+        step, pair = np.unravel_index(int(found.bar_distance.argmin()), found.bar_distance.shape)
+        data["least_distance"] = {
+            "value": float(found.bar_distance[step, pair]),
+            "bars": found.bar_pair_name[pair],
+            "step": int(step),
+        }
+    data["smallest_eigenvalue"] = float(found.smallest_eigenvalue.min())
+    data["largest_residual"] = float(found.residual.max())
+    return data
+
+
+def _describe_proof(found: PlanResult) -> dict[str, Any] | None:
+    proof = found.certificate
+    if proof is None:
+        return None
+    if not isinstance(proof, Certificate):
+        return {"kind": "contradiction", **dataclasses.asdict(proof)}
+    return {
+        "kind": "displacements",
+        "is_verified": proof.is_verified,
+        "shortening": [found.member_name[e] for e in proof.shortening],
+        "error": proof.error,
+        "load_work": proof.load_work,
+        "displacement": proof.displacement,
+        "elongation": dict(zip(found.member_name, proof.elongation.tolist(), strict=True)),
+    }

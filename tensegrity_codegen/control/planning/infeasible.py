@@ -1,0 +1,263 @@
+"""Proofs that no plan exists by targets that limits of one member contradict, whatever the path."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.limits import PlanLimits
+from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.control.planning.targets.target_text import parse_shape
+from tensegrity_codegen.control.planning.targets.targets import Targets
+from tensegrity_codegen.runtime.records.plan_result import Contradiction
+from tensegrity_codegen.structure.structure import Structure
+
+__all__ = ["Contradiction", "find_contradiction", "find_unreachable_place"]
+
+FloatArray = NDArray[np.float64]
+Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
+
+ENTRY = re.compile(
+    r"(member_length|member_tension|rest_length|bar_distance)\s*[(\[]\s*[\"']?([^\"'\])]+)[\"']?\s*[)\]]"
+)
+PLACE = re.compile(r"(\w+)\s*\.\s*([xyz])")
+SURE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
+MOST_CHANGE = (
+    5.0  # times the length of a member, and part of its rest length, that plans are expected to reach
+)
+WORDS = {
+    "least_value": "the least value that it can have",
+    "balance": f"the most that members beside it balance, {MOST_CHANGE:g} times as long as at the start,",
+}
+
+
+def find_contradiction(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> Contradiction | None:
+    """Return a target that limits of one member contradict, whatever the path.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model and its actuators.
+    limits : PlanLimits
+        The limits.
+    targets : Targets
+        The targets: heights, and those of a member's length, tension or rest length, or of a distance of two
+        bars.
+    start : PlanPoint
+        The start.
+
+    Returns
+    -------
+    Contradiction or None
+        None where no single target contradicts the limits.
+    """
+    manifest = plan_model.model.manifest
+    for target in targets.parts:
+        text, value = target.text.strip(), float(target.goal[0])
+        match, name = ENTRY.fullmatch(text), "the top"
+        call = None if target.shape is None else parse_shape(text)
+        if call is not None and call.name == "height":
+            found = _below("least_value", value, 0.0, "m")
+        elif match is None or target.expression is None:
+            continue
+        else:
+            quantity, word = match[1], match[2].strip()
+            names = manifest.member_name if quantity != "bar_distance" else manifest.bar_pair_name
+            index = int(word) % len(names) if re.fullmatch(r"-?\d+", word) else names.index(word)
+            found, name = _compare(plan_model, limits, start, quantity, index, value), names[index]
+        if found is not None:
+            return _describe(text, f"{text} = {value:.6g}", name, found)
+    return None
+
+
+def find_unreachable_place(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> Contradiction | None:
+    """Return a member whose length targets of node positions make impossible, such as a bar of a fixed end.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model and its actuators.
+    limits : PlanLimits
+        The limits.
+    targets : Targets
+        The targets: those of a coordinate of a node, ``node.x``.
+    start : PlanPoint
+        The start.
+
+    Returns
+    -------
+    Contradiction or None
+        None where the lengths, as far as targets and anchors fix them, are possible.
+    """
+    structure = plan_model.model.structure
+    if not isinstance(structure, Structure):
+        return None
+    known = np.where(structure.node_anchored, start.position, np.nan)
+    rest = [axis for axis in range(3) if axis not in structure.axes]
+    known[:, rest] = start.position[:, rest]
+    goals: dict[int, list[str]] = {}
+    for target in targets.parts:
+        match = PLACE.fullmatch(target.text.strip())
+        if match is not None and match[1] in structure.node_name:
+            node, value = structure.node_name.index(match[1]), float(target.goal[0])
+            known[node, "xyz".index(match[2])] = value
+            goals.setdefault(node, []).append(f"{target.text.strip()} = {value:.6g}")
+    for index, ends in enumerate(structure.connectivity.tolist()):
+        wanted = ", ".join(text for node in ends for text in goals.get(node, []))
+        between = known[ends[1]] - known[ends[0]]
+        length, is_exact = float(np.linalg.norm(np.nan_to_num(between))), bool(np.isfinite(between).all())
+        if not wanted:
+            continue
+        found = _compare_length(plan_model, limits, start, index, length, is_exact)
+        if found is not None:
+            return _describe(wanted, wanted, structure.member_name[index], found, length, is_exact)
+    return None
+
+
+def _describe(
+    target: str, wanted: str, name: str, found: Excess, length: float = math.nan, is_exact: bool = True
+) -> Contradiction:
+    limit, given, allowed, unit = found
+    how = "" if math.isnan(length) else f" at a length of {length:.6g} m{'' if is_exact else ' or more'}"
+    words = WORDS.get(limit, f"the limit {limit}")
+    text = (
+        f"the target {wanted} needs {given:.6g} {unit} of {name}{how}, and {words} is {allowed:.6g} {unit}: "
+        f"off by {abs(given - allowed):.3g} {unit}"
+    )
+    return Contradiction(target, name, limit, float(given), float(allowed), unit, text)
+
+
+def _compare(
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, quantity: str, index: int, value: float
+) -> Excess | None:
+    """Return limit, what is necessary, what is allowed, and the unit, where they exclude each other."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    if quantity == "bar_distance":
+        return _below("clearance", value, limits.clearance, "m")
+    if quantity == "member_tension":
+        least = 0.0 if structure.tension_only[index] else -math.inf
+        return _below("least_value", value, least, "N") or _compare_tension(limits, index, value, value)
+    low, high = _rest_lengths(plan_model, limits, index)
+    if quantity == "rest_length":
+        return _below("range", value, low, "m") or _above("range", value, high, "m")
+    return _below("least_value", value, 0.0, "m") or _compare_length(
+        plan_model, limits, start, index, value, True
+    )
+
+
+def _compare_length(
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, length: float, is_exact: bool
+) -> Excess | None:
+    """Return the limit that a member of a length exceeds, or of this length at least."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    low, high = _rest_lengths(plan_model, limits, index)
+    if structure.mu[index] == 0.0:  # a rigid bar
+        return _above("range", length, high, "m") or (_below("range", length, low, "m") if is_exact else None)
+    least, most = (_tension(plan_model, index, length, rest) for rest in (high, low))
+    most = most if is_exact else math.inf
+    load = limits.buckling[index] / length / length if length > 0 else math.inf
+    found = _compare_tension(limits, index, least, most, load)
+    if found is not None and found[0] == "least_tension" and length < low:
+        return "range", length, low, "m"  # too short for every rest length of the range
+    balance = _find_balance(plan_model, limits, start, index)
+    return found or _above("balance", least, balance, "N") or _below("balance", most, -balance, "N")
+
+
+def _compare_tension(
+    limits: PlanLimits, index: int, least: float, most: float, load: float = math.inf
+) -> Excess | None:
+    """Return the limit that all tensions from `least` to `most` exceed; load: that of buckling [N]."""
+    return (
+        _below("least_tension", most, limits.least_tension[index], "N")
+        or _above("most_tension", least, limits.most_tension[index], "N")
+        or _above("yield_stress", least, limits.yield_force[index], "N")
+        or _below("yield_stress", most, -limits.yield_force[index], "N")
+        or _below("buckling", most, -load, "N")
+    )
+
+
+def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int) -> float:
+    """Return the largest force of a member that others balance at a free end [N]; infinite at supports.
+
+    Loads are at most the sum of the forces at the start. Actuators may shorten members to a fifth.
+    """
+    structure = plan_model.model.structure
+    if not isinstance(structure, Structure):
+        return math.inf
+    length = np.linalg.norm(np.diff(start.position[structure.connectivity], axis=1)[:, 0], axis=1)
+    free = [
+        node
+        for node in structure.connectivity[index].tolist()
+        if not structure.node_anchored[node, list(structure.axes)].any()
+    ]
+    return min(
+        (_sum_forces(plan_model, limits, start, index, node, length) for node in free), default=math.inf
+    )
+
+
+def _sum_forces(
+    plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, node: int, length: FloatArray
+) -> float:
+    """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
+    structure = plan_model.model.structure
+    assert isinstance(structure, Structure)
+    beside = np.flatnonzero((structure.connectivity == node).any(axis=1)).tolist()
+    total = float(np.abs(start.tension)[beside].sum())
+    for member in beside:
+        if structure.is_rigid[member]:
+            return math.inf
+        rest = float(structure.rest_length[member])
+        longest = MOST_CHANGE * max(rest, float(length[member]))
+        least_rest = max(rest / MOST_CHANGE, _rest_lengths(plan_model, limits, member)[0])
+        force = _tension(plan_model, member, longest, least_rest) if member != index else 0.0
+        total += force if structure.is_bar[member] else min(force, float(limits.most_tension[member]))
+    return total
+
+
+def _rest_lengths(plan_model: PlanModel, limits: PlanLimits, index: int) -> tuple[float, float]:
+    """Return the least and the largest rest length that the actuators of a plan give a member [m]."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    moving = np.flatnonzero(plan_model.incidence[index])
+    rest = float(structure.rest_length[index])
+    for item in structure.inputs:  # those that the plan holds
+        if item.kind == "rest_length" and index in item.targets and item.name not in plan_model.columns:
+            rest += float(plan_model.base[plan_model.model.manifest.input_name.index(item.name)])
+    low, high = limits.ranges.of_member(index)
+    return (
+        max(rest + float(limits.least_change[moving].sum()), low),
+        min(rest + float(limits.most_change[moving].sum()), high),
+    )
+
+
+def _tension(plan_model: PlanModel, index: int, length: float, rest_length: float) -> float:
+    """Return the tension of a member of that length and rest length [N]; infinite at the ends of no limit."""
+    structure = plan_model.model.structure
+    assert structure is not None
+    if not math.isfinite(rest_length):
+        return 0.0 if structure.tension_only[index] else -math.inf
+    if rest_length <= 0.0:
+        return math.inf
+    rest = np.array(structure.rest_length)
+    rest[index] = rest_length
+    changed = structure.with_changes(rest_length=rest)
+    return float(changed.compute_static_tension(np.full(len(rest), length))[index])
+
+
+def _below(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
+    short = given < allowed - SURE * abs(allowed) if math.isfinite(allowed) else False
+    return (limit, given, allowed, unit) if short else None
+
+
+def _above(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
+    over = given > allowed + SURE * abs(allowed) if math.isfinite(allowed) else False
+    return (limit, given, allowed, unit) if over else None

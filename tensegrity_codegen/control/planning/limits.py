@@ -1,0 +1,250 @@
+"""Limits of a plan, and how far an equilibrium is from each of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.actuation import MemberRanges
+from tensegrity_codegen.control.planning.plan_point import PlanPoint
+from tensegrity_codegen.control.planning.slopes import Slopes
+from tensegrity_codegen.runtime.model.arrays import to_doubles
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
+from tensegrity_codegen.system.checks import is_number
+from tensegrity_codegen.system.errors import InvalidValueError
+
+__all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins", "keep_taut"]
+
+FloatArray = NDArray[np.float64]
+
+WITHIN = 5e-7  # of the size of a limit: excess that counts as none
+LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
+LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero
+
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """What every equilibrium of a plan satisfies; infinities stand for no limit.
+
+    Attributes
+    ----------
+    least_tension, most_tension : ndarray, shape (n_members,) [N]
+        Bounds of the member tensions.
+    yield_force : ndarray, shape (n_members,) [N]
+        Largest force in tension and compression, from the yield stress.
+    buckling : ndarray, shape (n_members,) [N m2]
+        pi^2 E I over the safety factor: the compression is at most this over the squared length.
+    clearance : float [m]
+        Least distance between bars.
+    least_stiffness : float [N/m]
+        Least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable.
+    least_change, most_change : ndarray, shape (n_actuators,) [m]
+        Range of the actuators' inputs, by members that one actuator alone moves.
+    ranges : MemberRanges
+        Ranges of the rest lengths of all members that move.
+    """
+
+    least_tension: FloatArray
+    most_tension: FloatArray
+    yield_force: FloatArray
+    buckling: FloatArray
+    clearance: float
+    least_stiffness: float
+    least_change: FloatArray
+    most_change: FloatArray
+    ranges: MemberRanges
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins to all limits, positive inside; one row each.
+
+    Attributes
+    ----------
+    kind : tuple of str
+        "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
+    index : ndarray of int, shape (n,)
+        Member, pair of bars, eigenvalue or row of the ranges.
+    value : ndarray, shape (n,) [N, m, N/m]
+        Margins.
+    size : ndarray, shape (n,)
+        Size of each limit, for tolerances.
+    bound : ndarray, shape (n,) [N, m, N/m]
+        The limits themselves; of ranges, the value of the input.
+    slope : ndarray, shape (n, n_actuators) or None
+        Derivatives of the margins with respect to the inputs.
+    """
+
+    kind: tuple[str, ...]
+    index: NDArray[np.int64]
+    value: FloatArray
+    size: FloatArray
+    bound: FloatArray
+    slope: FloatArray | None = None
+
+    @property
+    def excess(self) -> FloatArray:
+        """How far each limit is exceeded, as a part of its size; negative inside."""
+        return np.asarray(-self.value / self.size)
+
+
+def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | None = None) -> PlanLimits:
+    """Return the limits of a structure and of its actuators, as bounds of forces and inputs.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure.
+    ranges : MemberRanges
+        Ranges of the actuators.
+    limits : Limits, optional
+        By default those of the structure.
+
+    Returns
+    -------
+    PlanLimits
+        The limits.
+
+    Raises
+    ------
+    InvalidValueError
+        Limits that are no numbers, or not one for each member.
+    """
+    structure = model.structure
+    assert structure is not None
+    limits = _read_limits(structure.limits if limits is None else limits, len(structure.member_name))
+    area = np.where(structure.section_area > 0, structure.section_area, math.inf)
+    flexural = math.pi**2 * structure.flexural_rigidity
+    with np.errstate(divide="ignore", invalid="ignore"):
+        buckling = np.where(limits.buckling > 0, flexural / limits.buckling, math.inf)
+    return PlanLimits(
+        np.array(limits.least_tension),
+        np.array(limits.most_tension),
+        limits.yield_stress * area,
+        buckling,
+        limits.clearance,
+        max(limits.least_stiffness, 0.0),
+        *ranges.of_actuators(),
+        ranges,
+    )
+
+
+def _read_limits(limits: Limits, count: int) -> Limits:
+    """Return limits of `count` members, as arrays of doubles; raises InvalidValueError for others."""
+    if not isinstance(limits, Limits):
+        raise InvalidValueError(
+            "not limits", where="limits", given=limits, allowed="an object Limits, or None"
+        )
+    for key in ("clearance", "least_stiffness"):
+        value = getattr(limits, key)
+        if not is_number(value) and not (isinstance(value, float) and math.isinf(value)):
+            raise InvalidValueError("not a limit", where=f"limits.{key}", given=value, allowed="a number")
+    allowed = f"{count} numbers, without NaN"
+    arrays = {key: to_doubles(getattr(limits, key), f"limits.{key}", allowed) for key in MEMBER_LIMITS}
+    shapes = {(count,)} if any(array.size for array in arrays.values()) else {(0,), (count,)}
+    for key, array in arrays.items():
+        if array.shape not in shapes or np.isnan(array).any():
+            raise InvalidValueError(
+                "not a limit of each member",
+                where=f"limits.{key}",
+                given=getattr(limits, key),
+                allowed=allowed,
+            )
+    read = Limits(**arrays, clearance=limits.clearance, least_stiffness=limits.least_stiffness)
+    return read.for_members(count)
+
+
+def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]) -> PlanLimits:
+    """Return the limits with least tension 0 for cables without one that are in tension at the start.
+
+    Parameters
+    ----------
+    limits : PlanLimits
+        The limits.
+    at : PlanPoint
+        The start.
+    tension_only : ndarray of bool, shape (n_members,)
+        Cables that can go slack.
+
+    Returns
+    -------
+    PlanLimits
+        Limits by which no cable goes slack: there the equilibria have a kink.
+    """
+    free = tension_only & (at.tension > 0) & ~np.isfinite(limits.least_tension)
+    return replace(limits, least_tension=np.where(free, 0.0, limits.least_tension))
+
+
+def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = None) -> Margins:
+    """Return the margins of an equilibrium to all limits that exist.
+
+    Parameters
+    ----------
+    limits : PlanLimits
+        The limits.
+    at : PlanPoint
+        The equilibrium.
+    slopes : Slopes, optional
+        Its derivatives, for those of the margins.
+
+    Returns
+    -------
+    Margins
+        One row for each limit.
+    """
+    tension, load, count = at.tension, limits.buckling / at.length**2, len(at.change)
+    ranges = limits.ranges
+    change = ranges.pull @ at.change
+    shortest, longest = ranges.least - ranges.rest_length, ranges.most - ranges.rest_length
+    clearance = np.full(at.distance.shape, limits.clearance)
+    stiff = np.full(at.eigenvalue.shape, limits.least_stiffness)
+    rows = [
+        ("least_tension", tension - limits.least_tension, limits.least_tension),
+        ("most_tension", limits.most_tension - tension, limits.most_tension),
+        ("yield", limits.yield_force - tension, limits.yield_force),
+        ("yield", limits.yield_force + tension, limits.yield_force),
+        ("buckling", tension + load, load),
+        ("clearance", at.distance - clearance, clearance),
+        ("range", change - shortest, shortest),
+        ("range", longest - change, longest),
+        ("least_stiffness", at.eigenvalue - stiff, stiff),
+    ]
+    sloping: list[FloatArray | None] = [None] * len(rows)
+    if slopes is not None:
+        curve = np.where(np.isfinite(limits.buckling), -2 * limits.buckling / at.length**3, 0.0)
+        bent = slopes.tension + curve[:, None] * slopes.length
+        own, pulled = ranges.pull, slopes.tension
+        soft = slopes.eigenvalue if len(slopes.eigenvalue) else np.zeros((len(stiff), count))
+        sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, own, -own, soft]
+    force = max(at.point.largest_force, 1e-300)
+    least = {"clearance": at.point.longest, "range": at.point.longest, "least_stiffness": LEAST_STIFFNESS}
+    return _stack(rows, sloping, {kind: LEAST_SIZE * least.get(kind, force) for kind, *_ in rows})
+
+
+def _stack(
+    rows: list[tuple[str, FloatArray, FloatArray]], sloping: list[FloatArray | None], least: dict[str, float]
+) -> Margins:
+    """Return the finite rows, one after the other."""
+    kinds: list[str] = []
+    index, value, size, bound, slope = [], [], [], [], []
+    for (kind, margin, limit), derivative in zip(rows, sloping, strict=True):
+        kept = np.flatnonzero(np.isfinite(margin))
+        kinds += [kind] * len(kept)
+        index.append(kept)
+        value.append(margin[kept])
+        size.append(np.maximum(np.abs(limit[kept]), least[kind]))
+        bound.append(limit[kept])
+        if derivative is not None:
+            slope.append(derivative[kept])
+    return Margins(
+        tuple(kinds),
+        np.concatenate(index).astype(np.int64),
+        np.concatenate(value),
+        np.concatenate(size),
+        np.concatenate(bound),
+        np.concatenate(slope) if slope else None,
+    )

@@ -1,0 +1,266 @@
+"""Plans: rest lengths that move a structure through stable equilibria within limits to a target."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.actuation import Actuation, find_actuation
+from tensegrity_codegen.control.planning.fixed_shape import find_fixed_shape, find_shape_certificate
+from tensegrity_codegen.control.planning.infeasible import find_contradiction, find_unreachable_place
+from tensegrity_codegen.control.planning.limits import (
+    WITHIN,
+    PlanLimits,
+    build_limits,
+    compute_margins,
+    keep_taut,
+)
+from tensegrity_codegen.control.planning.path import Path, Progress
+from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.control.planning.quadratic_program import require_solver
+from tensegrity_codegen.control.planning.record_plan import describe_margin, record_infeasible, record_path
+from tensegrity_codegen.control.planning.start import Start, check_stability, find_start
+from tensegrity_codegen.control.planning.targets.target_text import read_targets
+from tensegrity_codegen.control.planning.targets.targets import Targets, bind_targets
+from tensegrity_codegen.control.planning.timing import check_duration, compute_times
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_model
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.checks import check_callback, check_whole, is_number
+from tensegrity_codegen.system.errors import InvalidValueError, StructureError
+
+__all__ = ["plan"]
+
+FloatArray = NDArray[np.float64]
+
+N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
+MOST_STEPS = 10**9
+FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
+FURTHER = 1e-3  # progress by which another path comes further
+SAME = 9  # digits that order limits which are exceeded; equal ones stay in the order of the structure
+
+
+def plan(
+    model: CompiledModel,
+    targets: Mapping[str, float | Sequence[float]] | Sequence[str] | str,
+    *,
+    actuators: Sequence[str] | None = None,
+    limits: Limits | None = None,
+    arguments: Mapping[str, Any] | None = None,
+    steps: int = 20,
+    least_progress: float = 0.4,
+    max_steps: int = 200,
+    duration: float | None = None,
+    progress: Progress | None = None,
+) -> PlanResult:
+    """Plan changes of rest lengths that move a structure to a target through stable equilibria within limits.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"plan"``, see compile_scene.
+    targets : mapping of str to float, or str, or sequence of str
+        Target and value, or texts ``"TARGET=VALUE"``: an expression over quantities, such as ``top.z`` or
+        ``member_length["c1"]``, or a shape parameter, such as ``twist`` [deg]; see docs/planning.md.
+    actuators : sequence of str, optional
+        Names of the actuators that move; by default all of the scene.
+    limits : Limits, optional
+        By default those of the scene.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
+    steps : int
+        Number of steps where nothing limits them.
+    least_progress : float
+        The path ends where limits leave less progress than this part of 1/steps, in 8 steps in a row; 0:
+        where they leave none.
+    max_steps : int
+        Largest number of steps and attempts of a path.
+    duration : float, optional
+        Time of the whole plan [s]; by default the shortest that the rates of the actuators permit.
+    progress : callable, optional
+        Called with the number of steps and the progress from 0 to 1.
+
+    Returns
+    -------
+    PlanResult
+        The path, and its status: found, infeasible or blocked.
+
+    Raises
+    ------
+    StructureError
+        No actuators.
+    UnknownNameError, InvalidValueError, NonFiniteError
+        A wrong target, actuator or argument; a start outside the limits.
+    UnstableError, SingularStiffnessError, ConvergenceError
+        No stable equilibrium to start from.
+    MissingExtraError
+        DAQP is not installed.
+
+    Notes
+    -----
+    docs/planning.md has the equations. Where limits block the path of the smallest changes, others are tried.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import compile_scene, plan
+    >>> model = compile_scene("prism12.toml", for_="plan")
+    >>> found = plan(model, {"twist": 160.0})
+    >>> found.status, found.n_steps
+    ('found', 20)
+    """
+    require_model(model)
+    _check_options(steps, max_steps, least_progress, duration, progress)
+    require_solver()
+    texts = read_targets(targets)
+    actuation = find_actuation(model, actuators)
+    bound = bind_targets(texts, model)
+    plan_model = PlanModel(model, actuation, arguments)
+    bounds = build_limits(model, plan_model.ranges, limits)
+    start = find_start(plan_model, bounds)
+    if start.certificate is not None:
+        return record_infeasible(plan_model, bound, start.at, start.certificate, start.message, start.shape)
+    _check_start(plan_model, bounds, start.at)
+    assert model.structure is not None
+    bounds = keep_taut(bounds, start.at, np.asarray(model.structure.tension_only))
+    _check_held(plan_model, bound, start.at)
+    proof = _find_proof(plan_model, bounds, bound, start.at)
+    if proof is not None:
+        return record_infeasible(plan_model, bound, start.at, *proof)
+    path = _find_path(
+        partial(Path, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
+    )
+    return _record(plan_model, path, start, actuation, duration)
+
+
+def _find_path(build: Callable[..., Path], max_steps: int, progress: Progress | None) -> Path:
+    """Return the path of the smallest changes; where limits block it, the one of several that comes furthest.
+
+    A path that keeps a symmetry of the structure may end where all of its bars are in the way of each other.
+    The others begin with random changes of the inputs, as far as targets and limits leave them free.
+    """
+    furthest = build()
+    at, draw, count = furthest.points[0].at, np.random.default_rng(0), 0
+    is_blocked = _follow(furthest, max_steps, progress)
+    while is_blocked and count < N_TRIES:
+        preferred = FIRST_CHANGE * at.point.longest * draw.uniform(-1.0, 1.0, len(at.change))
+        other, count = build(preferred), count + 1
+        is_blocked = _follow(other, max_steps, progress, furthest)
+        if other.points[-1].progress > furthest.points[-1].progress + FURTHER:
+            furthest = other
+    if is_blocked:
+        furthest.failure += f"; {count} paths that begin with other changes end no further"
+    return furthest
+
+
+def _follow(path: Path, max_steps: int, progress: Progress | None, rival: Path | None = None) -> bool:
+    """Take steps until the path ends, or as many as allowed; return whether limits block it.
+
+    A path that is behind its rival after twice as many steps and attempts is given up.
+    """
+    for count in range(max_steps):
+        if path.is_done:
+            return False
+        if rival and count > 2 * len(rival.points) and path.points[-1].progress < rival.points[-1].progress:
+            return True
+        can_go_on = path.advance()
+        if progress is not None:
+            progress(len(path.points) - 1, path.points[-1].progress)
+        if not can_go_on:
+            return path.is_limited and not path.is_done
+    if not path.is_done:
+        path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
+    return False
+
+
+def _record(
+    plan_model: PlanModel, path: Path, start: Start, actuation: Actuation, duration: float | None
+) -> PlanResult:
+    change = np.array([point.at.change for point in path.points])
+    time = compute_times(change, actuation.rate, duration, actuation.names)
+    return record_path(plan_model, path, time, start.warnings)
+
+
+def _find_proof(
+    plan_model: PlanModel, limits: PlanLimits, targets: Targets, start: PlanPoint
+) -> tuple[Any, str, FloatArray | None] | None:
+    """Return the proof that no plan exists, and a sentence; None where there is none."""
+    contradiction = find_contradiction(plan_model, limits, targets, start)
+    if contradiction is not None:
+        return contradiction, contradiction.message, None
+    problem = plan_model.problem(start.change)
+    shape = find_fixed_shape(problem, targets, start.coordinate, start.neutral)
+    required = np.asarray(limits.least_tension > 0.0)
+    certificate = None
+    if shape is not None:
+        certificate, _ = find_shape_certificate(plan_model, problem, shape, required)
+    if certificate is None:
+        unreachable = find_unreachable_place(plan_model, limits, targets, start)
+        return None if unreachable is None else (unreachable, unreachable.message, None)
+    least = "the cables that have a least tension in tension, and " if required.any() else ""
+    text = (
+        f"the targets fix the whole shape, and at that shape no tensions are in balance with {least}no cable "
+        "in compression"
+    )
+    return certificate, text, shape
+
+
+def _check_options(
+    steps: int, max_steps: int, least_progress: float, duration: float | None, progress: Progress | None
+) -> None:
+    for name, value in (("steps", steps), ("max_steps", max_steps)):
+        check_whole(value, name, 1, MOST_STEPS, problem="not a number of steps")
+    if not (is_number(least_progress) and 0 <= least_progress < 1):
+        raise InvalidValueError(
+            "not a part of a step", where="least_progress", given=least_progress, allowed="from 0 to below 1"
+        )
+    check_callback(progress, "progress")
+    check_duration(duration)
+
+
+def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> None:
+    """Raise where the start violates limits, or is not stable."""
+    margins = compute_margins(limits, at)
+    order = np.argsort(-np.round(margins.excess, SAME), kind="stable")
+    stated = np.array([kind != "least_stiffness" or limits.least_stiffness > 0 for kind in margins.kind])
+    outside = [int(k) for k in order if margins.excess[k] > WITHIN and stated[k]]
+    if outside:
+        shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
+        more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
+        raise StructureError(
+            f"the start is outside the limits: {shown}{more}",
+            where=f"{plan_model.model.manifest.name}: limits",
+            allowed="a start within all limits",
+            hint="change the rest lengths or the prestress of the scene, or the limits",
+        )
+    check_stability(plan_model, at)
+
+
+def _check_held(plan_model: PlanModel, targets: Targets, at: PlanPoint) -> None:
+    """Raise InvalidValueError for targets that rigid motions of the whole structure change."""
+    if at.neutral.shape[1] == 0:
+        return
+    problem = plan_model.problem(at.change)
+    motion = problem.node_velocities(at.coordinate, at.neutral)
+    scale = plan_model.directions(at, at.neutral)
+
+    def move(column: int, step: float) -> tuple[Any, FloatArray]:
+        return problem, at.coordinate + step * scale[:, column]
+
+    step = 1e-6 * at.point.longest
+    slope = np.abs(targets.slopes(at.position, motion, move, step))
+    size = np.abs(targets.evaluate(problem, at.coordinate)) / at.point.longest
+    for name, unit, row, value in zip(targets.names, targets.units, slope, size, strict=True):
+        per_length = 180 / np.pi / at.point.longest if unit == "deg" else 1.0
+        if row.max() > 1e-5 * max(per_length, value):
+            raise InvalidValueError(
+                "the target changes when the structure moves as a whole, which nothing prevents",
+                where=f"target {name}",
+                given=f"{at.neutral.shape[1]} free rigid motions",
+                allowed="targets that depend on the shape only, or a structure that is held",
+                hint="anchor nodes, or use height, twist, tilt, lengths, distances or tensions",
+            )

@@ -1,0 +1,271 @@
+"""One equilibrium on a path: found by Newton's method from a prediction, with all that limits look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from tensegrity_codegen.control.planning.actuation import (
+    Actuation,
+    find_member_ranges,
+)
+from tensegrity_codegen.runtime.model.arrays import check_finite, to_sized
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
+from tensegrity_codegen.runtime.sensitivity.bordered import factorise
+from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
+from tensegrity_codegen.runtime.statics.equilibrium import build_problem
+from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+from tensegrity_codegen.system.errors import NonFiniteError
+
+__all__ = ["PlanModel", "PlanPoint"]
+
+FloatArray = NDArray[np.float64]
+
+MOST_ITERATIONS = 12
+BALANCED = 1e-9  # node residual over the largest member force
+POLISHED = 1e-12
+ROUNDING = 8 * float(np.finfo(float).eps)
+LOWEST = 6  # eigenvectors kept
+
+
+@dataclass(frozen=True)
+class PlanPoint:
+    """An equilibrium: inputs, coordinates, what limits look at.
+
+    Attributes
+    ----------
+    change : ndarray, shape (n_actuators,) [m]
+        Values of the actuators' inputs.
+    coordinate, model_coordinate : ndarray, shape (n_coordinates,)
+        Coordinates of the static problem, and of the model.
+    position : ndarray, shape (n_nodes, 3) [m]
+        Node positions.
+    point : Point
+        Energy, residual and tensions.
+    length : ndarray, shape (n_members,) [m]
+        Member lengths.
+    distance : ndarray, shape (n_bar_pairs,) [m]
+        Distances between bars.
+    eigenvalue : ndarray, shape (k,) [N/m]
+        The smallest eigenvalues of the stiffness without neutral rigid motions.
+    eigenvector : ndarray, shape (n_directions, k)
+        Their unit vectors.
+    neutral : ndarray, shape (n_directions, m)
+        Orthonormal neutral rigid motions.
+    stiffness : sparse array, shape (n_directions, n_directions) [N/m]
+        Tangent stiffness.
+    """
+
+    change: FloatArray
+    coordinate: FloatArray
+    model_coordinate: FloatArray
+    position: FloatArray
+    point: Point
+    length: FloatArray
+    distance: FloatArray
+    eigenvalue: FloatArray
+    eigenvector: FloatArray
+    neutral: FloatArray
+    stiffness: Any
+
+    @property
+    def tension(self) -> FloatArray:
+        """Member tensions, (n_members,) [N]."""
+        return self.point.tension
+
+
+class PlanModel:
+    """A model whose actuators are moved, all other arguments fixed.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        Compiled for ``"plan"``.
+    actuation : Actuation
+        The actuators.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
+
+    Attributes
+    ----------
+    incidence : ndarray, shape (n_members, n_actuators)
+        One where an actuator changes the rest length of a member.
+    columns : mapping of str to tuple of str
+        Members of each actuator, by name.
+    has_pairs : bool
+        Whether distances between bars are known.
+    """
+
+    def __init__(
+        self, model: CompiledModel, actuation: Actuation, arguments: Mapping[str, Any] | None = None
+    ) -> None:
+        self.model, self.actuation = model, actuation
+        self._scale: FloatArray | None = None
+        self.arguments = merge_inputs(model.manifest, arguments)
+        base, nominal = self.arguments.get(INPUT), model.nominal(INPUT).ravel()
+        self.base = nominal if base is None else to_sized(base, nominal.shape, f"arguments.{INPUT}").ravel()
+        check_finite(self.base, f"arguments.{INPUT}")
+        self.has_pairs = bool(model.manifest.bar_pair) and model.has("bar_distance")
+        names = model.manifest.member_name
+        self.columns = {item.name: tuple(names[e] for e in item.members) for item in actuation.actuators}
+        self.incidence = np.zeros((len(names), len(self.columns)))
+        for column, item in enumerate(actuation.actuators):
+            self.incidence[list(item.members), column] = 1.0
+        held = {
+            name: float(value)
+            for name, value in zip(model.manifest.input_name, self.base, strict=True)
+            if name not in self.columns
+        }
+        structure = model.structure
+        assert structure is not None  # find_actuation refuses models without
+        self.ranges = find_member_ranges(structure, self.incidence, held)
+        first = [item.members[0] for item in actuation.actuators]
+        self._held_rest = add_inputs_to_rest_length(structure, held)[first]
+        self._pull = self.incidence[first]
+
+    def rest_length(self, change: FloatArray) -> FloatArray:
+        """Return the total rest lengths (..., n_actuators) of the first member of each actuator [m]."""
+        return np.asarray(self._held_rest + change @ self._pull.T)
+
+    @property
+    def start(self) -> FloatArray:
+        """Values of the actuators' inputs in the scene or arguments, (n_actuators,) [m]."""
+        return np.array(self.base[self.actuation.place])
+
+    def enter(self, coordinate: FloatArray) -> FloatArray:
+        """Return coordinates of the model as those of the static problems, and fix their scale for bodies."""
+        problem = self.problem(self.start)
+        entered = problem.enter(coordinate)
+        if isinstance(problem, BodyProblem):
+            self._scale = problem.scale
+        return entered
+
+    def scale(self, slope: FloatArray) -> FloatArray:
+        """Return derivatives (n_coordinates, k) of coordinates of the model as of the static problems."""
+        return slope if self._scale is None else np.asarray(self._scale[:, None] * slope)
+
+    def directions(self, at: PlanPoint, columns: FloatArray) -> FloatArray:
+        """Return directions (n_directions, k) of the static problem at a point as (n_coordinates, k)."""
+        problem = self.problem(at.change)
+        if isinstance(problem, BarProblem):
+            return np.asarray(problem.directions(at.coordinate) @ columns)
+        return columns
+
+    def inputs(self, change: FloatArray) -> FloatArray:
+        """Return all inputs of the model, (n_inputs,)."""
+        values = self.base.copy()
+        values[self.actuation.place] = change
+        return values
+
+    def problem(self, change: FloatArray) -> StaticProblem:
+        """Return the static problem at these inputs."""
+        problem = build_problem(self.model, {**self.arguments, INPUT: self.inputs(change)})
+        if isinstance(problem, BodyProblem) and self._scale is not None:
+            problem.scale = self._scale
+        return problem
+
+    def find_point(self, change: FloatArray, coordinate: FloatArray, reach: float) -> PlanPoint | None:
+        """Return the equilibrium near predicted coordinates.
+
+        Parameters
+        ----------
+        change : ndarray, shape (n_actuators,) [m]
+            Values of the actuators' inputs.
+        coordinate : ndarray, shape (n_coordinates,)
+            Prediction.
+        reach : float
+            Largest distance from the prediction to the equilibrium [m].
+
+        Returns
+        -------
+        PlanPoint or None
+            None where Newton's method does not converge, or leads further away than `reach`.
+        """
+        problem = self.problem(change)
+        point, best, floor = problem.find_point(coordinate), None, 0.0
+        for _ in range(MOST_ITERATIONS):
+            if point is None or np.abs(point.coordinate - coordinate).max(initial=0.0) > reach:
+                return None
+            if best is not None and _is_balanced(best, floor) and point.node_force > best.node_force / 4:
+                break
+            best = point
+            if point.node_force <= POLISHED * point.largest_force:
+                break
+            point, floor = self._iterate(problem, point)
+        final = point if point is not None and best and point.node_force <= best.node_force else best
+        if final is None or not _is_balanced(final, floor):
+            return None
+        return self.complete(problem, change, final)
+
+    def _iterate(self, problem: StaticProblem, point: Point) -> tuple[Point | None, float]:
+        """Return the point after one Newton step, and the residual that rounding explains [N]."""
+        try:
+            stiffness = problem.stiffness(point.coordinate)
+        except NonFiniteError:
+            return None, 0.0
+        neutral = self.neutral(problem, point, stiffness)
+        floor = _find_floor(stiffness, point)
+        rounding = float(np.finfo(float).eps) * float(abs(stiffness).sum(axis=0).max(initial=0.0))
+        factors, _ = factorise(stiffness, sparse.csc_array(neutral.T), neutral, rounding)
+        force = problem.slope(point)[:, None]
+        force = force - neutral @ (neutral.T @ force)
+        step = factors.solve(force, np.zeros((neutral.shape[1], 1)))[0][:, 0]
+        return problem.find_moved(point.coordinate, step) if np.all(np.isfinite(step)) else None, floor
+
+    def neutral(self, problem: StaticProblem, point: Point, stiffness: Any) -> FloatArray:
+        """Return the rigid motions that cost no force at a point, (n_directions, m)."""
+        position = problem.node_position(point.coordinate)
+        spread = float(np.linalg.norm(position - position.mean(axis=0)))
+        turned = 10 * float(np.linalg.norm(point.residual)) / max(spread, 1e-300)
+        return find_neutral_motions(stiffness, problem.rigid_motions(point.coordinate), turned)
+
+    def complete(self, problem: StaticProblem, change: FloatArray, point: Point) -> PlanPoint:
+        """Return a point of a static problem with all that limits look at."""
+        stiffness = problem.stiffness(point.coordinate)
+        neutral = self.neutral(problem, point, stiffness)
+        value, vector = find_lowest(stiffness, neutral)
+        none = np.zeros(0)
+        distance = np.asarray(problem.compute("bar_distance", point.coordinate)) if self.has_pairs else none
+        return PlanPoint(
+            change.copy(),
+            point.coordinate,
+            problem.leave(point.coordinate),
+            problem.node_position(point.coordinate),
+            point,
+            np.array(problem.compute("member_length", point.coordinate)),
+            distance.copy(),
+            value,
+            vector,
+            neutral,
+            stiffness,
+        )
+
+
+def _is_balanced(point: Point, floor: float) -> bool:
+    return point.node_force <= max(BALANCED * point.largest_force, floor)
+
+
+def _find_floor(stiffness: Any, point: Point) -> float:
+    """Return the residual that the rounding of the coordinates alone explains [N]."""
+    far = max(float(np.abs(point.coordinate).max(initial=0.0)), point.longest)
+    return ROUNDING * far * float(np.abs(stiffness.diagonal()).max(initial=0.0))
+
+
+def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest eigenvalues [N/m] and their vectors over what is orthogonal to `neutral`."""
+    matrix = stiffness.toarray()
+    matrix = (matrix + matrix.T) / 2
+    if neutral.shape[1]:
+        matrix = matrix + 2 * float(np.abs(matrix).sum(axis=0).max(initial=0.0)) * (neutral @ neutral.T)
+    value, vector = np.linalg.eigh(matrix)
+    count = min(LOWEST, max(len(value) - neutral.shape[1], 0))
+    return value[:count], vector[:, :count]

@@ -1,0 +1,224 @@
+"""Records of plans, made from paths and proofs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.limits import Margins, PlanLimits
+from tensegrity_codegen.control.planning.path import Path
+from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.control.planning.targets.targets import Targets
+from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.records.plan_result import (
+    LIMIT_WORDS,
+    Binding,
+    Block,
+    Contradiction,
+    PlanResult,
+)
+from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+
+__all__ = ["describe_margin", "record_infeasible", "record_path"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
+SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
+NAMED = 6  # limits that a message names
+
+
+def describe_margin(
+    plan_model: PlanModel, limits: PlanLimits, at: PlanPoint, margins: Margins, row: int
+) -> str:
+    """Return a limit that is exceeded: which, of what, by how much."""
+    kind, unit = margins.kind[row], UNITS.get(margins.kind[row], "N")
+    name = _name(plan_model, kind, int(margins.index[row]))
+    return f"{LIMIT_WORDS[kind]}{' of ' + name if name else ''}: violated by {-margins.value[row]:.6g} {unit}"
+
+
+def record_infeasible(
+    plan_model: PlanModel,
+    targets: Targets,
+    at: PlanPoint,
+    proof: Certificate | Contradiction,
+    message: str,
+    shape: FloatArray | None = None,
+) -> PlanResult:
+    """Return the record of a plan that provably does not exist.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+    targets : Targets
+        The targets.
+    at : PlanPoint
+        The start; not in balance where it is the stated shape that is proved to have no tensions.
+    proof : Certificate or Contradiction
+        The proof.
+    message : str
+        A sentence.
+    shape : ndarray, shape (n_coordinates,), optional
+        Coordinates at which displacements prove it.
+
+    Returns
+    -------
+    PlanResult
+        Of status ``"infeasible"``, with arrays of one row, the start.
+    """
+    position = moved = None
+    if shape is not None and isinstance(proof, Certificate):
+        problem = plan_model.problem(plan_model.start)
+        position = problem.node_position(shape)
+        moved = StaticProblem.node_velocities(problem, shape, proof.displacement[:, None])[:, :, 0]
+    value = targets.evaluate(plan_model.problem(at.change), at.coordinate)
+    return PlanResult(
+        status="infeasible",
+        message=message,
+        progress=np.zeros(1),
+        target=value[None],
+        goal=targets.goal,
+        binding=((),),
+        certificate=proof,
+        proof_position=position,
+        proof_displacement=moved,
+        **_describe_points(plan_model, targets, [at]),
+    )
+
+
+def record_path(
+    plan_model: PlanModel, path: Path, time: FloatArray | None, warnings: tuple[str, ...]
+) -> PlanResult:
+    """Return the record of a path, found or blocked.
+
+    Parameters
+    ----------
+    plan_model : PlanModel
+        The model.
+    path : Path
+        The path.
+    time : ndarray, shape (n_steps,) [s], optional
+        Times of its points.
+    warnings : tuple of str
+        What to check.
+
+    Returns
+    -------
+    PlanResult
+        Of status ``"found"`` or ``"blocked"``.
+    """
+    points = path.points
+    block = None if path.is_done else _find_block(plan_model, path)
+    return PlanResult(
+        status="found" if block is None else "blocked",
+        message=_describe_found(path) if block is None else _describe_block(path, block),
+        progress=np.array([point.progress for point in points]),
+        target=np.array([point.target for point in points]),
+        goal=path.goal,
+        binding=tuple(
+            _bindings(plan_model, point.margins, point.binding, point.multiplier) for point in points
+        ),
+        time=time,
+        block=block,
+        warnings=warnings,
+        **_describe_points(plan_model, path.targets, [point.at for point in points]),
+    )
+
+
+def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[PlanPoint]) -> dict[str, Any]:
+    """Return the names and the arrays of a record that points alone determine."""
+    manifest, change = plan_model.model.manifest, np.array([at.change for at in points])
+    lowest = [float(at.eigenvalue[0]) if len(at.eigenvalue) else np.inf for at in points]
+    return {
+        "target_name": targets.names,
+        "target_unit": targets.units,
+        "actuator_name": plan_model.actuation.names,
+        "change": change,
+        "rest_length": plan_model.rest_length(change),
+        "node_name": manifest.node_name,
+        "member_name": manifest.member_name,
+        "bar_pair_name": manifest.bar_pair_name,
+        "is_cable": _find_cables(plan_model),
+        "node_position": np.array([at.position for at in points]),
+        "member_tension": np.array([at.tension for at in points]),
+        "bar_distance": np.array([at.distance for at in points]),
+        "smallest_eigenvalue": np.array(lowest),
+        "residual": np.array([at.point.node_force for at in points]),
+        "coordinate": np.array([at.model_coordinate for at in points]),
+        "structure": plan_model.model.structure,
+    }
+
+
+def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
+    structure = plan_model.model.structure
+    assert structure is not None
+    return ~np.asarray(structure.is_bar)
+
+
+def _find_block(plan_model: PlanModel, path: Path) -> Block:
+    """Return where a path ends, with the limits that bind there by the program of most progress.
+
+    Without limits where these leave a whole step, which is rejected for another reason.
+    """
+    last = path.points[-1]
+    bound = path.find_bound()
+    if bound is None or not path.is_limited or bound.progress >= min(path.most_pace, 1.0 - last.progress):
+        return Block(last.progress, last.target, float("nan"), (), path.failure)
+    weight = bound.multiplier * last.margins.size[bound.binding]
+    order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SAME), kind="stable")
+    binding = _bindings(plan_model, last.margins, bound.binding[order], bound.multiplier[order])
+    return Block(last.progress, last.target, bound.progress, binding, path.failure)
+
+
+def _bindings(
+    plan_model: PlanModel, margins: Margins, rows: IntArray, multiplier: FloatArray
+) -> tuple[Binding, ...]:
+    found = []
+    for row, value in zip(rows, multiplier, strict=True):
+        kind = margins.kind[row]
+        name = _name(plan_model, kind, int(margins.index[row]))
+        unit, bound = UNITS.get(kind, "N"), float(margins.bound[row])
+        if kind == "range":
+            bound += float(plan_model.ranges.rest_length[margins.index[row]])
+        found.append(Binding(kind, name, bound, float(margins.value[row]), unit, float(value)))
+    return tuple(found)
+
+
+def _name(plan_model: PlanModel, kind: str, index: int) -> str:
+    """Return the member, pair of bars or actuator of a limit."""
+    manifest = plan_model.model.manifest
+    if kind == "clearance":
+        return " and ".join(manifest.bar_pair[index])
+    if kind == "range":
+        return plan_model.ranges.name[index]
+    return "" if kind == "least_stiffness" else manifest.member_name[index]
+
+
+def _describe_found(path: Path) -> str:
+    return f"a path of {len(path.points) - 1} steps reaches the target; every point is within all limits"
+
+
+def _describe_block(path: Path, block: Block) -> str:
+    """Return where a path ends and what binds, and that this proves nothing about other paths."""
+    parts = [
+        f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
+        for name, unit, value, goal in zip(
+            path.targets.names, path.targets.units, block.target, path.goal, strict=True
+        )
+    ]
+    names: dict[str, list[str]] = {}
+    for item in block.binding[:NAMED]:
+        limit = f"{LIMIT_WORDS[item.limit]} of {item.bound:.6g} {item.unit}"
+        names.setdefault(limit, []).append(item.name)
+    bound = "; ".join(f"{limit} ({', '.join(who)})".removesuffix(" ()") for limit, who in names.items())
+    more = len(block.binding) - NAMED
+    what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
+    return (
+        f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
+        "Another path may exist"
+    )

@@ -1,0 +1,159 @@
+"""The programs of one step: changes of the inputs that are small and keep tensions, and the most progress.
+
+At an equilibrium with margins m to all limits and values g of the targets, for changes du and progress ds:
+
+    minimise |du|^2 + w |de|^2   subject to   dg/du du = g(s + ds) - g,  m + dm/du du >= 0,  |du_j| <= r
+
+with e the extensions of all members (lengths minus rest lengths, which tensions follow): of the many changes
+of rest lengths that lead to the next target it takes those that change tensions least. ds is as large as
+asked; where that has no solution, as large as possible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.limits import Margins
+from tensegrity_codegen.control.planning.quadratic_program import find_largest, find_minimum
+from tensegrity_codegen.control.planning.slopes import Slopes
+
+__all__ = ["EASED", "INSIDE", "Program", "Step"]
+
+FloatArray = NDArray[np.float64]
+
+STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
+GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought; it should not cut it, so
+LARGE = 50.0  # changes of more units than this weigh no more than these
+INSIDE = 1e-7  # of the size of a limit: where steps aim
+EASED = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
+BINDS = 1e-7  # of the largest multiplier
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step: changes of the inputs (n_actuators,) [m], progress, the margins that bind, their multipliers.
+
+    In the step with the most progress, a multiplier is the progress gained for a unit of the margin.
+    """
+
+    change: FloatArray
+    progress: float
+    binding: NDArray[np.int64]
+    multiplier: FloatArray
+
+
+@dataclass(frozen=True)
+class Program:
+    """What steps from one equilibrium are found from.
+
+    Attributes
+    ----------
+    margins : Margins
+        Margins to all limits, with slopes.
+    slopes : Slopes
+        Derivatives of targets and extensions.
+    defect : ndarray, shape (n_targets,)
+        g(s) - g.
+    direction : ndarray, shape (n_targets,)
+        dg/ds.
+    radius : float [m]
+        Largest change of an input.
+    unit : float [m]
+        Scale of the changes.
+    inside : float
+        Margin that is left to each limit, as a part of its size.
+    preferred : ndarray, shape (n_actuators,) [m], optional
+        The changes of the inputs from which a step differs least, instead of 0.
+    """
+
+    margins: Margins
+    slopes: Slopes
+    defect: FloatArray
+    direction: FloatArray
+    radius: float
+    unit: float
+    inside: float = INSIDE
+    preferred: FloatArray | None = None
+
+    def find_step(self, progress: float) -> Step | None:
+        """Return the step with this progress, None where there is none."""
+        rows, lower, upper = self._constraints(progress)
+        hessian = self._hessian()
+        gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
+        found = find_minimum(hessian, gradient, rows, lower, upper)
+        return None if found is None else self._read(found.x, progress, found.multiplier)
+
+    def find_furthest(self, least: float, most: float) -> Step | None:
+        """Return the step with the most progress within [least, most], None where there is none."""
+        rows, lower, upper = self._constraints_with_progress(least, most)
+        count = rows.shape[1] - 1
+        hessian = np.diag(np.append(np.zeros(count), 1.0))
+        hessian[:count, :count] = GENTLE * min((LARGE * self.unit / self.radius) ** 2, 1.0) * self._hessian()
+        gradient = np.append(np.zeros(count), -1.0)
+        found = find_minimum(hessian, gradient, rows, lower, upper)
+        if found is None:
+            return None
+        return self._read(found.x[:count], least + (most - least) * float(found.x[-1]), found.multiplier)
+
+    def find_free(self, most: float) -> float:
+        """Return the most progress within [0, most] that the bound of the step permits without limits."""
+        margins = replace(self.margins, value=np.full(len(self.margins.value), np.inf))
+        found = replace(self, margins=margins).find_bound(most)
+        return 0.0 if found is None else min(found.progress, most)
+
+    def find_bound(self, most: float = np.inf) -> Step | None:
+        """Return the step with the most progress up to `most`, of the limits linearised; None without one."""
+        rows, lower, upper = self._constraints_with_progress(0.0, 1.0)
+        lower[-1], upper[-1] = -np.inf, most
+        found = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
+        return None if found is None else self._read(found.x[:-1], float(found.x[-1]), found.multiplier)
+
+    @property
+    def _near(self) -> NDArray[np.int64]:
+        """Rows of the margins that a step within the radius can reach."""
+        assert self.margins.slope is not None
+        reach = np.abs(self.margins.slope).sum(axis=1) * self.radius
+        return np.flatnonzero(self.margins.value - self.inside * self.margins.size < reach)
+
+    @property
+    def _goal_unit(self) -> float:
+        return max(float(np.abs(self.direction).max(initial=0.0)), 1e-300)
+
+    def _hessian(self) -> FloatArray:
+        count = self.slopes.extension.shape[1]
+        return np.asarray(np.eye(count) + STEADY * self.slopes.extension.T @ self.slopes.extension)
+
+    def _constraints(self, progress: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows over du / unit and their bounds: targets, limits that are near, the box."""
+        near, count = self._near, len(self.slopes.target.T)
+        assert self.margins.slope is not None
+        goal = (self.defect + progress * self.direction) / self._goal_unit
+        aim = (self.inside * self.margins.size - self.margins.value)[near]
+        box = np.full(count, self.radius / self.unit)
+        targets = self.slopes.target * (self.unit / self._goal_unit)
+        rows = np.vstack([targets, self.margins.slope[near] * self.unit, np.eye(count)])
+        return (
+            rows,
+            np.concatenate([goal, aim, -box]),
+            np.concatenate([goal, np.full(len(near), np.inf), box]),
+        )
+
+    def _constraints_with_progress(
+        self, least: float, most: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows over (du / unit, z), progress least + z (most - least) with 0 <= z <= 1, and their bounds."""
+        rows, lower, upper = self._constraints(least)
+        column = np.zeros(len(rows))
+        column[: len(self.direction)] = -self.direction * ((most - least) / self._goal_unit)
+        last = np.eye(rows.shape[1] + 1)[-1:]
+        rows = np.vstack([np.hstack([rows, column[:, None]]), last])
+        return rows, np.append(lower, 0.0), np.append(upper, 1.0)
+
+    def _read(self, x: FloatArray, progress: float, multiplier: FloatArray) -> Step:
+        near, first = self._near, len(self.direction)
+        own = multiplier[first : first + len(near)]
+        active = np.flatnonzero(own > BINDS * float(own.max(initial=0.0)))
+        return Step(self.unit * x, progress, near[active], own[active])

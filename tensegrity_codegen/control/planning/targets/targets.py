@@ -1,0 +1,265 @@
+"""Targets bound to a model: their values, their derivatives along a path, and where they shall end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.control.planning.targets.bind_shape import BoundShape, bind_shape, turn_near
+from tensegrity_codegen.control.planning.targets.target_text import (
+    ANGLES,
+    LENGTHS,
+    TargetText,
+    parse_shape,
+    rewrite,
+)
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.simulate.condition import Expression, build_expression, find_quantities
+from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, TensegrityError
+
+__all__ = ["BoundTarget", "MovedBy", "Targets", "bind_targets", "find_target_quantities"]
+
+FloatArray = NDArray[np.float64]
+MovedBy = Callable[[int, float], tuple[StaticProblem, FloatArray]]
+
+Value = TypeVar("Value")
+
+STEP = 1e-6  # of the size of the nodes of a shape parameter
+
+
+@dataclass(frozen=True)
+class BoundTarget:
+    """One target: an expression, or a shape parameter; its components, and the values to reach.
+
+    reference: values of all components of the shape parameter at the last point of a path.
+    """
+
+    text: str
+    unit: str
+    components: tuple[str, ...]
+    goal: FloatArray
+    expression: Expression | None = None
+    shape: BoundShape | None = None
+    reference: FloatArray | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the components."""
+        return tuple(f"{self.text}.{part}" if part else self.text for part in self.components)
+
+    def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
+        """Return the values, one for each component; NonFiniteError where one is not finite."""
+        if self.shape is not None:
+            found = self.shape.evaluate(problem.node_position(coordinate), self.reference)[self.shape.rows]
+        else:
+            assert self.expression is not None
+            state = {**problem.arguments, "coordinate": coordinate, "velocity": np.zeros(problem.size)}
+            found = np.array([self.expression.evaluate(state)])
+        if not np.all(np.isfinite(found)):
+            raise NonFiniteError(
+                "the target has no finite value here",
+                where=f"target {self.text}",
+                given=found.tolist(),
+                allowed="a finite number along the whole path",
+                hint="avoid division by zero, roots of negative numbers, and sets of nodes on one line",
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class Targets:
+    """All targets of a plan, one after the other."""
+
+    parts: tuple[BoundTarget, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all components."""
+        return tuple(name for part in self.parts for name in part.names)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of all components; "" for expressions, whose values are in SI units."""
+        return tuple(part.unit for part in self.parts for _ in part.components)
+
+    def evaluate(self, problem: StaticProblem, coordinate: FloatArray) -> FloatArray:
+        """Return the values of all components, (n_targets,)."""
+        return np.concatenate([part.evaluate(problem, coordinate) for part in self.parts])
+
+    def follow(self, position: FloatArray) -> Targets:
+        """Return the targets whose angles go on from those at node positions, also past half a turn.
+
+        Goals that are not followed yet are reached by the shortest turn.
+        """
+        return Targets(tuple(_follow(part, position) for part in self.parts))
+
+    @property
+    def goal(self) -> FloatArray:
+        """Values to reach, (n_targets,)."""
+        return np.concatenate([part.goal for part in self.parts])
+
+    def slopes(self, position: FloatArray, node_slope: FloatArray, moved: MovedBy, step: float) -> FloatArray:
+        """Return the derivatives of all components along k directions, (n_targets, k).
+
+        Parameters
+        ----------
+        position : ndarray, shape (n_nodes, 3) [m]
+            Positions of the nodes.
+        node_slope : ndarray, shape (n_nodes, 3, k)
+            How they move along the directions.
+        moved : callable
+            (direction, length) -> static problem and coordinates at that length along a direction.
+        step : float
+            Length of the differences of expressions.
+
+        Returns
+        -------
+        ndarray, shape (n_targets, k)
+            Derivatives, by central differences.
+        """
+        rows = []
+        for part in self.parts:
+            if part.shape is not None:
+                rows.append(_slope_of_shape(part.shape, part.reference, position, node_slope))
+                continue
+            ends = [
+                [part.evaluate(*moved(k, sign * step)) for sign in (1, -1)]
+                for k in range(node_slope.shape[2])
+            ]
+            rows.append(np.array([(plus - minus) / (2 * step) for plus, minus in ends]).T)
+        return np.concatenate(rows).reshape(-1, node_slope.shape[2])
+
+
+def _follow(part: BoundTarget, position: FloatArray) -> BoundTarget:
+    if part.shape is None or not part.shape.turns:
+        return part
+    value, goal = part.shape.evaluate(position, part.reference), part.goal
+    if part.reference is None and len(goal) == len(value):
+        goal = turn_near(goal, value)
+    return replace(part, goal=goal, reference=value)
+
+
+def _slope_of_shape(
+    shape: BoundShape, reference: FloatArray | None, position: FloatArray, node_slope: FloatArray
+) -> FloatArray:
+    """Return the derivatives of a shape parameter along directions, through the nodes that it depends on."""
+    local = position - position[shape.nodes].mean(axis=0)
+    step = STEP * max(float(np.abs(local[shape.nodes]).max(initial=0.0)), 1e-300)
+    result = np.zeros((len(shape.components), node_slope.shape[2]))
+    for node in shape.nodes:
+        for axis in range(3):
+            ends = []
+            for sign in (1, -1):
+                shifted = local.copy()
+                shifted[node, axis] += sign * step
+                ends.append(shape.evaluate(shifted, reference)[shape.rows])
+            result += np.outer((ends[0] - ends[1]) / (2 * step), node_slope[node, axis])
+    return result
+
+
+def find_target_quantities(targets: Sequence[TargetText]) -> tuple[str, ...]:
+    """Return the quantities that a model needs for targets.
+
+    Parameters
+    ----------
+    targets : sequence of TargetText
+        The targets.
+
+    Returns
+    -------
+    tuple of str
+        Names of quantities.
+
+    Raises
+    ------
+    SceneError
+        A target that is no expression.
+    """
+    found: dict[str, None] = {}
+    for target in targets:
+        if parse_shape(target.text) is None:
+            text = rewrite(target.text)
+            found |= dict.fromkeys(_blame(target, partial(find_quantities, text)))
+    return tuple(found)
+
+
+def bind_targets(targets: Sequence[TargetText], model: CompiledModel) -> Targets:
+    """Return targets bound to a model.
+
+    Parameters
+    ----------
+    targets : sequence of TargetText
+        The targets.
+    model : CompiledModel
+        With the quantities of find_target_quantities.
+
+    Returns
+    -------
+    Targets
+        Values and derivatives.
+
+    Raises
+    ------
+    UnknownNameError
+        An unknown node, member, function or quantity.
+    InvalidValueError
+        A wrong number of values, a wrong unit, or sets of nodes that do not determine the target.
+    FormulationError
+        The model lacks a quantity.
+    """
+    return Targets(tuple(_bind(target, model) for target in targets))
+
+
+def _bind(target: TargetText, model: CompiledModel) -> BoundTarget:
+    call = parse_shape(target.text)
+    if call is None:
+        expression = _blame(target, partial(build_expression, rewrite(target.text), model))
+        values = _convert(target, "", 1)
+        return BoundTarget(target.text, "", ("",), values, expression=expression)
+    shape = bind_shape(call, target.where, model)
+    if len(target.values) == 1 and shape.may_pad:
+        target = TargetText(target.text, (*target.values, 0.0), target.unit)
+    values = _convert(target, shape.unit, len(shape.components))
+    if shape.unit == "deg" and np.linalg.norm(values) >= 180 and call.name != "twist":
+        raise InvalidValueError(
+            "angles of half a turn or more have no direction",
+            where=target.where,
+            given=target.values,
+            allowed="less than 180 deg",
+        )
+    return BoundTarget(target.text, shape.unit, shape.components, values, shape=shape)
+
+
+def _convert(target: TargetText, unit: str, count: int) -> FloatArray:
+    """Return the values in the unit of a target."""
+    units = {"deg": ANGLES, "m": LENGTHS}.get(unit, {"": 1.0})
+    if target.unit not in units:
+        raise InvalidValueError(
+            "the target has no such unit",
+            where=target.where,
+            given=target.unit,
+            allowed=", ".join(name for name in units if name) or "a number in SI units without a unit",
+        )
+    if len(target.values) != count:
+        raise InvalidValueError(
+            "a wrong number of values",
+            where=target.where,
+            given=target.values,
+            allowed="one number" if count == 1 else f"{count} numbers, separated by commas",
+        )
+    return np.array(target.values) * units[target.unit]
+
+
+def _blame(target: TargetText, build: Callable[[], Value]) -> Value:
+    """Return what `build` returns; errors name the target."""
+    try:
+        return build()
+    except TensegrityError as error:
+        error.where = target.where
+        raise

@@ -1,0 +1,185 @@
+"""Live pages in notebooks."""
+
+from __future__ import annotations
+
+import html
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tensegrity_codegen.live.live_scene import LiveStart, build_live_scene
+from tensegrity_codegen.live.modes import find_modes
+from tensegrity_codegen.live.render_live import render_live
+from tensegrity_codegen.live.settled import check_follow, find_request
+from tensegrity_codegen.live.three_module import find_three
+from tensegrity_codegen.pipeline.settle import find_settled
+from tensegrity_codegen.report.pictures.choices import Labels, read_labels, read_view
+from tensegrity_codegen.report.pictures.draw import Drawable, find_shot
+from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_path, check_switch, check_whole
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.files import replaced
+
+__all__ = ["LivePage", "view"]
+
+HEIGHTS = (200, 4000)  # pixels
+
+
+@dataclass(frozen=True, repr=False)
+class LivePage:
+    """A live page, which notebooks show.
+
+    Attributes
+    ----------
+    html : str
+        The page, one HTML file without requests to anywhere.
+    title : str
+        Name of the structure.
+    height : int
+        Height of the frame in a notebook [pixels].
+    """
+
+    html: str
+    title: str
+    height: int
+
+    def __repr__(self) -> str:
+        """Return what a terminal shows."""
+        return f"LivePage of {self.title}: {len(self.html) / 1e6:.2g} MB, `write(path)` writes it to a file"
+
+    def _repr_html_(self) -> str:
+        """Return a frame with the page inside, for notebooks and pages made from them."""
+        inside = html.escape(self.html, quote=True)
+        return (
+            f'<iframe title="{html.escape(self.title, quote=True)}" srcdoc="{inside}" loading="lazy" '
+            f'style="width:100%;height:{self.height}px;border:1px solid #8884;border-radius:6px"></iframe>'
+        )
+
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the page to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+            Name of the file.
+        overwrite : bool
+            Whether a file that exists is replaced.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written, or exists already.
+        """
+        with replaced(path, overwrite=overwrite) as temporary:
+            temporary.write_text(self.html, encoding="utf-8", newline="\n")
+
+
+def view(
+    subject: Drawable,
+    *,
+    height: int = 560,
+    view: str | tuple[float, float] | None = None,
+    labels: Labels = False,
+    settle: bool = False,
+    follow: bool = False,
+    modes: int = 0,
+    three: str | Path | None = None,
+) -> LivePage:
+    """Make a live page of a structure or a motion: to turn, play and ask, in a notebook or a file.
+
+    Parameters
+    ----------
+    subject : Drawable
+        A scene as for `read_scene`, a Structure, BodySystem, CompiledModel, Equilibrium or Trajectory.
+    height : int
+        Height of the frame in a notebook [pixels].
+    view : str or pair of float, optional
+        First direction: ``"iso"``, ``"front"``, ``"side"``, ``"top"``, or azimuth and elevation of the eye
+        [deg].
+    labels : bool, str or sequence of str
+        Which names are written at first: True for all, ``"nodes"``, ``"members"``, ``"none"``.
+    settle : bool
+        Whether a scene, structure or model is shown at its equilibrium.
+    follow : bool
+        Whether the camera moves with the structure.
+    modes : int
+        Number of natural modes; they take an analysis, which compiles a library.
+    three : str or Path, optional
+        Wheel of NiceGUI that contains three.js, where pip cannot download it.
+
+    Returns
+    -------
+    LivePage
+        The page; ``page.write("prism.html")`` writes it to a file.
+
+    Raises
+    ------
+    MissingSourceError
+        three.js is neither in the cache nor can it be downloaded.
+    InvalidValueError
+        Something that cannot be shown, `follow` of what does not move, or a choice that does not exist.
+    NonFiniteError
+        A motion with a sample that is not finite.
+    ConvergenceError
+        With settle: no stable equilibrium was found.
+    SceneError
+        A scene that cannot be read.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import view
+    >>> page = view("prism.toml", labels="nodes")  # doctest: +SKIP
+    >>> page.write("prism.html")  # doctest: +SKIP
+    """
+    if isinstance(height, bool) or not isinstance(height, int) or not HEIGHTS[0] <= height <= HEIGHTS[1]:
+        allowed = f"a whole number of pixels from {HEIGHTS[0]} to {HEIGHTS[1]}"
+        raise InvalidValueError("the height is out of range", where="height", given=height, allowed=allowed)
+    start = LiveStart(read_view(view), read_labels(labels), check_switch(follow, "follow"))
+    if three is not None:
+        check_path(three, "three")
+    is_settled = check_switch(settle, "settle")
+    check_follow(follow, subject)
+    module, licence = find_three(three)
+    shown, motion, more = _find_shown(subject, is_settled)
+    analysis, note = None, ""
+    if check_whole(modes, "modes", 0):
+        _, request = find_request(shown)
+        analysis, note = find_modes(shown, request, modes, lambda text: warnings.warn(text, stacklevel=3))
+    scene = build_live_scene(shown, motion, analysis, modes_note=note, start=start, **more)
+    return LivePage(render_live(scene, module, licence), scene.title, height)
+
+
+def _find_shown(subject: Any, settle: bool) -> tuple[Subject, Trajectory | None, dict[str, Any]]:
+    """Return structure, motion, and tensions or rigid members, of what a page shows."""
+    if settle:
+        found, request = find_request(subject)
+        settled, equilibrium = find_settled(found, request)
+        return settled, None, {"tension": equilibrium.member_tension}
+    shot = find_shot(subject)
+    if isinstance(subject, Trajectory):
+        return shot.subject, subject, {}
+    if isinstance(subject, Equilibrium):
+        return (
+            _place(shot.subject, subject),
+            None,
+            {"tension": subject.member_tension, "load": shot.node_load},
+        )
+    if shot.node_position is not None:
+        raise InvalidValueError(
+            f"a {type(subject).__name__} has no live page",
+            where="subject",
+            given=type(subject).__name__,
+            allowed="a scene, Structure, CompiledModel, Equilibrium or Trajectory",
+        )
+    return shot.subject, None, {"rigid": shot.rigid}
+
+
+def _place(subject: Subject, found: Equilibrium) -> Subject:
+    """Return the structure or bodies at an equilibrium."""
+    if isinstance(subject, Structure):
+        return subject.with_changes(node_position=found.node_position)
+    return subject.with_changes(coordinate=found.coordinate)

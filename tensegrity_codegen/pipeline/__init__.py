@@ -1,0 +1,3 @@
+"""From a scene to a compiled library, one function a step."""
+
+__all__: list[str] = []

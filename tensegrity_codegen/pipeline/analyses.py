@@ -1,0 +1,216 @@
+"""What each analysis needs of a library: quantities, integrators, parameters, batch functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tensegrity_codegen.runtime.accuracy.choice import integrators_for
+from tensegrity_codegen.runtime.integrate.methods import find_method
+from tensegrity_codegen.runtime.linear.kinks import KINK_QUANTITIES
+from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+from tensegrity_codegen.runtime.sensitivity.static_system import REST_LENGTH_QUANTITIES
+from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities as _of_formulation
+from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD, CONTROL_QUANTITIES
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.inertia_plan import find_massless
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.errors import check_choice
+from tensegrity_codegen.tables.request import ModelRequest
+
+__all__ = ["ANALYSES", "Needs", "equilibrium_quantities", "find_needs", "want_analyses"]
+
+BATCH_WIDTH = 8  # motions side by side where the request names no number
+MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
+BATCH_METHOD = "rk853"  # of batches, where no method is named
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What an analysis needs of a library, besides what is wanted anyway."""
+
+    quantities: tuple[str, ...]
+    integrators: tuple[str, ...] = ()
+    parameters: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    batch_width: int = 0
+
+    def alone(self, request: ModelRequest) -> ModelRequest:
+        """Return the request for just this: no other quantities, integrators and solvers."""
+        wanted = request.wanting(*self.quantities, integrators=self.integrators, parameters=self.parameters)
+        return replace(wanted, batch_width=request.batch_width or self.batch_width)
+
+    def besides(self, request: ModelRequest) -> ModelRequest:
+        """Return the request with this added."""
+        wanted = request.wanting(
+            *request.quantities,
+            *self.quantities,
+            integrators=tuple(dict.fromkeys((*request.integrators, *self.integrators))),
+            solvers=request.solvers,
+            parameters=self.parameters,
+        )
+        return replace(wanted, batch_width=request.batch_width or self.batch_width)
+
+
+def equilibrium_quantities(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
+    """Return the quantities that find_equilibrium needs.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Its formulation decides.
+
+    Returns
+    -------
+    tuple of str
+        Names of quantities.
+    """
+    turning = isinstance(structure, BodySystem) and structure.has_unpotential_load
+    return (*_of_formulation(request.formulation), *(("unpotential_force",) if turning else ()))
+
+
+def _simulate(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    nodes = structure if isinstance(structure, Structure) else None
+    integrators = integrators_for(method or "auto", nodes, request.formulation, rtol)
+    return Needs(simulation_quantities(request.formulation), integrators)
+
+
+def _simulate_batch(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    needs = _simulate(structure, request, method or BATCH_METHOD, rtol)
+    return replace(needs, batch_width=BATCH_WIDTH if find_method(method or BATCH_METHOD).in_batches else 0)
+
+
+def _equilibrium(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    return Needs(equilibrium_quantities(structure, request))
+
+
+def _equilibria(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    return Needs(equilibrium_quantities(structure, request), batch_width=BATCH_WIDTH)
+
+
+def _sensitivity(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    quantities = equilibrium_quantities(structure, request)
+    is_rigid = structure.is_bar if request.options.get("bars") == "all" else structure.mu == 0
+    if isinstance(structure, BodySystem) or not is_rigid.all():
+        quantities += REST_LENGTH_QUANTITIES
+    return Needs((*quantities, *(() if structure.is_bar.all() else ("member_extension",))))
+
+
+def _linearize(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    quantities = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
+    return Needs((*quantities, *(KINK_QUANTITIES if not structure.is_bar.all() else ())))
+
+
+def _load_path(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    quantities = equilibrium_quantities(structure, request)
+    quantities += ("member_extension",) if structure.n_members else ()
+    quantities += ("switch_margin",) if structure.has_switch.any() else ()
+    quantities += ("bar_distance",) if structure.n_bar_pairs else ()
+    return Needs(quantities, parameters={"node_load": tuple(range(structure.n_nodes))})
+
+
+def _analyse(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    masses = () if isinstance(structure, Structure) and find_massless(structure).any() else ("mass_matrix",)
+    apart = ("bar_distance",) if structure.n_bar_pairs and math.isfinite(structure.limits.clearance) else ()
+    return Needs((*equilibrium_quantities(structure, request), "equilibrium_matrix", *masses, *apart))
+
+
+def _plan(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    quantities = (*equilibrium_quantities(structure, request), *REST_LENGTH_QUANTITIES, "member_extension")
+    if isinstance(structure, Structure):
+        quantities += ("equilibrium_matrix",)
+    count = structure.n_bar_pairs
+    if count and (count <= MOST_PAIRS or math.isfinite(structure.limits.clearance)):
+        quantities += ("bar_distance",)
+    return Needs(quantities)
+
+
+def _time_motion(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    massless = isinstance(structure, Structure) and find_massless(structure).any()
+    moving = () if massless else ("acceleration", "mass_matrix", "member_tension", "equilibrium_matrix")
+    return Needs((*_plan(structure, request, method, rtol).quantities, *moving))
+
+
+def _control(structure: Subject, request: ModelRequest, method: str, rtol: float) -> Needs:
+    linear = linearize_quantities(request.formulation, with_inputs=bool(structure.inputs))
+    quantities = (*linear, *CONTROL_QUANTITIES)
+    if isinstance(structure, BodySystem):
+        quantities += ("node_position", "node_velocity", "node_jacobian")
+    cable = structure.tension_only
+    loaded = range(structure.n_nodes)
+    parameters = {
+        "axial_stiffness": tuple(np.flatnonzero(cable & (structure.axial_stiffness > 0)).tolist()),
+        "spring_constant": tuple(np.flatnonzero(cable & (structure.spring_constant > 0)).tolist()),
+        "node_load": tuple(loaded),
+    }
+    return Needs(quantities, (CONTROL_METHOD,), {key: rows for key, rows in parameters.items() if rows})
+
+
+# The analyses by the names of their functions.
+ANALYSES: Mapping[str, Callable[[Subject, ModelRequest, str, float], Needs]] = {
+    "simulate": _simulate,
+    "simulate_batch": _simulate_batch,
+    "equilibrium": _equilibrium,
+    "equilibria": _equilibria,
+    "sensitivity": _sensitivity,
+    "linearize": _linearize,
+    "load_path": _load_path,
+    "analyse": _analyse,
+    "plan": _plan,
+    "time_motion": _time_motion,
+    "control": _control,
+}
+
+
+def find_needs(
+    analysis: str, structure: Subject, request: ModelRequest, *, method: str = "", rtol: float = 1e-6
+) -> Needs:
+    """Return what an analysis needs of a library.
+
+    Parameters
+    ----------
+    analysis : str
+        One of ANALYSES.
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Its formulation decides which quantities are needed.
+    method : str
+        Method of the simulations, as for `simulate`; by default that of the analysis.
+    rtol : float
+        Relative tolerance of the simulations.
+
+    Returns
+    -------
+    Needs
+        Quantities, integrators and other parts of the library.
+
+    Raises
+    ------
+    UnknownNameError
+        An unknown analysis or method.
+    """
+    check_choice(analysis, ANALYSES, "analysis", "for_")
+    if method:
+        find_method(method)
+    return ANALYSES[analysis](structure, request, method, rtol)
+
+
+def want_analyses(
+    structure: Subject,
+    request: ModelRequest,
+    analyses: Iterable[str],
+    *,
+    method: str = "",
+    rtol: float = 1e-6,
+) -> ModelRequest:
+    """Return the request with all that the analyses need added; raises as `find_needs`."""
+    for analysis in analyses:
+        request = find_needs(analysis, structure, request, method=method, rtol=rtol).besides(request)
+    return request

@@ -1,0 +1,238 @@
+"""Build the library for a request, or find it in the cache."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
+from tensegrity_codegen.codegen.compilation.compile import object_size
+from tensegrity_codegen.codegen.compilation.fingerprint import (
+    hash_package,
+    hash_request,
+    hash_structure,
+    hash_text,
+)
+from tensegrity_codegen.codegen.compilation.flags import (
+    Compiler,
+    FlagSet,
+    check_target_flags,
+    describe_toolchain,
+    find_flags,
+)
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_cross_compiler
+from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.compile_source import compile_source, is_library_source, read_manifest
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.solver_progress import COMPILING, GENERATING, work_pass
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
+from tensegrity_codegen.tables.targets import Target, find_target
+
+if TYPE_CHECKING:
+    from tensegrity_codegen.codegen.emit import GeneratedSource
+
+__all__ = ["build_library", "check_buildable"]
+
+
+def build_library(
+    structure: Subject,
+    request: ModelRequest,
+    *,
+    compiler: str | None = None,
+    flags: str | None = None,
+    target: str | None = None,
+    cache: Cache | None = None,
+    measure: bool = False,
+) -> BuiltLibrary:
+    """Build the library for a request, or find it in the cache.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Quantities, integrators, parameters and options.
+    compiler : str, optional
+        ``"gcc"``, ``"clang"``, ``"zig"`` or a command; by default the first compiler found.
+    flags : str, optional
+        ``"reference"`` (bit-equal to CasADi's virtual machine) or ``"native"``; by default those of the
+        request.
+    target : str, optional
+        Machine to compile for, by zig: ``"aarch64-linux"``, ``"x86_64-linux"``, ``"x86_64-windows"``,
+        ``"aarch64-macos"``, ``"x86_64-macos"``, ``"wasm32"`` or ``"thumbv7em"``; by default this one. A
+        library for another machine can be exported, not loaded.
+    cache : Cache, optional
+        Cache of compiled libraries; by default that of the user.
+    measure : bool
+        Whether to compile the omitted functions too, to measure how many bytes were saved.
+
+    Returns
+    -------
+    BuiltLibrary
+        The library in the cache; ``load()`` gives the CompiledModel, ``export(folder)`` copies the files.
+
+    Raises
+    ------
+    FormulationError
+        The formulation or emitter does not support the request.
+    UnknownNameError
+        An unknown target.
+    CompilerMissingError, CompileError
+        No C compiler was found, or it failed.
+    OutputError
+        The cache cannot be written.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import build_library, load_scene
+    >>> built = build_library(*load_scene("two_nodes.toml"))
+    >>> built.manifest.name, built.load().has("member_tension")
+    ('two_nodes', True)
+    """
+    started = time.perf_counter()
+    cache = cache or Cache()
+    if flags is not None:
+        request = replace(request, flags=find_flags(flags, "flags").name)
+    machine, flag_set = find_target(target), find_flags(request.flags)
+    check_target_flags(flag_set, machine, "flags" if flags is not None else "model.flags")
+    tool = find_cross_compiler(machine, compiler) if machine.name else find_compiler(compiler)
+    toolchain = describe_toolchain(tool, flag_set, machine)
+    identity = _Identity.of(structure, request)
+    request_key = _request_key(identity, toolchain, measure)
+    entry, manifest = _find(cache, request_key, identity)
+    found = entry is not None
+
+    def build_again() -> BuiltLibrary:
+        assert entry is not None
+        cache.drop(entry.key)
+        return build_library(
+            structure, request, compiler=compiler, target=target, cache=cache, measure=measure
+        )
+
+    if entry is None or manifest is None:
+        with work_pass(GENERATING):
+            source = _emit(structure, request, tool, flag_set, machine, measure)
+        with work_pass(COMPILING):
+            entry, manifest = _compile(source, tool, flag_set, machine, cache, identity)
+        cache.store_request(request_key, entry.key, {"why_emitter": source.why_emitter})
+    return BuiltLibrary(
+        entry=entry,
+        manifest=manifest,
+        compiler=f"zig {tool.version}" if tool.name == "zig" else tool.version,
+        flags=" ".join(flag_set.options),
+        from_cache=found,
+        seconds=time.perf_counter() - started,
+        why_emitter=str(cache.lookup_note(request_key).get("why_emitter", "")),
+        structure=structure,
+        build_again=build_again if found else None,
+    )
+
+
+def check_buildable(structure: Subject, request: ModelRequest) -> None:
+    """Raise the error that build_library would raise, before any C code is written or compiled.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Quantities, integrators, parameters and options.
+
+    Raises
+    ------
+    FormulationError
+        The formulation or emitter does not support the request.
+    """
+    from tensegrity_codegen.codegen.emit import check_request
+
+    check_request(structure, request)
+
+
+@dataclass(frozen=True)
+class _Identity:
+    """What a library in the cache must have been made from.
+
+    structure, request: their hashes; scene: hash of both without what the generator settles itself (emitter,
+    quantities, events), kept beside the library; wanted: quantities that the library must have.
+    """
+
+    structure: str
+    request: str
+    scene: str
+    wanted: frozenset[str]
+
+    @classmethod
+    def of(cls, structure: Subject, request: ModelRequest) -> _Identity:
+        shape = hash_structure(structure)
+        settled = replace(request, emitter="", quantities=(), events=())
+        scene = hash_text(shape, hash_request(settled))
+        return cls(shape, hash_request(request), scene, frozenset(request.quantities))
+
+    def matches(self, entry: CacheEntry, manifest: Manifest) -> bool:
+        """Return whether the library is of this structure and has what is wanted of it."""
+        return entry.scene == self.scene and self.wanted <= {spec.quantity for spec in manifest.functions}
+
+
+def _request_key(identity: _Identity, toolchain: str, measure: bool) -> str:
+    package = hash_package(Path(__file__).resolve().parents[1], template_folder())
+    return hash_text(
+        identity.structure,
+        identity.request,
+        package,
+        version("casadi"),
+        toolchain,
+        "measured" if measure else "estimated",
+    )
+
+
+def _find(cache: Cache, request_key: str, identity: _Identity) -> tuple[CacheEntry | None, Manifest | None]:
+    """Return the library that a request led to, if it is in the cache, and its manifest."""
+    library_key = cache.lookup_request(request_key)
+    entry = cache.find(library_key) if library_key else None
+    manifest = read_manifest(entry, identity.matches) if entry is not None else None
+    return (entry, manifest) if manifest is not None else (None, None)
+
+
+def _emit(
+    structure: Subject,
+    request: ModelRequest,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target,
+    measure: bool,
+) -> GeneratedSource:
+    # Imported here, so that a library from the cache costs no import of CasADi.
+    from tensegrity_codegen.codegen.emit import emit
+
+    def size(files: Mapping[str, str]) -> int:
+        sources = {name: text for name, text in files.items() if is_library_source(name)}
+        return object_size(sources, compiler=compiler, flags=flags, target=target) or 0
+
+    return emit(structure, request, size if measure else None)
+
+
+def _compile(
+    source: GeneratedSource,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target,
+    cache: Cache,
+    identity: _Identity,
+) -> tuple[CacheEntry, Manifest]:
+    """Return the library of some source in the cache, and its manifest."""
+    return compile_source(
+        source.files,
+        source.manifest,
+        compiler=compiler,
+        flags=flags,
+        target=target,
+        cache=cache,
+        scene=identity.scene,
+        matches=identity.matches,
+    )

@@ -1,0 +1,144 @@
+"""Compile generated files into a library in the cache, or find it there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
+from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE
+from tensegrity_codegen.codegen.compilation.compile import compile_library
+from tensegrity_codegen.codegen.compilation.fingerprint import (
+    hash_text,
+)
+from tensegrity_codegen.codegen.compilation.flags import (
+    Compiler,
+    FlagSet,
+    describe_toolchain,
+)
+from tensegrity_codegen.codegen.compilation.machine import find_instruction_sets
+from tensegrity_codegen.codegen.compilation.trial import check_foreign_library, check_library
+from tensegrity_codegen.system.errors import LibraryError
+from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.targets import Target
+
+if TYPE_CHECKING:
+    pass
+
+
+__all__ = ["compile_source", "is_library_source", "read_manifest"]
+
+
+def compile_source(
+    sources: Mapping[str, str],
+    manifest: Manifest,
+    *,
+    compiler: Compiler,
+    flags: FlagSet,
+    target: Target,
+    cache: Cache,
+    scene: str,
+    matches: Callable[[CacheEntry, Manifest], bool],
+) -> tuple[CacheEntry, Manifest]:
+    """Compile generated files into a library in the cache, or find it there.
+
+    Parameters
+    ----------
+    sources : mapping of str to str
+        Generated files by name.
+    manifest : Manifest
+        What they hold.
+    compiler, flags, target
+        How they are compiled, and for which machine.
+    cache : Cache
+        Cache of compiled libraries.
+    scene : str
+        Hash of the scene, kept beside the library.
+    matches : callable
+        Whether a library in the cache is the one that is wanted.
+
+    Returns
+    -------
+    entry : CacheEntry
+        Files of the library.
+    manifest : Manifest
+        The manifest with the instruction sets that native code uses.
+
+    Raises
+    ------
+    CompileError
+        The compiler failed.
+    OutputError
+        The cache cannot be written.
+    """
+    toolchain = describe_toolchain(compiler, flags, target)
+    key = hash_text(*(part for item in sorted(sources.items()) for part in item), toolchain)
+    with cache.lock(key):
+        entry = cache.find(key)
+        if entry is not None:
+            known = read_manifest(entry, matches)
+            if known is not None:
+                return entry, known
+            cache.drop(key)
+        artifact = compile_library(
+            {name: text for name, text in sources.items() if is_library_source(name)},
+            name=manifest.name,
+            compiler=compiler,
+            flags=flags,
+            target=target,
+        )
+        texts, manifest = dict(sources), replace(manifest, target=target.name)
+        if not flags.portable:
+            manifest = replace(manifest, instruction_sets=find_instruction_sets(artifact.library))
+        texts["manifest.json"] = manifest.to_json()
+        files = {name: text.encode("utf-8") for name, text in texts.items()}
+        files |= {artifact.file_name: artifact.library, "compile.log": artifact.log.encode("utf-8")}
+
+        def check(folder: Path) -> None:
+            library = folder / artifact.file_name
+            if target.name:
+                check_foreign_library(library, manifest, target, compiler, artifact.log)
+            else:
+                check_library(library, manifest, compiler, artifact.log)
+
+        return cache.store(key, files, scene=scene, check=check), manifest
+
+
+def read_manifest(entry: CacheEntry, matches: Callable[[CacheEntry, Manifest], bool]) -> Manifest | None:
+    """Return the manifest of an entry, None unless the library is what it should be.
+
+    Parameters
+    ----------
+    entry : CacheEntry
+        Files of a library in the cache.
+    matches : callable
+        Whether the library is the one that is wanted.
+
+    Returns
+    -------
+    Manifest or None
+        The manifest; None if it cannot be read or is not of the library that is wanted.
+    """
+    try:
+        manifest = Manifest.read(entry.folder / MANIFEST_FILE)
+    except LibraryError:
+        return None
+    return manifest if matches(entry, manifest) else None
+
+
+def is_library_source(name: str) -> bool:
+    """Return whether a generated file belongs to the library itself, unlike the example.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file.
+
+    Returns
+    -------
+    bool
+        Whether it is a C source or a header of the library.
+    """
+    return name.endswith((".c", ".h")) and name != "example.c"

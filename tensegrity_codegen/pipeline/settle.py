@@ -1,0 +1,208 @@
+"""Structures at their equilibrium, in a formulation that supports the search for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
+from tensegrity_codegen.tables.request import ModelRequest
+
+__all__ = [
+    "find_settled",
+    "has_statics",
+    "is_corrected",
+    "move_near_origin",
+    "settle_structure",
+    "with_statics",
+]
+
+
+def has_statics(request: ModelRequest) -> bool:
+    """Return whether models of this request support find_equilibrium.
+
+    Parameters
+    ----------
+    request : ModelRequest
+        Its formulation and options decide.
+
+    Returns
+    -------
+    bool
+        False for node distances, and for rigid bars with first-order correction.
+    """
+    return find_formulation(request.formulation).has_statics and not is_corrected(request)
+
+
+def with_statics(structure: Subject, request: ModelRequest) -> ModelRequest:
+    """Return the request in a formulation that supports find_equilibrium.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        The request.
+
+    Returns
+    -------
+    ModelRequest
+        The request itself, or one in node positions (with rigid bars: formulation rigid_bar).
+
+    Notes
+    -----
+    Bars with first-order correction are springs in the statics.
+    """
+    if has_statics(request):
+        return request
+    rigid = isinstance(structure, Structure) and bool(structure.is_rigid.any())
+    formulation = choose_formulation(rigid_bars=rigid).name
+    return replace(request, formulation=formulation, integrators=(), options={})
+
+
+def settle_structure(
+    structure: Structure,
+    request: ModelRequest,
+    *,
+    compiler: str | None = None,
+    flags: str | None = None,
+    warn: Callable[[str], None] | None = None,
+    arguments: Mapping[str, Any] | None = None,
+) -> Structure:
+    """Return the structure with its nodes in equilibrium.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure, at its stated positions.
+    request : ModelRequest
+        A request whose models do not support find_equilibrium, see has_statics.
+    compiler, flags : str, optional
+        As for build_library.
+    warn : callable, optional
+        Called with each warning of the equilibrium, a sentence.
+    arguments : mapping, optional
+        Inputs and parameters by name, where they differ from the scene.
+
+    Returns
+    -------
+    Structure
+        The structure at its equilibrium, found in node positions.
+
+    Raises
+    ------
+    ConvergenceError, UnstableError
+        No stable equilibrium was found.
+    FormulationError, CompilerMissingError, CompileError
+        As for build_library.
+    """
+    statics = with_statics(structure, request)
+    wanted = statics.wanting(*equilibrium_quantities(structure, statics))
+    near, offset = move_near_origin(structure, request)
+    model = build_library(near, wanted, compiler=compiler, flags=flags).load()
+    found = find_equilibrium(model, arguments=arguments)
+    if warn is not None:
+        for text in found.warnings:
+            warn(text)
+    return structure.with_changes(node_position=found.node_position + offset)
+
+
+def find_settled(
+    subject: Subject, request: ModelRequest, *, warn: Callable[[str], None] | None = None
+) -> tuple[Subject, Equilibrium]:
+    """Return the structure or bodies at the equilibrium, at rest, and the equilibrium itself.
+
+    Parameters
+    ----------
+    subject : Structure or BodySystem
+        At its stated positions.
+    request : ModelRequest
+        Of any formulation; the equilibrium is found in one that supports it.
+    warn : callable, optional
+        Called with each warning of the equilibrium, a sentence.
+
+    Returns
+    -------
+    settled : Structure or BodySystem
+        At the equilibrium, with zero velocities.
+    found : Equilibrium
+        Positions at their place, tensions (those of rigid bars too), evidence.
+
+    Raises
+    ------
+    ConvergenceError, UnstableError
+        No stable equilibrium was found.
+    FormulationError, CompilerMissingError, CompileError
+        As for build_library.
+    """
+    statics = with_statics(subject, request)
+    near, offset = move_near_origin(subject, request)
+    wanted = find_needs("equilibrium", near, statics).alone(statics)
+    found = find_equilibrium(build_library(near, wanted).load())
+    if warn is not None:
+        for text in found.warnings:
+            warn(text)
+    found = replace(found, node_position=found.node_position + offset)
+    settled: Subject
+    if isinstance(subject, Structure):
+        still = np.zeros_like(subject.node_position)
+        settled = subject.with_changes(node_position=found.node_position, node_velocity=still)
+    else:
+        settled = subject.with_changes(coordinate=found.coordinate, velocity=np.zeros_like(found.coordinate))
+    return settled, found
+
+
+def move_near_origin(structure: Subject, request: ModelRequest) -> tuple[Any, NDArray[np.float64]]:
+    """Return the structure for its statics, near the origin.
+
+    Parameters
+    ----------
+    structure : Structure or BodySystem
+        The structure.
+    request : ModelRequest
+        Its formulation decides whether the structure is moved.
+
+    Returns
+    -------
+    structure : Structure or BodySystem
+        The structure, moved along each axis on which that causes no rounding.
+    offset : ndarray, shape (3,) [m]
+        Motion back to the original place.
+
+    Notes
+    -----
+    Coordinates of node distances keep their digits far from the origin; node positions, in which the
+    equilibrium is found, do not. An axis is moved where all places are farther from zero than twice the
+    structure's extent.
+    """
+    if not isinstance(structure, Structure) or find_formulation(request.formulation).has_statics:
+        return structure, np.zeros(3)
+    place = structure.node_position
+    is_far = np.abs(place).min(axis=0) > 2.0 * np.ptp(place, axis=0)
+    offset = np.where(is_far, place[0], 0.0)
+    return structure.with_changes(node_position=place - offset), offset
+
+
+def is_corrected(request: ModelRequest) -> bool:
+    """Return whether the lengths of rigid bars follow their tensions (first-order correction).
+
+    Parameters
+    ----------
+    request : ModelRequest
+        Its options decide.
+
+    Returns
+    -------
+    bool
+        True with the option ``correction = "first_order"``.
+    """
+    return request.options.get("correction") == "first_order"

@@ -1,3 +1,0 @@
-"""What all results share: values by name, short texts."""
-
-__all__: list[str] = []

@@ -1,0 +1,3 @@
+"""The three papers, error against run time, and stability in extreme cases."""
+
+__all__: list[str] = []

@@ -1,0 +1,123 @@
+"""What is wrong or missing in print, each as a check that anyone can run again."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.studies.papers.lin.model import (
+    COLUMNS,
+    LOADS,
+    TOPS,
+    compile_prism,
+    place_load,
+    settle,
+)
+from tensegrity_codegen.studies.papers.lin.sensitivity import find_nearest_symmetrical
+from tensegrity_codegen.studies.papers.lin.tables import compute_extensions, read_tables
+
+__all__ = ["check_column_order", "check_errata", "check_generalised_forces", "check_unloaded_row"]
+
+FloatArray = NDArray[np.float64]
+
+# The order that Appendix A and section 2 suggest: L_1..L_3 side springs (A.1-A.3), L_4..L_6 top springs.
+STATED = ("A1B2", "A2B3", "A3B1", "B1B2", "B2B3", "B3B1")
+RADIUS_ANGLE = np.radians([90.0, 210.0, 330.0])  # gamma_i
+
+
+def check_errata() -> dict[str, dict[str, Any]]:
+    """Return all checks by name; docs/errata.md says what each of them shows."""
+    return {
+        "column_order": check_column_order(),
+        "generalised_forces": check_generalised_forces(),
+        "unloaded_row": check_unloaded_row(),
+    }
+
+
+def check_column_order() -> dict[str, Any]:
+    """Return how well each order of the six springs fits the columns of Table 2.
+
+    All 720 orders are tried. best, second: the two with the smallest mean difference [mm]; stated: the order
+    of the text, with its mean and largest difference [mm].
+    """
+    printed = read_tables()["computed"]
+    ours = compute_extensions(LOADS)
+    orders = list(permutations(range(6)))
+    mean = np.array([np.abs(ours[:, order] - printed).mean() for order in orders])
+    first, second = (int(k) for k in np.argsort(mean)[:2])
+    stated = [COLUMNS.index(name) for name in STATED]
+    apart = np.abs(ours[:, stated] - printed)
+    return {
+        "best": tuple(COLUMNS[k] for k in orders[first]),
+        "best_mean": float(mean[first]),
+        "second": tuple(COLUMNS[k] for k in orders[second]),
+        "second_mean": float(mean[second]),
+        "stated": STATED,
+        "stated_mean": float(apart.mean()),
+        "stated_largest": float(apart.max()),
+    }
+
+
+def check_generalised_forces() -> dict[str, Any]:
+    """Return how far (8)-(13) are from J^T F, for unit forces on B_i along x, y and z, at 5 N on B_3 [m].
+
+    printed (3,): largest difference of any of the six, with alpha_i as in (A.1)-(A.6), from the outward
+    radius of A_i; with_radius_angle (3,): the same with alpha_i + gamma_i in its place.
+    """
+    model = compile_prism()
+    place = settle(model, np.array([place_load(3, (0.0, 0.0, -5.0))])).coordinate[0]
+    jacobian = model.compute("node_jacobian", coordinate=place).toarray()
+    names, nodes = model.manifest.coordinate_name, model.manifest.node_name
+    azimuth = np.array([place[names.index(f"bar{k}_azimuth")] for k in (1, 2, 3)])
+    elevation = np.array([place[names.index(f"bar{k}_elevation")] for k in (1, 2, 3)])
+    columns = [names.index(f"bar{k}_{angle}") for angle in ("azimuth", "elevation") for k in (1, 2, 3)]
+    length = _bar_length(model)
+    difference = np.zeros((2, 3))
+    for axis in range(3):
+        force = np.tile(np.eye(3)[axis], (3, 1))
+        right = sum(
+            jacobian[3 * nodes.index(top) : 3 * nodes.index(top) + 3, columns].T @ force[k]
+            for k, top in enumerate(TOPS)
+        )
+        for row, angle in enumerate((azimuth, azimuth + RADIUS_ANGLE)):
+            difference[row, axis] = np.abs(_printed_forces(angle, elevation, length, force) - right).max()
+    return {"printed": difference[0], "with_radius_angle": difference[1]}
+
+
+def check_unloaded_row() -> dict[str, Any]:
+    """Return why the first row of Table 2 is no configuration of the printed prism.
+
+    spread: how far springs of one kind differ in it though nothing tells them apart [mm]; nearest: least
+    difference of any symmetrical configuration [mm], see find_nearest_symmetrical.
+    """
+    first = read_tables()["computed"][0]
+    nearest = find_nearest_symmetrical()
+    return {
+        "printed_top": float(first[:3].mean()),
+        "printed_side": float(first[3:].mean()),
+        "spread": float(max(np.ptp(first[:3]), np.ptp(first[3:]))),
+        "nearest_top": nearest["top"],
+        "nearest_side": nearest["side"],
+        "distance": nearest["distance"],
+    }
+
+
+def _printed_forces(
+    azimuth: FloatArray, elevation: FloatArray, length: float, force: FloatArray
+) -> FloatArray:
+    """Return (8)-(13), alpha before beta, (6,), from forces (3, 3), one row a top."""
+    x, y, z = force.T
+    turning = length * np.cos(elevation) * (-x * np.sin(azimuth) + y * np.cos(azimuth))
+    across = x * np.cos(azimuth) + y * np.sin(azimuth)
+    lifting = length * (z * np.cos(elevation) - across * np.sin(elevation))
+    return np.concatenate([turning, lifting])
+
+
+def _bar_length(model: CompiledModel) -> float:
+    place = model.compute("node_position")
+    nodes = model.manifest.node_name
+    return float(np.linalg.norm(place[nodes.index("bar1_B")] - place[nodes.index("bar1_A")]))

@@ -1,0 +1,127 @@
+"""The paper's own formulas of symmetrical motions, as printed and as corrected (SCS 17 to 42, Appendix A).
+
+None of them is used to compute results: they are what the reduction of the full model is compared with.
+Angles in rad. Entries of A_r and of e are in the order delta, alpha, Z.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
+
+__all__ = ["PrintedTower"]
+
+FloatArray = NDArray[np.float64]
+
+THIRTY, SIXTY = math.radians(30.0), math.radians(60.0)
+
+
+@dataclass(frozen=True)
+class PrintedTower:
+    """Closed forms over l, b, J~, m~ and d of SCS (26), in SI units."""
+
+    length: float
+    side: float
+    bar_inertia: float
+    bar_moment: float
+    friction: float
+
+    @classmethod
+    def of(cls, tower: SymmetricTower) -> PrintedTower:
+        """Return the closed forms with a tower's numbers."""
+        return cls(tower.bar.length, tower.side, tower.bar_inertia, tower.bar_moment, tower.friction)
+
+    def lengths(self, alpha: float, delta: float, height: float) -> FloatArray:
+        """Return S, V, D (17), (18), (19), (3,) [m]."""
+        l, b, root = self.length, self.side, math.sqrt(3.0)  # noqa: E741, as in the paper
+        sine, cosine = math.sin(delta), math.cos(delta)
+        saddle = height**2 + l**2 + 3 * l**2 * cosine**2 - 4 * l * height * cosine + b**2 / 3
+        diagonal = l**2 + b**2 / 3 + height**2 - 2 * l * height * cosine
+        return np.sqrt(
+            [
+                saddle - 2 / root * l * b * sine * math.cos(alpha - THIRTY),
+                l**2 + b**2 - 2 * l * b * sine * math.sin(alpha + THIRTY),
+                diagonal - 2 / root * l * b * sine * math.sin(alpha),
+            ]
+        )
+
+    def matrix(self, alpha: float, delta: float, height: float, *, as_printed: bool = False) -> FloatArray:
+        """Return A_r of (A.1) to (A.9), (3, 3); as printed, cos(delta) stands in the second row."""
+        l, b, root = self.length, self.side, math.sqrt(3.0)  # noqa: E741, as in the paper
+        sine, cosine = math.sin(delta), math.cos(delta)
+        across = cosine if as_printed else sine
+        scaled = np.array(
+            [
+                [
+                    (2 * height - 3 * l * cosine) * l * sine
+                    - l * b * cosine * math.cos(alpha - THIRTY) / root,
+                    -l * b * cosine * math.sin(alpha + THIRTY),
+                    l * height * sine - l * b * cosine * math.sin(alpha) / root,
+                ],
+                [
+                    l * b * across * math.sin(alpha - THIRTY) / root,
+                    -l * b * across * math.cos(alpha + THIRTY),
+                    -l * b * across * math.cos(alpha) / root,
+                ],
+                [6 * height - 12 * l * cosine, 0.0, 6 * height - 6 * l * cosine],
+            ]
+        )
+        matrix: FloatArray = scaled / self.lengths(alpha, delta, height)
+        return matrix
+
+    def own_force(
+        self, s: FloatArray, rate: FloatArray, change: FloatArray, force: float, *, as_printed: bool = False
+    ) -> FloatArray:
+        """Return e of (34), (3,); as printed, the centrifugal term of its first entry is missing."""
+        (_, delta, _), (turn, tilt, _), (turn2, tilt2, _) = s, rate, change
+        sine, cosine, inertia = math.sin(delta), math.cos(delta), self.bar_inertia
+        centrifugal = 0.0 if as_printed else inertia * sine * cosine * turn**2
+        return np.array(
+            [
+                inertia * tilt2 - self.friction * tilt - centrifugal,
+                inertia * sine**2 * turn2
+                - self.friction * turn
+                + inertia * math.sin(2 * delta) * turn * tilt,
+                self.bar_moment * (sine * tilt2 + cosine * tilt**2) - force,
+            ]
+        )
+
+    def tension(
+        self, s: FloatArray, rate: FloatArray, change: FloatArray, force: float, *, as_printed: bool = False
+    ) -> FloatArray:
+        """Return -A_r^-1 e, (3,) [N] (32), with the corrected A_r and e corrected or as printed."""
+        own = self.own_force(s, rate, change, force, as_printed=as_printed)
+        solved = np.linalg.solve(self.matrix(*(float(x) for x in s)), own)
+        return np.asarray(-solved, dtype=np.float64)
+
+    def torque(self, s: FloatArray, rate: FloatArray, change: FloatArray) -> float:
+        """Return M_3 [N m], (33) with its derivatives carried out."""
+        (alpha, delta, _), (turn, tilt, _), (turn2, tilt2, _) = s, rate, change
+        sine, cosine = math.sin(delta), math.cos(delta)
+        across, along = math.cos(alpha + SIXTY), math.sin(alpha + SIXTY)
+        spin = 3 * self.bar_inertia * (sine**2 * turn2 + 2 * sine * cosine * turn * tilt)
+        coupling = (
+            (cosine * tilt2 - sine * tilt**2) * across
+            - 2 * cosine * tilt * along * turn
+            - sine * (across * turn**2 + along * turn2)
+        )
+        return float(spin + self.bar_moment * self.side / math.sqrt(3.0) * coupling)
+
+    def determinant_condition(self, alpha: float, delta: float, height: float) -> float:
+        """Return the left side of (42) [m2], zero where det(A_r) is."""
+        l, b, cosine = self.length, self.side, math.cos(delta)  # noqa: E741, as in the paper
+        u = math.sin(delta) * math.cos(alpha + THIRTY)
+        linear = (3 * l * u + b / math.sqrt(3.0)) * cosine
+        return height**2 * u - height * linear + (3 * l * u + math.sqrt(3.0) / 2 * b) * l * cosine**2
+
+    def torque_free(self, alpha: float, delta: float, alpha_0: float, delta_0: float) -> float:
+        """Return f(alpha, delta) of (49) [kg m2], zero on motions without torque from (alpha_0, delta_0)."""
+        coupling = self.bar_moment * self.side / math.sqrt(3.0)
+        turned = math.sin(delta) * math.cos(alpha + SIXTY) - math.sin(delta_0) * math.cos(alpha_0 + SIXTY)
+        spin = 3 * self.bar_inertia * math.sin(alpha - alpha_0) * math.sin(delta) * math.sin(delta_0)
+        return spin + coupling * turned

@@ -1,0 +1,166 @@
+"""SCS (30), (42): where the tower can stand symmetrically, as maps over azimuth and declination."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensegrity_codegen.report.pages.diagram import TEXT_SIZE, dress_axes
+from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section
+from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell
+from tensegrity_codegen.report.pages.picture import draw_picture
+from tensegrity_codegen.report.pictures.canvas import new_figure
+from tensegrity_codegen.report.pictures.palette import INK, MUTED, SEQUENCE
+from tensegrity_codegen.studies.papers.scs.figures import compute_paper_maps
+from tensegrity_codegen.studies.papers.scs.paper_values import PAPER_POSES
+from tensegrity_codegen.studies.papers.scs.regions import RegionMap, find_prestressable
+from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Patch
+
+__all__ = ["map_section"]
+
+# Code of a region -> its name and colour: 0 taut, else the sum of 1, 2, 4 for the tendons that would push.
+REGIONS = {
+    0: ("all taut", SEQUENCE[2]),
+    1: ("saddle", SEQUENCE[0]),
+    2: ("vertical", SEQUENCE[4]),
+    4: ("diagonal", SEQUENCE[3]),
+    3: ("saddle, vertical", "#e69f00"),
+    5: ("saddle, diagonal", SEQUENCE[1]),
+    6: ("vertical, diagonal", MUTED),
+    7: ("all three", INK),
+}
+POSES = {"(44)": ("44", "45"), "(52)": ("52", "53")}
+MAP_SPAN = 120.0  # [deg], azimuths of the figures
+STEP_OF_TURN = 2.0  # [deg], of the map over all azimuths
+PRESTRESS_DELTA = (20.0, 30.0, 40.0, 50.0, 60.0)  # [deg]
+
+
+def map_section(tower: SymmetricTower, step: float) -> Section:
+    """Return the maps in steps of `step` [deg], and configurations that stand without load."""
+    maps = compute_paper_maps(tower, step)
+    turn = compute_paper_maps(tower, STEP_OF_TURN, 360.0)
+    beyond = {name: found.feasible[:, found.alpha_deg >= MAP_SPAN].sum() for name, found in turn.items()}
+    share = {name: 100 * float(found.feasible.mean()) for name, found in maps.items()}
+    of_all = {
+        name: share[name] * MAP_SPAN / 360.0 + 100 * float(beyond[name] / found.code.size)
+        for name, found in turn.items()
+    }
+    return Section(
+        "scs-map",
+        "(30), (42)",
+        "Where the tower can stand",
+        "new",
+        f"taut at {of_all['(44)']:.2f} % of all angles for Z = 1.111 m and −50 N, at "
+        f"{of_all['(52)']:.2f} % for 1.605 m and 50 N; of those with azimuths from 0 to 120° at "
+        f"{share['(44)']:.1f} and {share['(52)']:.1f} %",
+        (
+            Paragraph(
+                "The paper finds feasible configurations by choosing angles and height until all "
+                "tensions are positive. Here is where they are at the two heights of its examples, for "
+                "the sign of the force there; tensions are proportional to the force. The maps show "
+                "azimuths from 0 to 120°; at others some tendon would have to push."
+            ),
+            *(_map_figure(name, found) for name, found in maps.items()),
+            Remark(
+                "new",
+                "The printed equilibria lie inside the green regions, (52) close to its edge: its saddle "
+                "tendons carry 0.49 N. On the dashed line det(A_r) = 0 (42): tensions grow without bound "
+                "under any force. Where it borders on a green region the tower can be prestressed without a "
+                "force.",
+            ),
+            _prestress_table(tower),
+        ),
+    )
+
+
+def _map_figure(name: str, found: RegionMap) -> Figure:
+    """Return one map: regions, the contour of the determinant, and the printed equilibria."""
+    figure = new_figure(4.9, 4.5)
+    axes = figure.add_subplot()
+    patches = _fill_regions(axes, found)
+    _mark_poses(axes, name)
+    dress_axes(axes, "azimuth α [°]", "declination δ [°]")
+    axes.set(xlim=(found.alpha_deg[0], found.alpha_deg[-1]), ylim=(0, 90))
+    axes.set_xticks(range(0, 121, 20))
+    axes.set_yticks(range(0, 91, 15))
+    figure.legend(
+        handles=patches,
+        loc="outside upper center", ncols=3, frameon=False, fontsize=TEXT_SIZE - 1, labelcolor=INK,
+        handlelength=1.3, columnspacing=1.2,
+    )  # fmt: skip
+    return Figure(
+        draw_picture(figure, f"scs-map-{POSES[name][0]}"),
+        f"Z = {found.height:.5g} m, F₃ = {found.force:g} N".replace("-", "−")
+        + ". Green: all tendons taut; other colours: which tendons would have to push. Dashed: det(A_r) = 0. "
+        "Dots: printed equilibria. Empty, at 30°: bars intersect.",
+        "Map of feasible configurations over azimuth and declination; the printed equilibria lie in its "
+        "taut region.",
+        {
+            "height": found.height,
+            "force": found.force,
+            "alpha_deg": found.alpha_deg.tolist(),
+            "delta_deg": found.delta_deg.tolist(),
+            "code": found.code.tolist(),
+        },
+    )
+
+
+def _fill_regions(axes: Axes, found: RegionMap) -> list[Patch]:
+    """Fill each region with its colour and return the legend's patches."""
+    from matplotlib.patches import Patch
+
+    patches = []
+    present = [code for code in REGIONS if (found.code == code).any()]
+    for code in present:
+        name, color = REGIONS[code]
+        inside = np.where(found.code == code, 1.0, 0.0)
+        strength = 0.6 if code == 0 else 0.38
+        axes.contourf(
+            found.alpha_deg, found.delta_deg, inside, levels=[0.5, 1.5], colors=[color], alpha=strength
+        )
+        patches.append(Patch(facecolor=color, alpha=strength, label=name))
+    axes.contour(
+        found.alpha_deg, found.delta_deg, np.ma.masked_invalid(found.determinant), levels=[0.0],
+        colors=[INK], linestyles="dashed", linewidths=1.0,
+    )  # fmt: skip
+    return patches
+
+
+def _mark_poses(axes: Axes, name: str) -> None:
+    for key in POSES[name]:
+        pose = PAPER_POSES[key]
+        axes.plot(pose.alpha_deg, pose.delta_deg, "o", color=INK, markersize=4.5, zorder=5)
+        axes.annotate(
+            pose.equation, (pose.alpha_deg, pose.delta_deg), xytext=(5, 4), textcoords="offset points",
+            fontsize=TEXT_SIZE, color=INK, zorder=6,
+        )  # fmt: skip
+
+
+def _prestress_table(tower: SymmetricTower) -> Table:
+    """Return configurations that stand without load at the height of (44)."""
+    height = PAPER_POSES["44"].height
+    rows = []
+    for delta in PRESTRESS_DELTA:
+        if height <= tower.bar.length * math.cos(math.radians(delta)):
+            continue
+        for found in find_prestressable(tower, math.radians(delta), height):
+            ratio = found.tension / found.tension[0]
+            rows.append(
+                (
+                    number_cell(delta, ".0f"),
+                    number_cell(found.pose.in_degrees[0], ".4f"),
+                    *(number_cell(float(value), ".4f") for value in ratio[1:]),
+                )
+            )
+    return Table(
+        f"Configurations at Z = {height:.5g} m that stand without load (F₃ = 0), and ratios of their "
+        "tensions.",
+        (Column("δ", "°"), Column("α", "°"), Column("T_V / T_S"), Column("T_D / T_S")),
+        tuple(rows),
+    )

@@ -1,0 +1,21 @@
+"""The two models that the studies compare, compiled from one structure."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.request import ModelRequest
+
+__all__ = ["compile_in"]
+
+
+def compile_in(structure: Structure, formulation: str, *quantities: str, **options: str) -> CompiledModel:
+    """Return the compiled model in a formulation, fit for simulation, with some more quantities."""
+    request = ModelRequest(
+        (*simulation_quantities(formulation), *quantities),
+        integrators=("rk4", "rk54"),
+        formulation=formulation,
+        options=options,
+    )
+    return build_library(structure, request).load()

@@ -1,0 +1,192 @@
+"""A second opinion in extended precision: the same physics written once more, fixed steps of order 8.
+
+Velocities of stiff bars are lost in the rounding of double precision, mu eps l / m a step; here they are not.
+Digits have 64 bits; where a compiler's `long double` is no longer than `double` there is no such opinion.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import time
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.compile import compile_library
+from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.codegen.print.render import render
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.laws import compute_spring_constant
+from tensegrity_codegen.tables.tableaus import TABLEAUS
+
+__all__ = ["ExtendedMotion", "has_extended_precision"]
+
+FloatArray = NDArray[np.float64]
+LongArray = NDArray[np.longdouble]
+
+STAGES = TABLEAUS["rk853"].rows
+CHUNK = 0.2  # s of work after which the clock is looked at
+REFINEMENTS = 3  # of the inverse of H by Newton's iteration, from double precision
+
+
+def has_extended_precision() -> bool:
+    """Return whether `long double` has more digits than `double` here."""
+    return bool(np.finfo(np.longdouble).eps < 1e-3 * np.finfo(np.float64).eps)
+
+
+class ExtendedMotion:
+    """The motion of a structure whose members are all springs, from its stated positions and velocities."""
+
+    def __init__(self, structure: Structure) -> None:
+        long = np.longdouble
+        self.structure = structure
+        self.places = structure.coordinate_node_axis
+        self.end = np.ascontiguousarray(structure.connectivity, dtype=np.intc)
+        rest = structure.rest_length.astype(long)
+        stiffnesses = (structure.spring_constant.astype(long), structure.axial_stiffness.astype(long))
+        self.mu = compute_spring_constant(*stiffnesses, rest)
+        columns = [self.mu, structure.damping.astype(long), rest, structure.tension_only.astype(long)]
+        self.law = np.ascontiguousarray(np.stack(columns, axis=1))
+        weight = structure.node_mass.astype(long)
+        np.add.at(
+            weight, structure.connectivity.ravel(), np.repeat(structure.member_mass.astype(long) / 2, 2)
+        )
+        self.constant = structure.node_load.astype(long) + weight[:, None] * structure.gravity.astype(long)
+        self.where = np.ascontiguousarray(3 * self.places[:, 0] + self.places[:, 1], dtype=np.intc)
+        self.inverse = _inverse(_mass(structure))
+
+    def fastest(self) -> tuple[float, float]:
+        """Return the largest frequency [rad/s] and decay rate [1/s] with every member taut."""
+        vector = self._vectors(self.structure.node_position.astype(np.longdouble)).astype(np.float64)
+        length = np.linalg.norm(vector, axis=1)[:, None]
+        direction = np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
+        rows = np.zeros((len(vector), self.structure.n_nodes * 3))
+        for end, sign in ((0, 1.0), (1, -1.0)):
+            for axis in range(3):
+                rows[np.arange(len(vector)), 3 * self.end[:, end] + axis] = sign * direction[:, axis]
+        rows = rows[:, self.where]
+        found = []
+        for values in (self.mu.astype(np.float64), self.structure.damping):
+            matrix = self.inverse.astype(np.float64) @ (rows.T @ (values[:, None] * rows))
+            found.append(float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
+        return float(np.sqrt(found[0])), found[1]
+
+    def run(self, sample_time: FloatArray, steps: int, deadline: float) -> LongArray | None:
+        """Return the states (n_t, 2n) at times [s] from 0 up; None if they are not finite or time is up.
+
+        steps: between two samples; deadline: of time.process_time().
+        """
+        node, axis = self.places.T
+        position = np.ascontiguousarray(self.structure.node_position.astype(np.longdouble))
+        speed = np.ascontiguousarray(np.zeros_like(position))
+        state = np.concatenate([position[node, axis], self.structure.node_velocity[node, axis]])
+        state = np.ascontiguousarray(state.astype(np.longdouble))
+        found, rate = [state.copy()], 1e5  # steps a second, at first
+        for span in np.diff(sample_time):
+            left = steps
+            h = np.longdouble(span) / left
+            while left:
+                count = min(left, max(1, int(rate * CHUNK)))
+                started = time.process_time()
+                if started + left / rate > deadline + CHUNK or self._advance(
+                    count, h, position, speed, state
+                ):
+                    return None
+                rate = count / max(time.process_time() - started, 1e-6)
+                left -= count
+            found.append(state.copy())
+        return np.array(found)
+
+    def tension(self, state: LongArray) -> FloatArray:
+        """Return the tensions (n_t, n_members) [N] in states (n_t, 2n)."""
+        return np.array([self._tension(row) for row in state])
+
+    def _tension(self, state: LongArray) -> FloatArray:
+        node, axis = self.places.T
+        n = len(node)
+        position = self.structure.node_position.astype(np.longdouble)
+        speed = np.zeros_like(position)
+        position[node, axis], speed[node, axis] = state[:n], state[n:]
+        vector, moving = self._vectors(position), self._vectors(speed)
+        length = np.sqrt(np.sum(vector * vector, axis=1))
+        mu, c, rest, is_cable = self.law.T
+        pull = mu * (length - rest) + c * np.sum(vector * moving, axis=1) / length
+        slack = (is_cable > 0) & ((length <= rest) | (pull <= 0))
+        return np.where(slack, 0.0, pull).astype(np.float64)
+
+    def _vectors(self, place: LongArray) -> LongArray:
+        return np.asarray(place[self.end[:, 0]] - place[self.end[:, 1]])
+
+    def _advance(
+        self, count: int, h: np.longdouble, position: LongArray, speed: LongArray, state: LongArray
+    ) -> bool:
+        """Take some steps, in place; return whether the state is lost."""
+        structure, n = self.structure, len(self.where)
+        first, column, value = _by_rows(self.inverse)
+        work = np.empty(3 * structure.n_nodes + 2 * n * (len(STAGES) + 2), np.longdouble)
+        arrays = [self.end, self.law, self.constant, self.where, first, column, value]
+        pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in arrays]
+        after = [array.ctypes.data_as(ctypes.c_void_p) for array in (position, speed, state, work)]
+        sizes = (structure.n_nodes, structure.n_members, n)
+        step = ctypes.c_longdouble(float(h))
+        ctypes.memmove(ctypes.byref(step), np.array([h]).ctypes.data, ctypes.sizeof(step))
+        return bool(_function()(*sizes, *pointers, ctypes.c_longlong(count), step, *after))
+
+
+def _mass(structure: Structure) -> LongArray:
+    """Return H over the coordinates (n, n)."""
+    long, places = np.longdouble, structure.coordinate_node_axis
+    whole = np.diag(structure.node_mass.astype(long))
+    for (i, j), mass in zip(structure.connectivity, structure.member_mass.astype(long), strict=True):
+        whole[i, i] += mass / 3
+        whole[j, j] += mass / 3
+        whole[i, j] += mass / 6
+        whole[j, i] += mass / 6
+    same = places[:, 1][:, None] == places[:, 1][None, :]
+    return np.where(same, whole[places[:, 0]][:, places[:, 0]], long(0))
+
+
+def _inverse(matrix: LongArray) -> LongArray:
+    """Return the inverse of a symmetric positive definite matrix to all digits."""
+    root = np.sqrt(np.diag(matrix))
+    scaled = matrix / root[:, None] / root[None, :]
+    found = np.linalg.inv(scaled.astype(np.float64)).astype(np.longdouble)
+    for _ in range(REFINEMENTS):
+        found = 2 * found - found @ scaled @ found
+    found[np.abs(found) < 1e-25] = 0
+    return np.asarray(found / root[:, None] / root[None, :])
+
+
+def _by_rows(matrix: LongArray) -> tuple[NDArray[np.intc], NDArray[np.intc], LongArray]:
+    """Return where rows start, columns and values of the entries that are not 0."""
+    row, column = np.nonzero(matrix)
+    first = np.searchsorted(row, np.arange(len(matrix) + 1))
+    return first.astype(np.intc), column.astype(np.intc), np.ascontiguousarray(matrix[row, column])
+
+
+@cache
+def _function() -> Any:
+    """Return the function of templates/extended_motion.c.j2, compiled once a machine."""
+    rows = [[(k, repr(value)) for k, value in row.items()] for row in STAGES]
+    text = render("extended_motion.c", {"rows": rows})
+    compiler, cache_of = find_compiler(), Cache()
+    key = hashlib.sha256(f"{text}{compiler.command}{compiler.version}".encode()).hexdigest()
+    entry = cache_of.find(key)
+    if entry is None:
+        made = compile_library(
+            {"extended_motion.c": text},
+            name="extended_motion",
+            compiler=compiler,
+            flags=FLAG_SETS["reference"],
+        )
+        entry = cache_of.store(key, {"manifest.json": b"{}", made.file_name: made.library})
+    function = ctypes.CDLL(str(entry.library)).extended_motion
+    function.restype = ctypes.c_int
+    pointer, count, long = ctypes.c_void_p, ctypes.c_longlong, ctypes.c_longdouble
+    function.argtypes = [*[ctypes.c_int] * 3, *[pointer] * 7, count, long, *[pointer] * 4]
+    return function

@@ -1,0 +1,179 @@
+"""Our own contenders: every formulation that a structure allows, every integrator that it can have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
+from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
+from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.runtime.trajectory.evaluate_trajectory import evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
+from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+from tensegrity_codegen.studies.work_precision.row import Row
+from tensegrity_codegen.system.errors import TensegrityError
+from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.request import ModelRequest
+
+__all__ = [
+    "ADAPTIVE",
+    "STEPS",
+    "TOLERANCES",
+    "CompiledMotion",
+    "compile_problem",
+    "describe_simulation",
+    "initial_state",
+    "own_contenders",
+    "place_samples",
+]
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCES = tuple(10.0**-k for k in range(2, 13))
+STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
+ADAPTIVE = ("rk54", "rk853")
+FIXED = ("rk4",)
+IMPLICIT = ("radau",)
+RADAU_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
+ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A formulation with options and the emitter that writes it; the methods to run it with."""
+
+    formulation: str
+    options: Mapping[str, str] = field(default_factory=dict)
+    emitter: str = "auto"
+    methods: tuple[str, ...] = (*ADAPTIVE, *FIXED)
+
+
+@dataclass(frozen=True)
+class CompiledMotion:
+    """A compiled model, run-time arguments unlike its scene's, and the initial state (n_states,)."""
+
+    model: CompiledModel
+    arguments: Mapping[str, FloatArray]
+    state: FloatArray
+
+
+# The two with options are for bars that have a stiffness.
+VARIANTS: Mapping[str, Variant] = {
+    "node_position": Variant("node_position", methods=(*ADAPTIVE, *IMPLICIT, *FIXED)),
+    "node_position by table": Variant("node_position", emitter="table", methods=(*ADAPTIVE, *IMPLICIT)),
+    "node_distance": Variant("node_distance"),
+    "rigid_bar": Variant("rigid_bar", methods=(*ADAPTIVE, *IMPLICIT, *FIXED)),
+    "rigid_bar, all bars": Variant("rigid_bar", {"bars": "all"}),
+    "rigid_bar, corrected": Variant("rigid_bar", {"bars": "all", "correction": "first_order"}),
+}
+
+
+def own_contenders(
+    problem: MotionProblem, *, flags: str, compiler: str | None
+) -> Iterator[tuple[str, Callable[[], Contender]]]:
+    """Yield name and maker of each of our contenders; makers raise Unavailable for what does not apply."""
+    for title, variant in VARIANTS.items():
+        for method in variant.methods:
+            yield f"{title}, {method}", partial(_make, problem, title, method, flags, compiler)
+
+
+def compile_problem(
+    problem: MotionProblem, title: str, integrator: str, flags: str, compiler: str | None
+) -> CompiledModel:
+    """Return the model of a problem in one of VARIANTS; Unavailable where the structure has it not."""
+    variant = VARIANTS[title]
+    formulation, options = variant.formulation, variant.options
+    rigid = problem.structure.is_rigid
+    if rigid.any() != (title == "rigid_bar") and not options:
+        raise Unavailable("has rigid bars" if rigid.any() else "has no rigid bars")
+    if options and not (problem.structure.is_bar & ~rigid).any():
+        raise Unavailable("has no bars with a stiffness")
+    if variant.emitter != "auto" and problem.structure.n_members > MOST_STRAIGHT:
+        raise Unavailable("the emitter table is the usual one at this size")
+    is_rigid = find_formulation(formulation).has_rigid_bars
+    extra = ("consistent_coordinate", "consistent_velocity") if is_rigid else ()
+    request = ModelRequest(
+        (*simulation_quantities(formulation), *extra),
+        formulation=formulation,
+        integrators=(integrator,),
+        options=options,
+        emitter=variant.emitter,
+    )
+    try:
+        return build_library(problem.structure, request, compiler=compiler, flags=flags).load()
+    except TensegrityError as error:
+        raise Unavailable(error.problem) from error
+
+
+def _make(problem: MotionProblem, title: str, method: str, flags: str, compiler: str | None) -> Contender:
+    model = compile_problem(problem, title, method, flags, compiler)
+    state = initial_state(model)
+    fixed = method in FIXED
+
+    def run(setting: float) -> Callable[[], Run]:
+        options = RunOptions(method, setting, ATOL_OF_RTOL * setting)
+        if fixed:
+            options = RunOptions(method, step=setting * problem.t_end)
+        raw = integrate_once(Motion(model, state, problem.sample_time), options)
+        return lambda: _look(model, raw)
+
+    settings = STEPS if fixed else RADAU_TOLERANCES if method in IMPLICIT else TOLERANCES
+    kind = "step" if fixed else "tolerance"
+    return Contender(f"{title}, {method}", "own", title, method, kind, settings, run)
+
+
+def _look(model: CompiledModel, raw: RawTrajectory) -> Run:
+    """Return a run with the status that a simulation gives it, which looks at the energy too."""
+    found = evaluate_trajectory(model, raw, {})
+    return Run(
+        node_position=found.node_position,
+        status=found.status,
+        message=found.message,
+        n_steps=raw.n_steps,
+        n_evaluations=raw.n_evaluations,
+        energy_drift=None if found.energy_drift is None else float(np.ptp(found.total_energy)),
+    )
+
+
+def describe_simulation(row: Row, t_end: float, flags: str) -> str:
+    """Return options of the verb simulate, and keys of a scene, with which it repeats one of our runs."""
+    variant = VARIANTS[row.formulation]
+    accuracy = f"--rtol {row.setting:g} --atol {ATOL_OF_RTOL * row.setting:g}"
+    if row.kind == "step":
+        accuracy = f"--step {row.setting * t_end:.6g}"
+    keys = [f'formulation = "{variant.formulation}"']
+    if variant.options:
+        options = ", ".join(f'{key} = "{value}"' for key, value in variant.options.items())
+        keys.append(f"options = {{ {options} }}")
+    if variant.emitter != "auto":
+        keys.append(f'emitter = "{variant.emitter}"')
+    return (
+        f"simulate --t-end {t_end:g} --method {row.method} {accuracy} --control steps --flags {flags}, with "
+        f"{', '.join(keys)} under [model]"
+    )
+
+
+def initial_state(model: CompiledModel) -> FloatArray:
+    """Return the scene's own state (n_states,), brought onto the constraints of the model."""
+    return np.concatenate(make_consistent(model, model.nominal("coordinate"), model.nominal("velocity"), {}))
+
+
+def place_samples(
+    model: CompiledModel, raw: RawTrajectory, arguments: Mapping[str, FloatArray] | None = None
+) -> FloatArray:
+    """Return node positions (n_t, n_nodes, 3) [m] of the samples that a run reached."""
+    n, given = raw.state.shape[1] // 2, arguments or {}
+    anchors = given.get("anchor_position")
+    return np.stack([place_nodes(model, state[:n], anchors, arguments=given) for state in raw.state])

@@ -1,0 +1,30 @@
+"""Other integrators over the same structure, where they are installed: one file each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from tensegrity_codegen.studies.work_precision.contender import Contender
+from tensegrity_codegen.studies.work_precision.own import CompiledMotion
+from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, scipy_ivp, sundials
+from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+
+__all__ = ["peer_contenders"]
+
+
+def peer_contenders(
+    problem: MotionProblem,
+    compiled: Callable[[], CompiledMotion] | None = None,
+    *,
+    compiler: str | None = None,
+    usual: bool = False,
+) -> Iterator[tuple[str, Callable[[], Contender]]]:
+    """Yield name and maker of each peer; makers raise Unavailable where it is not installed or not able.
+
+    A name begins with that of the program. compiled: makes the motion that peers run which call our compiled
+    accelerations; compiled for the problem if not given. compiler: of what is compiled for peers. usual: one
+    setting of each method, that which the program has by itself, in place of all.
+    """
+    yield from mujoco_tendons.contenders(problem)
+    yield from sundials.usual_contenders(problem) if usual else sundials.contenders(problem, compiler)
+    yield from scipy_ivp.contenders(problem, compiled, usual=usual)

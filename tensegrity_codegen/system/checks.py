@@ -1,0 +1,94 @@
+"""Checks of what callers hand in: numbers, switches, objects of this package, paths."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from numbers import Integral, Real
+from typing import Any, TypeGuard
+
+from tensegrity_codegen.system.errors import InvalidValueError
+
+__all__ = [
+    "check_callback",
+    "check_instance",
+    "check_names",
+    "check_path",
+    "check_positive",
+    "check_switch",
+    "check_whole",
+    "is_number",
+    "is_whole",
+]
+
+
+def is_whole(value: Any) -> TypeGuard[int]:
+    """Return whether a value is an integer of Python or NumPy; True and False are none."""
+    return isinstance(value, Integral) and is_number(value)
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Return whether a value is a finite real number of Python or NumPy; True and False are none."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except (OverflowError, TypeError):  # an integer that no double holds, a duration of NumPy
+        return False
+
+
+def check_whole(
+    value: Any, where: str, least: int, most: int | None = None, problem: str = "out of range", hint: str = ""
+) -> int:
+    """Return a whole number from `least` to `most`; raises InvalidValueError, naming what is allowed."""
+    if is_whole(value) and least <= value and (most is None or value <= most):
+        return int(value)
+    upper = "on" if most is None else f"to {most}"
+    raise InvalidValueError(
+        problem, where=where, given=value, allowed=f"a whole number from {least} {upper}", hint=hint
+    )
+
+
+def check_switch(value: Any, where: str) -> bool:
+    """Return True or False; raises InvalidValueError for anything else, such as "no"."""
+    if value is True or value is False:
+        return value
+    raise InvalidValueError("not a switch", where=where, given=value, allowed="True or False")
+
+
+def check_positive(value: Any, where: str, unit: str = "") -> float:
+    """Return a finite number above zero; raises InvalidValueError. unit: "[s]", for the message."""
+    if is_number(value) and value > 0:
+        return float(value)
+    raise InvalidValueError(
+        "out of range", where=where, given=value, allowed=f"a finite number > 0 {unit}".strip()
+    )
+
+
+def check_instance(value: Any, kinds: type | tuple[type, ...], where: str, allowed: str) -> None:
+    """Raise InvalidValueError for a value of another type; allowed: what makes such a value."""
+    if not isinstance(value, kinds):
+        raise InvalidValueError("wrong type", where=where, given=type(value).__name__, allowed=allowed)
+
+
+def check_callback(value: Any, where: str) -> None:
+    """Raise InvalidValueError for what is neither a function nor None."""
+    if value is not None and not callable(value):
+        raise InvalidValueError("not a function", where=where, given=value, allowed="a function, or None")
+
+
+def check_names(value: Any, where: str) -> tuple[str, ...]:
+    """Return names as a tuple, also a single one; raises InvalidValueError for what is no list of texts."""
+    listed = isinstance(value, Iterable) and getattr(value, "ndim", 1) == 1
+    names = (value,) if isinstance(value, str) else tuple(value) if listed else (None,)
+    if all(isinstance(name, str) for name in names):
+        return names
+    raise InvalidValueError("not a list of names", where=where, given=value, allowed="a list of texts")
+
+
+def check_path(value: Any, where: str) -> None:
+    """Raise InvalidValueError for what is no path of a file or folder."""
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or "\0" in text or any("\ud800" <= letter <= "\udbff" for letter in text):
+        raise InvalidValueError("not a path", where=where, given=value, allowed="a text or a pathlib.Path")

@@ -1,0 +1,183 @@
+"""Writing files whole or not at all, and replacing files only where that is asked for."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import secrets
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+from tensegrity_codegen.system.checks import check_path
+from tensegrity_codegen.system.errors import OutputError
+from tensegrity_codegen.system.temporary_files import announce, withdraw
+
+__all__ = [
+    "check_ending",
+    "check_not_input",
+    "check_output",
+    "explain_unwritable",
+    "find_kind",
+    "replaced",
+]
+
+FILE_RULE = "a file name in a folder that exists and may be written to"
+FOLDER_RULE = "a folder that exists or can be made, and may be written to"
+
+
+def check_ending(path: str | Path, *allowed: str) -> None:
+    """Raise OutputError where the name of `path` has an ending (".csv") that is not `allowed`.
+
+    Else a file would hold another format than its name says. A name without an ending is taken as it is.
+    """
+    ending = Path(path).suffix
+    if ending and ending.lower() not in allowed:
+        raise OutputError(
+            f"this output cannot have the ending {ending!r}",
+            where=str(path),
+            given=Path(path).name,
+            allowed=f"a name that ends in {' or '.join(allowed)}",
+            hint=f"{Path(path).stem}{allowed[0]}",
+        )
+
+
+def find_kind(path: str | Path) -> str:
+    """Return what a path leads to that is no regular file ("a pipe"), "" for a file or nothing at all."""
+    try:
+        mode = Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return ""
+    kinds = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+    return "" if stat.S_ISREG(mode) else kinds.get(stat.S_IFMT(mode), "a device")
+
+
+def check_output(path: str | Path, *, inputs: Iterable[Path] = (), overwrite: bool = False) -> Path:
+    """Return the file that `path` leads to, links followed.
+
+    For long work: that its result has a place is known before it starts. Folders, devices and pipes are
+    refused.
+
+    Parameters
+    ----------
+    path : file to write a result to.
+    inputs : files that are read; none of them is ever replaced.
+    overwrite : whether a file that exists may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written, or exists and may not be replaced.
+    """
+    check_path(path, "path")
+    target = Path(os.path.realpath(path))
+    try:
+        if target.is_dir():
+            raise explain_unwritable(path, "this is a folder, not a file")
+        exists = target.exists()
+        if exists and not target.is_file():
+            raise explain_unwritable(path, "this is a device or a pipe, not a file")
+        if not target.parent.is_dir():
+            raise explain_unwritable(path, f"there is no folder {target.parent}")
+    except OSError as error:
+        raise explain_unwritable(path, _reason(error)) from error
+    check_not_input(path, inputs)
+    if exists and not overwrite:
+        raise OutputError(
+            "the file exists already",
+            where=str(path),
+            hint="choose another name, or pass `overwrite=True` to replace it",
+        )
+    if not os.access(target.parent, os.W_OK):
+        raise explain_unwritable(path, f"the folder {target.parent} may not be written to")
+    return target
+
+
+def check_not_input(path: str | Path, inputs: Iterable[Path]) -> None:
+    """Raise OutputError if `path` is one of the files that are read, under whatever name."""
+    for source in inputs:
+        with suppress(OSError):
+            if Path(path).samefile(source):
+                raise OutputError(
+                    "the output would replace an input",
+                    where=str(path),
+                    given=str(source),
+                    allowed="a file that is not read",
+                    hint="choose another name for the output",
+                )
+
+
+@contextmanager
+def replaced(path: str | Path, *, overwrite: bool) -> Iterator[Path]:
+    """Yield a path beside `path` to write to; it takes the place of `path` when the block ends well.
+
+    Nothing is left behind when the block raises; what a killed process left goes with the next call. Raises
+    OutputError where the file exists (without `overwrite`) or cannot be written.
+    """
+    target = check_output(path, overwrite=overwrite)
+    _sweep(target)
+    # The suffix stays last, since writers choose their format by it.
+    temporary = target.with_name(f".{_place()}-{os.getpid()}-{secrets.token_hex(3)}.{_tail(target)}")
+    announce(temporary)
+    try:
+        try:
+            yield temporary
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+            withdraw(temporary)
+    except OSError as error:
+        raise explain_unwritable(path, _reason(error)) from error
+
+
+def explain_unwritable(path: str | Path, reason: str, what: str = "file") -> OutputError:
+    """Return the error for a "file" that cannot be written or a "folder" that cannot be made."""
+    return OutputError(
+        f"the {what} cannot be {'written' if what == 'file' else 'made'}: {reason}",
+        where=str(path),
+        allowed=FILE_RULE if what == "file" else FOLDER_RULE,
+        hint="check the path, its permissions and free space",
+    )
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed processes of this machine left beside `target`."""
+    if os.name != "posix":
+        return
+    pattern = re.compile(rf"\.{_place()}-(\d+)-[0-9a-f]{{6}}\.{re.escape(_tail(target))}")
+    with suppress(OSError), os.scandir(target.parent) as items:
+        for item in items:
+            match = pattern.fullmatch(item.name)
+            if match and not _is_running(int(match[1])):
+                Path(item.path).unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
+
+
+@cache
+def _place() -> str:
+    """Return what tells apart the processes of machines and containers that share a folder."""
+    space = ""
+    with suppress(OSError):
+        space = str(Path("/proc/self/ns/pid").readlink())
+    return hashlib.sha256(f"{platform.node()} {space}".encode()).hexdigest()[:6]
+
+
+def _tail(target: Path) -> str:
+    return target.name[-100:]
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or type(error).__name__

@@ -1,0 +1,209 @@
+"""Files of packages with pinned hashes: a file of the user, the copy in the cache, or what pip downloads."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from tensegrity_codegen.system.cache_root import find_cache_root, warn_of_fallback
+from tensegrity_codegen.system.errors import MissingSourceError, UnsafeCacheError
+from tensegrity_codegen.system.private_files import (
+    check_parents,
+    check_private,
+    make_private,
+    write_private,
+)
+
+__all__ = ["PinnedFile"]
+
+TIMEOUT = 300.0  # s
+
+
+@dataclass(frozen=True)
+class PinnedFile:
+    """A file that a package index offers, of one version and one SHA-256.
+
+    Attributes
+    ----------
+    package, version : str
+        What pip is asked for.
+    file : str
+        Name of the file.
+    sha256 : str
+        Its hash; every other file is refused.
+    title : str
+        What it is called in messages.
+    is_source : bool
+        Whether it is a source archive; else a wheel.
+    hand : str
+        How a user names the file, such as "daqp_sdist=PATH".
+    largest : int
+        Bytes that a file of a user may have.
+    """
+
+    package: str
+    version: str
+    file: str
+    sha256: str
+    title: str
+    is_source: bool
+    hand: str
+    largest: int = 2**24
+
+    @property
+    def command(self) -> str:
+        """The command with which a user downloads the file."""
+        kind = "--no-binary" if self.is_source else "--only-binary"
+        return f"pip download {self.package}=={self.version} {kind} {self.package} --no-deps"
+
+    @property
+    def hint(self) -> str:
+        """What to try where the file cannot be had."""
+        return (
+            f"download {self.file} of the package {self.package}, where there is a network "
+            f"(`{self.command}`), and name the file: {self.hand}"
+        )
+
+    def find(self, file: str | Path | None = None) -> bytes:
+        """Return the content of the file.
+
+        Parameters
+        ----------
+        file : path, optional
+            The file; by default the copy in the cache of this package, else pip downloads it from the index
+            that pip is configured for, and it is kept in the cache.
+
+        Returns
+        -------
+        bytes
+            The content.
+
+        Raises
+        ------
+        MissingSourceError
+            The file cannot be read, is another one, or pip cannot download it.
+        """
+        if file is not None:
+            return self._read_file(Path(file))
+        root = find_cache_root()
+        kept = root / "sources" / self.file
+        content = self._read_kept(kept, root)
+        if content is None:
+            with _alone(kept, root):
+                content = self._read_kept(kept, root)  # another process may have been faster
+                if content is None:
+                    content = self.download()
+                    _keep(kept, root, content)
+        return content
+
+    def is_kept(self) -> bool:
+        """Return whether the file is in the cache of this package, undamaged; nothing is downloaded."""
+        root = find_cache_root()
+        try:
+            return self._read_kept(root / "sources" / self.file, root) is not None
+        except UnsafeCacheError:
+            return False
+
+    def download(self) -> bytes:
+        """Return what pip downloads from its index; raises MissingSourceError."""
+        with tempfile.TemporaryDirectory(prefix="tensegrity_codegen_") as folder:
+            wanted = Path(folder) / "wanted.txt"
+            wanted.write_text(
+                f"{self.package}=={self.version} --hash=sha256:{self.sha256}\n", encoding="ascii"
+            )
+            # pip runs code of a source archive to read its name; with hashes not before it is verified.
+            kind = "--no-binary" if self.is_source else "--only-binary"
+            command = [sys.executable, "-P", "-m", "pip", "download", "--require-hashes", kind, self.package]
+            command += ["--no-deps", "--quiet", "--disable-pip-version-check", "--no-input", "--dest", folder]
+            command += ["--requirement", str(wanted)]
+            try:
+                done = subprocess.run(
+                    command, stdin=subprocess.DEVNULL, capture_output=True, timeout=TIMEOUT, check=False
+                )
+            except subprocess.TimeoutExpired as error:
+                raise self._refuse_download(f"no answer within {TIMEOUT:g} s") from error
+            except OSError as error:
+                raise self._refuse_download(str(error)) from error
+            path = Path(folder) / self.file
+            if done.returncode or not path.is_file():
+                raise self._refuse_download(done.stderr.decode("utf-8", "replace"))
+            return self._read_file(path)
+
+    def _read_file(self, path: Path) -> bytes:
+        try:
+            with path.open("rb") as stream:
+                content = stream.read(self.largest + 1)
+        except (OSError, ValueError) as error:
+            raise MissingSourceError(
+                f"{self.title} cannot be read", where=str(path), given=str(error), hint=self.hint
+            ) from error
+        found = hashlib.sha256(content).hexdigest()
+        if found != self.sha256:
+            raise MissingSourceError(
+                f"this is not {self.title} {self.version}",
+                where=str(path),
+                given=f"SHA-256 {found}",
+                allowed=f"{self.file} with SHA-256 {self.sha256}",
+                hint=self.hint,
+            )
+        return content
+
+    def _read_kept(self, path: Path, root: Path) -> bytes | None:
+        """Return the file in the cache; None where there is none, or a damaged one."""
+        check_parents(root)
+        for place in (root, path.parent, path):
+            check_private(place, root)
+        try:
+            content = path.read_bytes()
+        except OSError:
+            return None
+        return content if hashlib.sha256(content).hexdigest() == self.sha256 else None
+
+    def _refuse_download(self, reason: str) -> MissingSourceError:
+        lines = [line.strip() for line in reason.splitlines() if line.strip()]
+        lines = [line for line in lines if line.startswith("ERROR")] or lines
+        return MissingSourceError(
+            f"pip cannot download {self.title} {self.version}",
+            where=f"{sys.executable} -m {self.command}",
+            given=lines[-1] if lines else "no file",
+            hint=self.hint,
+        )
+
+
+@contextmanager
+def _alone(kept: Path, root: Path) -> Iterator[None]:
+    """Let one process at a time download; where no lock can be had, each does."""
+    lock = FileLock(f"{kept}.lock", mode=0o600)
+    with suppress(OSError, NotImplementedError, Timeout):
+        make_private(kept.parent, root)
+        lock.acquire(timeout=2.0 * TIMEOUT)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def _keep(path: Path, root: Path, content: bytes) -> None:
+    """Keep the file in the cache, for this user alone; a cache that cannot be written is left as it is."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.{secrets.token_hex(4)}")
+    warn_of_fallback(root)
+    try:
+        make_private(path.parent, root)
+        write_private(temporary, content)
+        temporary.replace(path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+    except UnsafeCacheError:
+        temporary.unlink(missing_ok=True)
+        raise

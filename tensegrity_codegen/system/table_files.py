@@ -1,0 +1,94 @@
+"""Files of tables and arrays besides .npz: CSV, Parquet and MATLAB's .mat, written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.extras import TABLES, import_extra
+from tensegrity_codegen.system.files import check_ending, replaced
+
+__all__ = ["require_packages", "write_csv", "write_mat", "write_parquet"]
+
+PARQUET = ".parquet"
+MAT_HEADER = 116  # bytes of text at the start of a .mat file
+MOST_MAT = 2**31 - 2**16  # bytes of one array of a .mat file (level 5)
+
+
+def require_packages(path: str | Path) -> None:
+    """Raise MissingExtraError where the ending of `path` needs a package that is not installed."""
+    if Path(path).suffix.lower() == PARQUET:
+        import_extra("pyarrow.parquet", TABLES)
+
+
+def write_csv(
+    path: str | Path, header: Sequence[str], rows: Iterable[Sequence[Any]], *, overwrite: bool
+) -> None:
+    """Write a table as CSV, numbers by their shortest text that reads back bit-equal.
+
+    Raises OutputError if it cannot be written, or exists (without `overwrite`).
+    """
+    with (
+        replaced(path, overwrite=overwrite) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def write_parquet(
+    path: str | Path, columns: Mapping[str, NDArray[Any]], facts: Mapping[str, str], *, overwrite: bool
+) -> None:
+    """Write columns of one length as Parquet, `facts` as its metadata.
+
+    Raises MissingExtraError without pyarrow, OutputError if it cannot be written, or exists (without
+    `overwrite`).
+    """
+    check_ending(path, PARQUET)
+    pyarrow, parquet = import_extra("pyarrow", TABLES), import_extra("pyarrow.parquet", TABLES)
+    known = {key: value.encode("utf-8") for key, value in facts.items()}
+    table = pyarrow.table(dict(columns)).replace_schema_metadata(known)
+    with replaced(path, overwrite=overwrite) as temporary:
+        parquet.write_table(table, temporary)
+
+
+def write_mat(path: str | Path, variables: Mapping[str, Any], *, overwrite: bool) -> None:
+    """Write variables as a MATLAB file (level 5): arrays, sparse matrices, texts; lists of texts are cells.
+
+    Vectors become columns. Raises InvalidValueError for an array that the format cannot hold, OutputError if
+    it cannot be written, or exists (without `overwrite`).
+    """
+    from scipy.io import savemat
+
+    check_ending(path, ".mat")
+    for name, value in variables.items():
+        size = getattr(value, "nbytes", 0)
+        if size > MOST_MAT:
+            raise InvalidValueError(
+                "the array is too large for a .mat file",
+                where=name,
+                given=f"{size >> 20} MB",
+                allowed=f"up to {MOST_MAT >> 20} MB",
+                hint="write an .npz file",
+            )
+    with replaced(path, overwrite=overwrite) as temporary:
+        known = {name: _to_matlab(value) for name, value in variables.items()}
+        savemat(str(temporary), known, appendmat=False, oned_as="column")
+        with temporary.open("r+b") as file:
+            file.write("MATLAB 5.0 MAT-file, written by tensegrity_codegen".ljust(MAT_HEADER).encode("ascii"))
+
+
+def _to_matlab(value: Any) -> Any:
+    """Return texts of an array as a cell array, numbers in types of MATLAB."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U":
+        return value.item() if value.ndim == 0 else value.astype(object)
+    if isinstance(value, tuple | list) and all(isinstance(item, str) for item in value):
+        return np.array(value, dtype=object)
+    return value

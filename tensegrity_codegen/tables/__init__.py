@@ -1,0 +1,3 @@
+"""What is registered: laws, quantities, formulations, tableaus, targets; request and manifest."""
+
+__all__: list[str] = []

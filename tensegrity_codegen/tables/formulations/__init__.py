@@ -1,0 +1,42 @@
+"""The formulations: a module each, and their registry."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.formulations.formulation import Formulation
+
+__all__ = ["FORMULATIONS", "Formulation", "choose_formulation", "find_formulation"]
+
+
+def _collect() -> dict[str, Formulation]:
+    names = [item.name for item in iter_modules(__path__) if item.name != "formulation"]
+    found = [import_module(f"{__name__}.{name}").FORMULATION for name in names]
+    return {item.name: item for item in sorted(found, key=lambda item: item.order)}
+
+
+FORMULATIONS = _collect()
+
+
+def find_formulation(name: str) -> Formulation:
+    """Return the formulation of that name; raises FormulationError, which lists the known ones."""
+    if name not in FORMULATIONS:
+        raise FormulationError(
+            "unknown formulation",
+            where="model.formulation",
+            given=name,
+            allowed=", ".join(FORMULATIONS),
+            hint=suggest(name, FORMULATIONS),
+        )
+    return FORMULATIONS[name]
+
+
+def choose_formulation(*, rigid_bars: bool) -> Formulation:
+    """Return the formulation in node coordinates that finds equilibria, with or without rigid bars."""
+    return next(
+        item
+        for item in FORMULATIONS.values()
+        if item.in_nodes and item.has_statics and item.has_rigid_bars == rigid_bars
+    )

@@ -1,0 +1,18 @@
+"""Angles and positions of rigid bodies as coordinates."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.tables.formulations.formulation import Formulation
+
+__all__ = ["FORMULATION"]
+
+FORMULATION = Formulation(
+    name="bodies",
+    order=4,
+    sentence="Angles and positions of rigid bodies that tendons join.",
+    variants=(),
+    of_bodies=True,
+    has_angles=True,
+    statics="bodies",
+    simulation_quantities=("node_position", "node_velocity", "chart_margin", "energy_rate"),
+)

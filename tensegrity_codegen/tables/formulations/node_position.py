@@ -1,0 +1,15 @@
+"""Positions of nodes as coordinates, every member a spring."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.tables.formulations.formulation import ALL_EMITTERS, Formulation
+
+__all__ = ["FORMULATION"]
+
+FORMULATION = Formulation(
+    name="node_position",
+    order=1,
+    sentence="Positions of free nodes; every member is a spring.",
+    in_nodes=True,
+    emitters=ALL_EMITTERS,
+)

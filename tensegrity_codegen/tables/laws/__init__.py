@@ -1,0 +1,33 @@
+"""Member laws: one file a law, and the list of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tensegrity_codegen.tables.laws.bilinear import Bilinear
+from tensegrity_codegen.tables.laws.law import Law, LawParameter, compute_spring_constant
+
+__all__ = [
+    "LAWS",
+    "LAW_PARAMETERS",
+    "LINEAR",
+    "MEMBER_VALUES",
+    "Law",
+    "LawParameter",
+    "compute_spring_constant",
+    "find_law",
+]
+
+LINEAR = Law()
+LAWS: tuple[Law, ...] = (LINEAR, Bilinear())
+
+LAW_PARAMETERS = tuple(parameter.name for law in LAWS for parameter in law.parameters)
+
+# What a law takes of a member, in the order in which kernels take it.
+MEMBER_VALUES = ("spring_constant", "axial_stiffness", "rest_length", "damping", *LAW_PARAMETERS)
+
+
+def find_law(has: Callable[[str], Any]) -> Law:
+    """Return the law of a member; has: whether it has a parameter, by name."""
+    return next((law for law in LAWS if law.parameters and has(law.parameters[0].name)), LINEAR)

@@ -1,0 +1,361 @@
+"""What a generated library says of itself: the one thing that codegen writes and runtime reads."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
+from tensegrity_codegen.tables.formulations import find_formulation
+
+__all__ = [
+    "ABI_VERSION",
+    "C_API_VERSION",
+    "EVENT_KINDS",
+    "JUMP_KINDS",
+    "SOLVER_STATUS",
+    "STATUS",
+    "STATUS_TEXT",
+    "ArgumentSpec",
+    "FunctionSpec",
+    "IntegratorSpec",
+    "LeftOut",
+    "Manifest",
+    "Pattern",
+    "SolverSpec",
+    "SourcePart",
+    "name_bar_pairs",
+]
+
+ABI_VERSION = 2
+
+# Version of the rules of the C interface, docs/c_api.md: within one, headers only gain declarations.
+C_API_VERSION = 1
+
+# Status codes of every generated function, by number.
+STATUS = (
+    *("ok", "non_finite_input", "non_finite_result", "invalid_argument", "null_pointer", "step_too_small"),
+    *("unsupported_machine", "too_many_events"),
+)
+
+# What a solver returns besides, from the number after those on.
+SOLVER_STATUS = ("not_converged", "unstable", "branch_lost")
+
+# What each status means: texts of the header, and of the C function NAME_status_text.
+STATUS_TEXT = {
+    "ok": "the results are there",
+    "non_finite_input": "an argument holds a NAN or an infinity",
+    "non_finite_result": "a result would not be finite, as where the two nodes of a member are at one place",
+    "invalid_argument": "a step, a count or an index is out of range",
+    "null_pointer": "a pointer that is needed is NULL",
+    "step_too_small": "no step that the time can resolve meets the tolerance",
+    "unsupported_machine": "this machine lacks instructions that native code needs",
+    "too_many_events": "too many events follow each other within a thousandth of a step",
+    "not_converged": "no equilibrium within the iterations, or no step lets the energy fall",
+    "unstable": "an equilibrium that is no minimum of the energy",
+    "branch_lost": "the equilibria of a path end here, as at a limit point",
+}
+
+CENTRE = re.compile(r"centre\d*_[xyz]")  # names of coordinates of centres of mass
+
+# Kinds of events of integrators, by their bit in `watch` and `stop`.
+EVENT_KINDS = {"cable": 1, "switch": 8, "contact": 2, "condition": 4}
+
+# Those at which the stiffness of a member jumps: runs watch them by themselves.
+JUMP_KINDS = ("cable", "switch")
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Compressed-column sparsity: row indices (n_nonzeros,) and column starts (n_columns + 1,).
+
+    Any sequences of whole numbers are taken; they are kept as read-only int32 arrays.
+    """
+
+    shape: tuple[int, int]
+    row: NDArray[np.int32]
+    column_start: NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        for name in ("row", "column_start"):
+            given = getattr(self, name)
+            values = np.array(given if isinstance(given, np.ndarray) else list(given), dtype=np.int32)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pattern) and (
+            self.shape == other.shape
+            and np.array_equal(self.row, other.row)
+            and np.array_equal(self.column_start, other.column_start)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.shape, self.row.tobytes()))
+
+
+@dataclass(frozen=True)
+class ArgumentSpec:
+    """One argument: its shape, unit and meaning, the names it runs over, its value in the scene."""
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    sentence: str
+    nominal: tuple[float, ...]
+    over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FunctionSpec:
+    """One function: C symbol `<scene>_compute_<quantity>`, the arguments that matter, the result."""
+
+    quantity: str
+    symbol: str
+    arguments: tuple[str, ...]
+    shape: tuple[int, ...]
+    unit: str
+    sentence: str
+    operations: int
+    pattern: Pattern | None = None
+
+
+@dataclass(frozen=True)
+class IntegratorSpec:
+    """One integrator: C symbol `<scene>_integrate_<name>`, the arguments it passes on, its work array.
+
+    events: the kinds of events that it can cut its steps at, see EVENT_KINDS; cables: indices of the members
+    whose going slack or taut is one, then of those whose law switches its slope; tensions: of those whose
+    tensions it hands out beside the states; unwatched: how many members can go slack or switch without an
+    event, which steps with error control pass over;
+    batch_work_size: work array of `<symbol>_batch`, which integrates several states side by side; 0: there is
+    none; keeps: what it can keep constant from step to step, "energy"; damped: cables in the matrix of radau.
+    """
+
+    name: str
+    symbol: str
+    arguments: tuple[str, ...]
+    work_size: int
+    events: tuple[str, ...] = ()
+    cables: tuple[int, ...] = ()
+    tensions: tuple[int, ...] = ()
+    unwatched: int = 0
+    batch_work_size: int = 0
+    keeps: tuple[str, ...] = ()
+    damped: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class SolverSpec:
+    """One solver: C symbol `<scene>_find_<name>`, the arguments it passes on, its work array.
+
+    varied: the argument that `<symbol>_path` takes one value after the other of, "" where there is no such
+    function.
+    """
+
+    name: str
+    symbol: str
+    arguments: tuple[str, ...]
+    varied: str
+    work_size: int
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One thing that the scene does not need: why, and what leaving it out saved.
+
+    object_bytes is an estimate from the operations in the text unless `measured`: in loops over tables code
+    does not grow with the structure, and the tables are not counted.
+    """
+
+    what: str
+    why: str
+    functions: int
+    arguments: int
+    operations: int
+    object_bytes: int
+    measured: bool = False
+
+
+@dataclass(frozen=True)
+class SourcePart:
+    """One part of the C source besides its functions: whether the file has it, and why, or why not."""
+
+    name: str
+    is_included: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The whole description of one generated library."""
+
+    abi_version: int
+    name: str
+    scene_hash: str
+    formulation: str
+    emitter: str
+    precision: str
+    flags: str  # name of the compile flags that were asked for
+    made_by: dict[str, str]
+    axes: tuple[int, ...]
+    node_name: tuple[str, ...]
+    member_name: tuple[str, ...]
+    connectivity: tuple[tuple[int, int], ...]
+    coordinate_name: tuple[str, ...]
+    coordinate_node_axis: tuple[tuple[int, int], ...]
+    node_position: tuple[tuple[float, float, float], ...]
+    node_velocity: tuple[tuple[float, float, float], ...]
+    input_name: tuple[str, ...]
+    arguments: tuple[ArgumentSpec, ...]
+    functions: tuple[FunctionSpec, ...]
+    integrators: tuple[IntegratorSpec, ...]
+    left_out: tuple[LeftOut, ...]
+    bar_pair: tuple[
+        tuple[str, str], ...
+    ] = ()  # names of the two bars, where a wanted quantity runs over pairs
+    solvers: tuple[SolverSpec, ...] = ()
+    instruction_sets: tuple[str, ...] = ()  # what native code needs beyond the baseline of its architecture
+    batch_width: int = 0
+    rigid_bar: tuple[str, ...] = ()  # members that keep constant lengths, in the order of their multipliers
+    interfaces: tuple[str, ...] = ()  # ways to call the library besides its C functions: "casadi"
+    parts: tuple[SourcePart, ...] = ()
+    driven: tuple[
+        str, ...
+    ] = ()  # arguments that can change with time in integrators, in the order of their places
+    target: str = ""  # machine that the library was compiled for, "" where it is the one that compiled it
+    declarations: str = ""  # types and functions of the header, as C
+
+    @cached_property
+    def stated_position(self) -> NDArray[np.float64]:
+        """Node positions in the scene as a read-only array, (n_nodes, 3) [m]."""
+        return _read_only(np.array(self.node_position, dtype=np.float64).reshape(-1, 3))
+
+    @cached_property
+    def coordinate_place(self) -> NDArray[np.int64]:
+        """Node and axis of each coordinate as a read-only array, (n_coordinates, 2), or (0, 2)."""
+        return _read_only(np.array(self.coordinate_node_axis, dtype=np.int64).reshape(-1, 2))
+
+    @cached_property
+    def is_centre(self) -> NDArray[np.bool_]:
+        """Whether each coordinate is a place of a centre of mass in node distances, (n_coordinates,).
+
+        These grow with the distance from the origin; all others there are differences of positions.
+        """
+        if not find_formulation(self.formulation).has_centres:
+            return _read_only(np.zeros(len(self.coordinate_name), dtype=np.bool_))
+        return _read_only(np.array([CENTRE.fullmatch(name) is not None for name in self.coordinate_name]))
+
+    @property
+    def bar_pair_name(self) -> tuple[str, ...]:
+        """Names of the pairs of bars, in the order of the quantities over them."""
+        return name_bar_pairs(self.bar_pair)
+
+    def argument(self, name: str) -> ArgumentSpec:
+        """Return the argument of that name."""
+        return next(item for item in self.arguments if item.name == name)
+
+    def to_json(self) -> str:
+        """Return the manifest as JSON text, the same for the same content: one line a field.
+
+        A list takes one line however long it is: with 100,000 members, a line a number is slow to write.
+        """
+        return _format(self, 1) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, where: str = "manifest") -> Manifest:
+        """Return the manifest that `text` holds; raises LibraryError or AbiMismatchError."""
+        try:
+            data = json.loads(text)
+            version = data["abi_version"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
+        if version != ABI_VERSION:
+            raise AbiMismatchError(
+                "the library was made for another version of the C interface",
+                where=where,
+                given=version,
+                allowed=str(ABI_VERSION),
+                hint="build it again with this version of tensegrity_codegen",
+            )
+        try:
+            return _decode(data)
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+            raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
+
+    @classmethod
+    def read(cls, path: Path) -> Manifest:
+        """Read a manifest file; raises what from_json raises, LibraryError if there is none."""
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise LibraryError("no manifest beside the library", where=str(path)) from error
+        except UnicodeDecodeError as error:
+            raise LibraryError("the manifest is damaged", where=str(path), hint="build it again") from error
+        return cls.from_json(text, where=str(path))
+
+
+def name_bar_pairs(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """Return one name for each pair of bars: "bar1_bar2", numbered where two would be equal."""
+    taken: set[str] = set()
+    names: list[str] = []
+    for first, second in pairs:
+        plain = name = f"{first}_{second}"
+        number = 1
+        while name in taken:
+            number += 1
+            name = f"{plain}_{number}"
+        taken.add(name)
+        names.append(name)
+    return tuple(names)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def _format(value: Any, depth: int) -> str:
+    """Return JSON text in which tables, and lists of tables, have one line a field."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = {item.name: getattr(value, item.name) for item in dataclasses.fields(value)}
+    lead = "\n" + " " * depth
+    if isinstance(value, dict) and value:
+        rows = (f"{json.dumps(key)}: {_format(item, depth + 1)}" for key, item in value.items())
+        return "{" + lead + f",{lead}".join(rows) + lead[:-1] + "}"
+    if isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+        return "[" + lead + f",{lead}".join(_format(item, depth + 1) for item in value) + lead[:-1] + "]"
+    return json.dumps(value.tolist() if isinstance(value, np.ndarray) else value, allow_nan=False)
+
+
+def _decode(data: dict[str, Any]) -> Manifest:
+    data = {key: _freeze(value) for key, value in data.items()}
+    data["made_by"] = dict(data["made_by"])
+    data["arguments"] = tuple(ArgumentSpec(**item) for item in data["arguments"])
+    data["functions"] = tuple(
+        FunctionSpec(**{**item, "pattern": Pattern(**item["pattern"]) if item["pattern"] else None})
+        for item in data["functions"]
+    )
+    data["integrators"] = tuple(IntegratorSpec(**item) for item in data["integrators"])
+    data["solvers"] = tuple(SolverSpec(**item) for item in data["solvers"])
+    data["left_out"] = tuple(LeftOut(**item) for item in data["left_out"])
+    data["parts"] = tuple(SourcePart(**item) for item in data.get("parts", ()))
+    return Manifest(**data)
+
+
+def _freeze(value: Any) -> Any:
+    if isinstance(value, list):
+        nested = not {list, dict}.isdisjoint(map(type, value))
+        return tuple(map(_freeze, value)) if nested else tuple(value)
+    if isinstance(value, dict):
+        return {key: _freeze(item) for key, item in value.items()}
+    return value

@@ -1,0 +1,45 @@
+"""The table of every quantity and argument: name, symbol, unit, shape, sentence, source.
+
+Registered once; header comments, docstrings, help texts and shape checks all read it from here.
+Shapes name dimensions: `n_nodes`, `n_members`, `n_axes`, `n_coordinates` (free node coordinates),
+`n_states` = 2 n_coordinates, `n_inputs`, `n_parameters` (all run-time parameters, stacked in argument
+order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_axes,
+`n_tension_only` (members that pull only), `n_switches` (members whose law switches its slope); `k` is the
+number of nodes or members that the scene keeps changeable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from tensegrity_codegen.system.errors import UnknownNameError, suggest
+from tensegrity_codegen.tables.quantities.arguments import ARGUMENT_ROWS
+from tensegrity_codegen.tables.quantities.bodies import BODIES
+from tensegrity_codegen.tables.quantities.distances import DISTANCES
+from tensegrity_codegen.tables.quantities.interference import INTERFERENCE
+from tensegrity_codegen.tables.quantities.members import MEMBERS
+from tensegrity_codegen.tables.quantities.quantity import Quantity
+from tensegrity_codegen.tables.quantities.structures import STRUCTURES
+
+__all__ = ["ARGUMENTS", "PARAMETERS", "QUANTITIES", "Quantity", "find_quantity"]
+
+
+def _table(*rows: Quantity) -> Mapping[str, Quantity]:
+    return MappingProxyType({row.name: row for row in rows})
+
+
+ARGUMENTS = _table(*ARGUMENT_ROWS)
+
+PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "input"))
+
+QUANTITIES = _table(*MEMBERS, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES)
+
+
+def find_quantity(name: str) -> Quantity:
+    """Return the table's row of `name`; an unknown name raises UnknownNameError with the known ones."""
+    if name not in QUANTITIES:
+        raise UnknownNameError(
+            "unknown quantity", where="quantities", given=name, hint=suggest(name, QUANTITIES)
+        )
+    return QUANTITIES[name]

@@ -1,0 +1,28 @@
+"""Arguments of generated functions: state, inputs and run-time parameters."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.tables.quantities.quantity import Quantity
+
+__all__ = ["ABOVE_ZERO", "ARGUMENT_ROWS", "FROM_ZERO", "INPUT_UNITS"]
+
+# Arguments that a scene allows only above zero, or from zero on.
+ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness")
+FROM_ZERO = ("damping", "node_mass")
+
+# Units of inputs by their kind.
+INPUT_UNITS = {"rest_length": "m", "force": "N", "torque": "N m"}
+
+ARGUMENT_ROWS = (
+    Quantity("coordinate", "q", "m", ("n_coordinates",), "Free node coordinates, node by node."),
+    Quantity("velocity", "q'", "m/s", ("n_coordinates",), "Rates of the free node coordinates."),
+    Quantity("input", "u", "m or N", ("n_inputs",), "Rest-length changes and forces of the actuated inputs."),
+    Quantity("rest_length", "rho", "m", ("k",), "Rest lengths of the changeable members."),
+    Quantity("spring_constant", "mu", "N/m", ("k",), "Spring constants of the changeable members."),
+    Quantity("axial_stiffness", "EA", "N", ("k",), "Axial stiffnesses of the changeable members.", "SCS"),
+    Quantity("damping", "c", "N s/m", ("k",), "Damping constants of the changeable members."),
+    Quantity("node_mass", "m", "kg", ("k",), "Point masses of the changeable nodes."),
+    Quantity("node_load", "F", "N", ("k", "n_axes"), "Loads on the changeable nodes, constant in direction."),
+    Quantity("anchor_position", "r_a", "m", ("k", "n_axes"), "Positions of the changeable anchored nodes."),
+    Quantity("gravity", "g", "m/s2", ("n_axes",), "Gravity vector."),
+)

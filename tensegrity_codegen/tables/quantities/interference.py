@@ -1,0 +1,51 @@
+"""Quantities of pairs of bars: how far apart, where, in which case."""
+
+from __future__ import annotations
+
+from tensegrity_codegen.tables.quantities.quantity import Quantity
+
+__all__ = ["INTERFERENCE"]
+
+INTERFERENCE = (
+    Quantity(
+        "bar_distance",
+        "D",
+        "m",
+        ("n_bar_pairs",),
+        "Distances between the surfaces of bars with round ends, pair by pair; negative where they overlap.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_case",
+        "k",
+        "1",
+        ("n_bar_pairs",),
+        "Which case of the geometry of two bars holds, 1 to 11.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_parameters",
+        "(s, t)",
+        "1",
+        ("n_bar_pairs", "2"),
+        "Where the nearest points are on both axes, from 0 (first node of the bar) to 1 (second node).",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_nearest_point",
+        "P, Q",
+        "m",
+        ("n_bar_points", "n_axes"),
+        "Nearest points of the axes of two bars, first and second, pair by pair.",
+        "LIN 3.2",
+    ),
+    Quantity(
+        "bar_distance_jacobian",
+        "dD/dq",
+        "1",
+        ("n_bar_pairs", "n_coordinates"),
+        "Jacobian of the distances between bars; where axes meet, of one of the two sides.",
+        "LIN 3.2",
+        True,
+    ),
+)

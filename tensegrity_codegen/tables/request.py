@@ -1,0 +1,184 @@
+"""What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter,
+precision, compile flags."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, UnknownNameError, suggest
+from tensegrity_codegen.system.pickling import reduce_fields
+from tensegrity_codegen.tables.formulations import FORMULATIONS
+
+__all__ = [
+    "BATCH_WIDTHS",
+    "INTERFACES",
+    "ModelRequest",
+    "check_batch_width",
+    "check_interfaces",
+    "complete_options",
+]
+
+# How many evaluations a batch function can do side by side; 0: there are no batch functions.
+BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
+
+# Interfaces that a library can offer besides its C functions.
+INTERFACES = ("casadi", "casadi_hessian", "acados")
+
+
+def complete_options(
+    formulation: str, options: Mapping[str, str], where: str = "model.options"
+) -> dict[str, str]:
+    """Return all options of a formulation, the omitted ones at their defaults.
+
+    Raises UnknownKeyError for an option that the formulation does not have, UnknownNameError for a word
+    that the option does not allow; `where` names the key in errors.
+    """
+    known = FORMULATIONS[formulation].options if formulation in FORMULATIONS else {}
+    for name, value in options.items():
+        if name not in known:
+            raise UnknownKeyError(
+                f"formulation {formulation!r} has no such option",
+                where=where,
+                given=name,
+                allowed=", ".join(known) or "no options",
+                hint=suggest(name, known),
+            )
+        if value not in known[name]:
+            raise UnknownNameError(
+                "not one of the words that the option allows",
+                where=f"{where}.{name}",
+                given=value,
+                allowed=", ".join(known[name]),
+                hint=suggest(value, known[name]),
+            )
+    return {name: options.get(name, words[0]) for name, words in known.items()}
+
+
+def check_batch_width(width: int, where: str = "model.batch_width") -> None:
+    """Raise InvalidValueError, naming `where`, for a batch width that batch functions cannot have."""
+    if isinstance(width, bool) or width not in BATCH_WIDTHS:
+        raise InvalidValueError(
+            "not a batch width",
+            where=where,
+            given=width,
+            allowed="a power of two from 2 to 64, or 0 for no batch functions",
+            hint="8 fits most machines",
+        )
+
+
+def check_interfaces(interfaces: Sequence[str], where: str = "model.interfaces") -> None:
+    """Raise UnknownNameError, naming `where`, for an interface that no library can offer.
+
+    Raises InvalidValueError for interfaces that one library cannot have together.
+    """
+    for name in interfaces:
+        if name not in INTERFACES:
+            raise UnknownNameError(
+                "unknown interface",
+                where=where,
+                given=name,
+                allowed=", ".join(INTERFACES),
+                hint=suggest(name, INTERFACES),
+            )
+    if "acados" in interfaces and len(set(interfaces)) > 1:
+        raise InvalidValueError(
+            "interfaces with different integers",
+            where=where,
+            given=", ".join(interfaces),
+            allowed='"acados" alone (int), or those of CasADi (long long)',
+            hint="build two libraries",
+        )
+
+
+@dataclass(frozen=True)
+class ModelRequest:
+    """The requested quantities, and the options of their generation.
+
+    Attributes
+    ----------
+    quantities : tuple of str
+        Names of the requested quantities.
+    parameters : mapping of str to tuple of int
+        Run-time parameters: name -> indices of nodes or members (gravity: an empty tuple). All other values
+        are constants in the C code.
+    integrators, solvers : tuple of str
+        Names of the integrators and solvers of the library.
+    formulation : str
+        Name of the formulation.
+    emitter : str
+        Name of the emitter, or ``"auto"``.
+    options : mapping of str to str
+        Options of the formulation.
+    precision : str
+        ``"double"`` or ``"single"``, for every number of the library.
+    events : tuple of str or None
+        Events at which integrators can end their steps; None: cables that can go slack, if there are any, and
+        a condition.
+    flags : str
+        ``"reference"`` (bit-equal to CasADi's virtual machine on every machine) or ``"native"``.
+    batch_width : int
+        Number of evaluations that batch functions process together; 0: no batch functions.
+    keep : tuple of str
+        What integrators can keep constant: ``"energy"``.
+    interfaces : tuple of str
+        Interfaces besides the C functions: ``"casadi"``, with first derivatives, or ``"casadi_hessian"``,
+        with second derivatives too; ``"acados"``, for acados.
+    driven : tuple of str
+        What profiles can change without inputs, too: ``"pull"``, a spring and a damper between one node and
+        a point.
+
+    Raises
+    ------
+    InvalidValueError, UnknownNameError
+        An impossible batch width or an unknown interface.
+
+    Examples
+    --------
+    >>> from tensegrity_codegen import ModelRequest
+    >>> ModelRequest(("member_tension", "acceleration"), integrators=("rk853",)).formulation
+    'node_position'
+    """
+
+    quantities: tuple[str, ...]
+    parameters: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    integrators: tuple[str, ...] = ()
+    formulation: str = "node_position"
+    emitter: str = "unrolled"
+    options: Mapping[str, str] = field(default_factory=dict)
+    solvers: tuple[str, ...] = ()
+    precision: str = "double"
+    events: tuple[str, ...] | None = None
+    flags: str = "reference"
+    batch_width: int = 0
+    keep: tuple[str, ...] = ()
+    interfaces: tuple[str, ...] = ()
+    driven: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_batch_width(self.batch_width)
+        check_interfaces(self.interfaces)
+        object.__setattr__(self, "quantities", tuple(dict.fromkeys(self.quantities)))
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return reduce_fields(self)
+
+    def wanting(
+        self,
+        *quantities: str,
+        integrators: tuple[str, ...] = (),
+        solvers: tuple[str, ...] = (),
+        parameters: Mapping[str, tuple[int, ...]] | None = None,
+    ) -> ModelRequest:
+        """Return the request for just these functions, with some parameters added to the present ones."""
+        return replace(
+            self,
+            quantities=quantities,
+            integrators=integrators,
+            solvers=solvers,
+            parameters={**self.parameters, **(parameters or {})},
+        )

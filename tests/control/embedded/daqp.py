@@ -1,0 +1,28 @@
+"""The source of DAQP for tests: from the cache, else through pip from the index that it is configured for."""
+
+from __future__ import annotations
+
+import functools
+
+import pytest
+
+from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
+from tensegrity_codegen.system.errors import MissingSourceError
+
+__all__ = ["require_daqp_archive"]
+
+
+@functools.cache
+def _find() -> bytes | str:
+    try:
+        return find_daqp_archive()
+    except MissingSourceError as error:
+        return f"{error.problem} ({error.given})"
+
+
+def require_daqp_archive() -> bytes:
+    """Return the archive, or skip the test where pip cannot download it."""
+    found = _find()
+    if isinstance(found, str):
+        pytest.skip(found)
+    return found

@@ -1,0 +1,113 @@
+"""What a live page shows: positions, tensions, reactions, uses, modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen.live.live_scene import build_live_scene
+from tensegrity_codegen.live.uses import compute_uses
+from tensegrity_codegen.live.views import choose_view
+from tensegrity_codegen.report.pictures.choices import read_view
+from tensegrity_codegen.report.reactions import compute_reactions
+from tensegrity_codegen.structure.member_limits import check_members
+from tests.live.pages import load, sway
+from tests.live.test_channels import unpack
+
+
+def moved(structure, offset):
+    return structure.with_changes(node_position=structure.node_position + offset)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1000.0])
+def test_positions_do_not_lose_digits_far_from_the_origin(offset: float) -> None:
+    structure = moved(load("prism"), offset)
+    motion = sway(structure)
+    scene = build_live_scene(structure, motion)
+    found = unpack(scene.channels["node_position"]) + np.array(scene.data["origin"])
+    rounding = scene.data["rounding"]["node_position"]
+    assert rounding < 1e-7 * np.ptp(motion.node_position)
+    assert np.abs(found - motion.node_position).max() <= rounding + 1e-12
+    tension = unpack(scene.channels["member_tension"])
+    assert np.abs(tension - motion.member_tension).max() <= scene.data["rounding"]["member_tension"]
+
+
+def test_reactions_balance_loads_and_weight_where_tensions_balance() -> None:
+    # A hanging cable: its support carries the load and the weight of the node.
+    structure = load("two_nodes")
+    weight = structure.node_mass[:, None] * structure.gravity
+    held = np.flatnonzero(structure.node_anchored.any(axis=1))
+    free = 1 - int(held[0])
+    force = structure.node_load[free] + weight[free]
+    unit = structure.node_position[held[0]] - structure.node_position[free]
+    tension = np.array([[-force @ unit / np.linalg.norm(unit)]])
+    found = compute_reactions(structure, structure.node_position[None], tension, held)
+    total = found[0, 0] + structure.node_load.sum(axis=0) + weight.sum(axis=0)
+    assert total == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_reactions_act_along_anchored_axes_only_and_unknown_tensions_leave_them_unknown() -> None:
+    structure = load("tower")
+    held = np.flatnonzero(structure.node_anchored.any(axis=1))
+    tension = structure.static_tension()[None]
+    found = compute_reactions(structure, structure.node_position[None], tension, held)
+    assert not found[0][~structure.node_anchored[held]].any()
+    assert found[0][structure.node_anchored[held]].any()
+    lost = tension.copy()
+    lost[0, structure.is_bar] = np.nan
+    unknown = compute_reactions(structure, structure.node_position[None], lost, held)
+    assert np.isnan(unknown[0][structure.node_anchored[held]]).all()
+
+
+def test_uses_are_those_of_the_analysis() -> None:
+    structure = load("prism12")
+    count = structure.n_members
+    limited = structure.with_changes(limits=replace(structure.limits, most_tension=np.full(count, 15.0)))
+    position, tension = structure.node_position[None], structure.static_tension()[None]
+    found = compute_uses(limited, limited, position, tension)
+    assert found is not None
+    use = check_members(limited, tension[0], structure.member_length()).use
+    assert found[0] == pytest.approx(np.fmax.reduce(list(use.values())), nan_ok=True)
+    assert compute_uses(load("prism"), load("prism"), position, tension) is None
+
+
+def test_bars_of_bodies_have_unknown_tensions_and_not_zero() -> None:
+    scene = build_live_scene(load("svd_tower"))
+    assert (scene.data["largest_reaction"], scene.data["unknown_reactions"]) == (0.0, 3)
+    tension = unpack(scene.channels["member_tension"])[0]
+    is_bar = unpack(scene.channels["is_bar"]).astype(bool)
+    assert np.isnan(tension[is_bar]).all()
+    assert not np.isnan(tension[~is_bar]).any()
+
+
+def test_a_simulation_that_failed_is_named() -> None:
+    structure = load("prism")
+    motion = replace(sway(structure, 5), status="unstable", message="the energy grows")
+    scene = build_live_scene(structure, motion)
+    assert "status unstable" in scene.headline
+    assert any("the energy grows" in fact for fact in scene.facts)
+
+
+@pytest.mark.parametrize(
+    ("axes", "across", "is_planar"),
+    [((0, 1, 2), None, False), ((0, 2), 1, True), ((0, 1), 2, True), ((1, 2), 0, True), ((2,), 1, True)],
+)
+def test_planes_are_looked_at_along_their_normal(
+    axes: tuple[int, ...], across: int | None, is_planar: bool
+) -> None:
+    view = choose_view(axes, is_supported=False)
+    assert view["is_planar"] == is_planar
+    if across is not None:
+        assert np.flatnonzero(view["view"]).tolist() == [across]
+        assert across not in view["ground"]
+    assert np.dot(view["up"], view["view"]) < 0.9 * np.linalg.norm(view["view"])
+
+
+@pytest.mark.parametrize(
+    ("text", "is_flat"), [("top", True), ("iso", True), ("-60,16", False), (None, False)]
+)
+def test_named_views_are_parallel_projections_as_in_pictures(text: str | None, is_flat: bool) -> None:
+    view = choose_view((0, 1, 2), is_supported=False, direction=read_view(text))
+    assert view["is_flat"] == is_flat

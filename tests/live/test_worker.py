@@ -1,0 +1,206 @@
+"""The worker of a running model in node: pulled bars beside native C, energies, orders that are refused."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import subprocess
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tensegrity_codegen import Profile, load_scene, simulate
+from tensegrity_codegen.cli.live_page import request_play
+from tensegrity_codegen.live.engine import add_engine
+from tensegrity_codegen.live.live_scene import build_live_scene
+from tensegrity_codegen.live.render_live import live_folder
+from tensegrity_codegen.pipeline.compile_scene import build_library
+from tests.codegen.compilers import require_compiler
+from tests.live.pages import EXAMPLES
+from tests.live.test_channels import unpack
+
+# Zig compiles the C library of WebAssembly the first time, for minutes where the processor is shared.
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.optimised,
+    pytest.mark.timeout(1800),
+    pytest.mark.skipif(shutil.which("node") is None, reason="no node is installed"),
+]
+
+# Four bars with axial vibrations of 1,600 Hz.
+QUAD = """
+name = "quad"
+gravity = [0, 0, -9.81]
+[classes.bar]
+kind = "bar"
+spring_constant = 5e6
+density = 1800
+radius = 0.006
+inner_radius = 0.005
+[classes.cable]
+kind = "cable"
+spring_constant = 2e4
+[shape]
+kind = "prism"
+bars = 4
+bottom_radius = 0.40
+top_radius = 0.30
+height = 0.90
+node_mass = 0.05
+anchor_bottom = "z"
+prestress = 300
+[[loads]]
+node = "t1"
+force = [0, 0, -100]
+"""
+
+DRIVER = """
+const { worker, engine, module, given } = JSON.parse(require("fs").readFileSync(0));
+let last = null;
+Object.assign(globalThis, { onmessage: null, postMessage: (state) => (last = state) });
+(0, eval)(worker);
+const order = (name, more = {}) => (onmessage({ data: { order: name, answer: 1, ...more } }), last);
+const built = order("build", { engine, bytes: Buffer.from(module, "base64") });
+if (built.refused) throw new Error(built.refused);
+const result = (() => { SCRIPT })();
+process.stdout.write(JSON.stringify(result), () => process.exit(0)); // its ports keep node alive
+"""
+
+# Pulls a node upwards; the pointer stands still or moves on a circle. Rows of time, force, tensions of bars,
+# and energy with that of the spring.
+PULL = """
+const { method, node, bars, force, period, count, step } = given;
+order("method", { name: method });
+const start = Array.from(order("state").nodes.slice(3 * node, 3 * node + 3));
+const { stiffness, mass } = engine.pull, far = force / stiffness, damping = 0.5 * Math.sqrt(stiffness * mass);
+const target = (time) => {
+  const angle = period ? 2 * Math.PI * time / period : 0;
+  return [start[0] + far * Math.sin(angle), start[1], start[2] + far * Math.cos(angle)];
+};
+const rows = [];
+for (let k = 0, next = 0; k <= count; k++) {
+  const time = k * step;
+  let state = order("advance", { time });
+  if (time >= next) {
+    state = order("pull", { pull: { node, target: target(time + 1 / 60), stiffness, damping } });
+    next = period ? next + 1 / 60 : Infinity;
+  }
+  if (state.status) throw new Error(state.text);
+  const stretch = Math.hypot(...[0, 1, 2].map((axis) => target(0)[axis] - state.nodes[3 * node + axis]));
+  const energy = state.total + 0.5 * stiffness * stretch ** 2;
+  rows.push([time, state.pull, bars.map((e) => state.tension[e]), energy]);
+}
+return rows;
+"""
+
+
+def run_worker(subject: Any, built: Any, script: str, **given: Any) -> Any:
+    """Return what a script says that orders a worker in node: `engine`, `given` and `order` are there."""
+    scene = add_engine(build_live_scene(subject), subject, built.manifest, built.path.read_bytes(), rtol=1e-6)
+
+    def list_channel(name: str) -> list[float]:
+        return np.asarray(unpack(scene.channels[name])).ravel().tolist()  # type: ignore[no-any-return]
+
+    engine = dict(scene.data["engine"])
+    engine |= {name: list_channel(name) for name in ("coordinate_place", "stated_position")}
+    engine["nominal"] = {name: list_channel(f"nominal_{name}") for name in engine["sizes"]}
+    data = {
+        "worker": (live_folder() / "worker.js").read_text(encoding="utf-8"),
+        "engine": engine,
+        "module": base64.b64encode(built.path.read_bytes()).decode(),
+        "given": given,
+    }
+    command = ["node", "-e", DRIVER.replace("SCRIPT", script)]
+    done = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module", params=["prism", "quad"])
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, ...]:
+    """Structure, module, native model and time between the samples [s], which tell the vibrations of bars."""
+    require_compiler("zig")
+    path = tmp_path_factory.mktemp("worker") / "quad.toml"
+    path.write_text(QUAD, encoding="utf-8")
+    subject, wanted = load_scene(EXAMPLES / "prism.toml" if request.param == "prism" else path)
+    play = request_play(subject, wanted)
+    native = build_library(subject, replace(play, integrators=("rk54", "rk853"))).load()
+    step = 1e-4 if request.param == "prism" else 2.5e-5
+    return subject, build_library(subject, play, target="wasm32"), native, step
+
+
+@pytest.mark.parametrize("method", ["rk54", "radau"])
+@pytest.mark.parametrize(("force", "period"), [(2.0, 0.0), (30.0, 0.0), (30.0, 0.5)])
+def test_a_pulled_bar_has_the_tension_of_native_c_under_the_same_force(
+    case: tuple[Any, ...], method: str, force: float, period: float
+) -> None:
+    subject, built, native, step = case
+    node, bars = subject.node_name.index("t1"), np.flatnonzero(subject.is_bar)
+    rows = run_worker(
+        subject, built, PULL, method=method, node=node, bars=bars.tolist(), force=force, period=period,
+        count=4000, step=step,
+    )  # fmt: skip
+    time, tension, energy = (np.array([row[k] for row in rows]) for k in (0, 2, 3))
+    load = np.repeat(subject.node_load[None], len(time), axis=0)
+    load[:, node] += np.array([row[1] for row in rows])
+    motion = simulate(
+        native, float(time[-1]), samples=time, method="rk853", rtol=1e-9, control="steps",
+        schedule=Profile(time, {"node_load": load}, "cubic"),
+    )  # fmt: skip
+    expected = motion.member_tension[:, bars]
+    assert np.abs(tension - expected).max() < 0.01 * np.abs(expected).max()
+    if not period:  # the pull held still, once it has its strength
+        growth = np.diff(energy[time > 1 / 60 + step])
+        assert growth.max() < 1e-9 * abs(energy[0])
+
+
+def test_a_structure_at_rest_stays_calm_after_a_pull(case: tuple[Any, ...]) -> None:
+    subject, built, _, _ = case
+    script = """
+    const { stiffness, mass, place } = engine.pull;
+    const start = order("state").nodes.slice(3 * given.node, 3 * given.node + 3);
+    const damping = Math.sqrt(stiffness * mass);
+    order("pull", { pull: { node: given.node, target: Array.from(start), stiffness, damping } });
+    const held = order("advance", { time: 0.1 });
+    order("pull", { pull: null });
+    const freed = order("advance", { time: 0.2 }), later = order("advance", { time: 0.5 });
+    return [held.pull.length, freed.pull.length, freed.total, later.total, later.status];
+    """
+    held, freed, before, after, status = run_worker(
+        subject, built, script, node=subject.node_name.index("t1")
+    )
+    assert (held, freed, status) == (3, 0, 0)
+    assert after == pytest.approx(before, rel=1e-6)  # without a pull nothing takes energy
+
+
+REFUSED = [
+    ("set", {"name": "gravity", "values": [0, 0]}, "3 numbers for gravity"),
+    ("set", {"name": "gravity", "values": ["a", 0, 0]}, "3 numbers for gravity"),
+    ("set", {"name": "coordinate", "values": []}, "the name of an argument, one of"),
+    ("pull", {"pull": {"node": 1.5}}, "null, or a node from 0 to"),
+    ("pull", {"pull": {"node": 1, "target": [0, 0]}}, "numbers: target of 3"),
+    ("method", {"name": "rk4"}, "the method rk54 or radau"),
+    ("speed", {"speed": 0}, "a speed above 0"),
+    ("advance", {"time": None}, "a time [s]"),
+    ("jump", {}, "the order build, run"),
+]
+
+
+def test_wrong_orders_are_refused_and_change_nothing(case: tuple[Any, ...]) -> None:
+    subject, built, _, _ = case
+    script = """
+    const before = order("advance", { time: 0.01 });
+    const refused = given.orders.map(([name, more]) => order(name, more).refused);
+    const after = order("state");
+    const isSame = before.total === after.total && after.status === 0;
+    return [refused, isSame, order("advance", { time: 0.02 }).status];
+    """
+    texts, is_same, status = run_worker(subject, built, script, orders=[row[:2] for row in REFUSED])
+    assert is_same
+    assert status == 0
+    for (name, _, words), text in zip(REFUSED, texts, strict=True):
+        assert text.startswith(f"{name}: ")
+        assert words in text
