@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.cli.prestress_options import OPTION
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     InvalidValueError,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Prestressed", "write_prestressed"]
 
-FloatArray = NDArray[np.float64]
 
 LEAST = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none

@@ -7,17 +7,16 @@ from pathlib import Path
 from xml.etree.ElementTree import Comment, Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.export.elements import add, number, numbers, write_elements
 from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.export.rigid_parts import WORLD, RigidPart, find_parts
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["EXPORTER", "build_urdf"]
 
-FloatArray = NDArray[np.float64]
 
 THIN = 0.01  # radius of a drawn bar without one, over its length
 NEXT_TO_NOTHING = 1e-6  # of a part's mass, for links between its joints: simulators require one

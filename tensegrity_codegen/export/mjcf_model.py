@@ -18,11 +18,11 @@ from tensegrity_codegen.export.elements import add, number, numbers
 from tensegrity_codegen.export.node_tree import NodeTree, build_node_tree
 from tensegrity_codegen.export.rigid_parts import find_shared_nodes
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["WORLD_SITE", "ModelParts", "build_parts"]
 
-FloatArray = NDArray[np.float64]
 
 WORLD_SITE = "world.origin"  # names with a point differ from all names of a scene
 THIN = 1e-6  # inertia of a rigid bar about itself over that across it: MuJoCo requires one

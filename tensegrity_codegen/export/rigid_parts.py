@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, RigidBody
 from tensegrity_codegen.structure.kinematics import compute_node_position, euler_rotation
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["WORLD", "RigidPart", "find_parts", "find_shared_nodes"]
 
-FloatArray = NDArray[np.float64]
 
 WORLD = "world"
 SMALL = 1e-6  # inertia of thin bars about themselves over that across; of points over their mass [m2]

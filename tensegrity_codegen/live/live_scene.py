@@ -23,11 +23,10 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import find_joints, outline_bodies
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["LiveScene", "LiveStart", "build_live_scene"]
-
-FloatArray = NDArray[np.float64]
 
 
 MOST_NAMES = 160  # of nodes or of members that a page writes at once

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_members
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compute_uses"]
 
-FloatArray = NDArray[np.float64]
 
 MOST = 1000.0  # of a use that is infinite, such as a tension where none is allowed
 

@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["describe_analysis", "write_analysis"]
-
-FloatArray = NDArray[np.float64]
 
 
 def describe_analysis(

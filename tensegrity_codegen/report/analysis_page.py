@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.analysis_finding import describe_analysis_finding, describe_modes
 from tensegrity_codegen.report.analysis_tables import describe_counts
@@ -28,12 +27,12 @@ from tensegrity_codegen.report.pictures.motion_picture import draw_motion, draw_
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["build_analysis_page"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_MECHANISMS, MOST_MODES = 4, 6
 LEAD = (

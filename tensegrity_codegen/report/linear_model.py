@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["modes_table", "say_finding", "say_spectrum"]
 
-FloatArray = NDArray[np.float64]
 
 REAL = 1e-9  # imaginary part over modulus, up to which an eigenvalue is a real one
 

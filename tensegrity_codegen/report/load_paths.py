@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.files import check_ending, replaced
 from tensegrity_codegen.system.table_files import write_csv
 
 __all__ = ["events_table", "tabulate_path", "write_path"]
-
-FloatArray = NDArray[np.float64]
 
 
 def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:

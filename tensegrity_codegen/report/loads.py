@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compute_loads", "compute_static_loads", "describe_other_loads"]
-
-FloatArray = NDArray[np.float64]
 
 
 def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:

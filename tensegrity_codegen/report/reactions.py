@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compute_reactions"]
-
-FloatArray = NDArray[np.float64]
 
 
 def compute_reactions(

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "run_table",
 ]
 
-FloatArray = NDArray[np.float64]
 
 # What the facts about a run are called, and their units.
 RUN_ROWS = {

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.node_order import order_nodes, spread
 from tensegrity_codegen.structure.repeated_modules import Module, find_modules
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES
 
 __all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
 
-IntArray = NDArray[np.int64]
 
 # How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
 ABSENT, CONSTANT, ARGUMENT = 0, 1, 2

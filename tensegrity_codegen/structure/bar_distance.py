@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compute_bar_distance", "compute_segment_distance"]
 
-FloatArray = NDArray[np.float64]
 
 PARALLEL = 1e-12  # of the product of squared lengths, below which two lines count as parallel
 

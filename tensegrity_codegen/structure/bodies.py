@@ -24,6 +24,7 @@ from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.member_laws import WithMemberLaws
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
@@ -32,7 +33,6 @@ __all__ = [
     "coordinate_labels",
 ]  # fmt: skip
 
-FloatArray = NDArray[np.float64]
 Vector3: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["inertial", "body"]
 

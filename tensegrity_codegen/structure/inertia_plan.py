@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["InertiaPlan", "find_massless", "refuse_bare"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class InertiaPlan:

@@ -12,13 +12,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Kinematics", "bar_direction", "compute_node_position", "euler_rotation"]
 
-FloatArray = NDArray[np.float64]
 Scalar = Any
 Vector = list[Scalar]
 

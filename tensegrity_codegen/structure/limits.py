@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["MEMBER_LIMITS", "Limits"]
 
-FloatArray = NDArray[np.float64]
 
 # Limits of single members, and the value of each that limits nothing.
 MEMBER_LIMITS = {

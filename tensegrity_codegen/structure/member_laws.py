@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.tables.laws import (
     LAW_PARAMETERS,
     LAWS,
@@ -26,9 +26,6 @@ SECTION_VALUES = ("section_area", "gyration_square")
 
 WIDEST = 1e3  # rest length, over the length, up to which one is searched for
 BISECTIONS = 100
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 class WithMemberLaws:

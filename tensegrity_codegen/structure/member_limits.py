@@ -9,10 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Summarised, describe_count, describe_range
 
@@ -27,7 +27,6 @@ __all__ = [
     "summarise_tensions",
 ]
 
-FloatArray = NDArray[np.float64]
 
 MEMBER_CHECKS = ("least_tension", "most_tension", "yield_stress", "buckling")
 BLOCK = 2**20  # tensions that are compared at a time

@@ -10,9 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import IntArray
+
 __all__ = ["order_nodes", "spread"]
 
-IntArray = NDArray[np.int64]
 
 ROUNDS = 3  # how far around a node its surroundings are looked at, in members
 

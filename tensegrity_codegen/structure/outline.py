@@ -15,7 +15,6 @@ from tensegrity_codegen.structure.structure import Structure
 
 __all__ = ["find_faces", "find_joints", "is_edge", "outline_bodies", "outline_tendons"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import IntArray
 
 __all__ = ["find_pieces"]
-
-IntArray = NDArray[np.int64]
 
 
 def find_pieces(count: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import IntArray
+
 __all__ = ["NEAR", "Module", "find_modules"]
 
-IntArray = NDArray[np.int64]
 Shape = tuple[bytes, bytes, tuple[int, ...]]
 
 LEAST_REPETITIONS = 16

@@ -11,10 +11,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import ModelArgument
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
@@ -22,7 +22,6 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
 __all__ = ["SymbolicArguments", "check_parameters", "nominal_value"]
 
-FloatArray = NDArray[np.float64]
 Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 

@@ -14,16 +14,16 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.symbolic.formulations.bodies import build_bodies
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Balance", "Control", "RestrictedBodies"]
 
-FloatArray = NDArray[np.float64]
 Family = Callable[[Sequence[Any]], Sequence[Any]]
 
 

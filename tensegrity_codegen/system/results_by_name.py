@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
 __all__ = ["ByName", "find_row"]
-
-FloatArray = NDArray[np.float64]
 
 
 class _Named(Protocol):

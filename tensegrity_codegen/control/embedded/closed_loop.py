@@ -30,12 +30,12 @@ from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import STATUS
 
 __all__ = ["CompiledLoop", "LoopDraw"]
 
-FloatArray = NDArray[np.float64]
 
 LOST = "the estimate is not finite"
 

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.control.embedded.table_printer import Table, TablePrinter
 from tensegrity_codegen.control.feedback.tension_distribution import PASSES, TensionDistribution
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec
 from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["QP_ITERATIONS", "DistributionTables", "build_distribution_tables"]
 
-IntArray = NDArray[np.int64]
 QP_ITERATIONS = 100
 # With smaller weights rounding in single precision hides which bounds depend on each other.
 LEAST_WEIGHT = {"double": 0.0, "single": 1e-4}

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
 __all__ = ["Envelope", "find_envelope"]
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Knots", "tabulate_gains", "tabulate_inputs", "tabulate_states"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

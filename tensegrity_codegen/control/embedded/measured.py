@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["MeasuredNumber", "find_measured"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.knots import tabulate_gains, tabulate_inputs, tabulate_states
 from tensegrity_codegen.control.embedded.parts import ControllerParts
@@ -16,8 +15,6 @@ from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.tables.precision import Precision
 
 __all__ = ["build_tables", "count_knots"]
-
-FloatArray = NDArray[np.float64]
 
 
 def count_knots(parts: ControllerParts) -> dict[str, int]:

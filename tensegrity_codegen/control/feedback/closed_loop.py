@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.design.at_rest import build_rest
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
@@ -34,12 +34,11 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["simulate_control"]
-
-FloatArray = NDArray[np.float64]
 
 
 def simulate_control(

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.inverse_dynamics import InverseDynamics
 from tensegrity_codegen.control.feedback.rates import Peaks, compute_peaks
 from tensegrity_codegen.control.feedback.smooth_path import SmoothPath
 from tensegrity_codegen.control.feedback.time_law import TimeLaw
 from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["DYNAMIC", "STATIC", "Driven", "Feedforward", "Timing", "build_feedforward", "describe_residual"]
 
-FloatArray = NDArray[np.float64]
 
 DYNAMIC, STATIC = "dynamic", "static"
 BALANCED = 1e-6  # of the largest tension: residual that counts as none

@@ -16,10 +16,10 @@ from tensegrity_codegen.control.feedback.path_knots import PathKnots
 from tensegrity_codegen.control.feedback.smooth_path import SmoothPath
 from tensegrity_codegen.control.planning.plan_point import PlanModel
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["remove_momentum"]
 
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-12
 

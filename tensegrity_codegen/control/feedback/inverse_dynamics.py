@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from tensegrity_codegen.control.planning.plan_point import PlanModel
@@ -17,12 +16,11 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["DYNAMIC_QUANTITIES", "Drive", "InverseDynamics"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 DYNAMIC_QUANTITIES = (
     "acceleration",

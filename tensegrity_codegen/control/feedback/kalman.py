@@ -34,12 +34,12 @@ from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["design_kalman", "linearise_estimate"]
 
-FloatArray = NDArray[np.float64]
 
 QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
 MOST_KNOTS = 25

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from tensegrity_codegen.control.feedback.design.at_rest import build_rest
@@ -30,12 +30,12 @@ from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 __all__ = ["design_lqr"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_PAST = 1000  # commands on their way
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.control.planning.actuation import find_actuation
@@ -16,11 +16,11 @@ from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, t
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 
 __all__ = ["PathKnots", "find_knots"]
 
-FloatArray = NDArray[np.float64]
 
 NEAR = 1e-4  # of the longest member: how far given coordinates may be from the equilibrium
 REACH = 0.1  # of the longest member: of one step from equilibrium to equilibrium

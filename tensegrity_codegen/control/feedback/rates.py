@@ -6,17 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq
 
 from tensegrity_codegen.control.planning.actuation import Actuation
 from tensegrity_codegen.runtime.profiles.pieces import build_cubic
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 
 __all__ = ["Peaks", "check_rates", "compute_peaks", "find_shortest"]
 
-FloatArray = NDArray[np.float64]
 
 WITHIN = 1e-6  # of a rate limit: excess that counts as none
 CLOSE = 1e-8  # of the shortest duration: its accuracy

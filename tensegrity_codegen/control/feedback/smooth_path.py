@@ -9,16 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from tensegrity_codegen.control.feedback.path_knots import PathKnots
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, UnstableError
 
 __all__ = ["SmoothPath", "build_smooth_path"]
 
-FloatArray = NDArray[np.float64]
 
 EXACT = 1e-8  # of the longest member: distance of the spline from equilibria that counts as none
 MOST_ROUNDS, MOST_KNOTS = 6, 1000

@@ -19,13 +19,13 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Distributed", "TensionDistribution", "design_distribution"]
 
-FloatArray = NDArray[np.float64]
 
 QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix

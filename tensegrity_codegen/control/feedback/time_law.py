@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = ["QUINTIC", "TimeLaw", "read_law"]
 
-FloatArray = NDArray[np.float64]
 
 QUINTIC = "quintic"
 BACK = 1e-9  # of the largest slope: a negative slope that counts as rounding

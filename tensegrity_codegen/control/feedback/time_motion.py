@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.control.feedback.feedforward import (
@@ -33,7 +33,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 __all__ = ["time_motion"]
 
-FloatArray = NDArray[np.float64]
 
 LEAST_SAMPLES, MOST_SAMPLES = 5, 100_000
 

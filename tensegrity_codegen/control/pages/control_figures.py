@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.compare_runs import find_displacement
 from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
@@ -24,10 +23,10 @@ from tensegrity_codegen.report.pictures.motion_picture import draw_tensions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["build_commands", "build_errors", "build_estimate", "build_motion", "build_tensions"]
 
-FloatArray = NDArray[np.float64]
 
 TIME = "time [s]"
 SHAPES = 3  # pictures of the motion

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
 from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
@@ -33,7 +32,6 @@ from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["build_control_page"]
 
-FloatArray = NDArray[np.float64]
 
 LEAD = {
     "holds": "With feedback the errors at the end are not larger than without.",

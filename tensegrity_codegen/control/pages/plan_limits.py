@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.pages.plans import describe_extremes
 from tensegrity_codegen.report.number_text import format_short
@@ -16,10 +15,10 @@ from tensegrity_codegen.report.pages.page import Block, Paragraph, Section
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Binding, PlanResult
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["PROGRESS", "build_limit_sections"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_LINES = 6  # in a diagram
 PROGRESS = "progress [%]"

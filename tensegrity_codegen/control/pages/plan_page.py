@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.pages.plan_finding import describe_plan_finding
 from tensegrity_codegen.control.pages.plan_limits import PROGRESS, build_limit_sections
@@ -35,7 +34,6 @@ from tensegrity_codegen.system.version import VERSION
 
 __all__ = ["build_plan_page"]
 
-FloatArray = NDArray[np.float64]
 
 SHAPES = 4  # pictures of the path
 MOST_LINES = 6  # in a diagram

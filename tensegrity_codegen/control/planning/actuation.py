@@ -13,12 +13,11 @@ from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 
 __all__ = ["Actuation", "MemberRanges", "find_actuation", "find_member_ranges"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

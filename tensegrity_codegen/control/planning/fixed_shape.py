@@ -10,11 +10,11 @@ from tensegrity_codegen.control.planning.targets.targets import Targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, find_certificate
 from tensegrity_codegen.runtime.analysis.rank import find_rank
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_fixed_shape", "find_shape_certificate"]
 
-FloatArray = NDArray[np.float64]
 
 PROVED = 1e-6  # part of the largest shortening, or of the work that loads could do: a proof by less is none
 STRAIGHT = 1e-5  # change of the targets' slopes, over the largest, that counts as none

@@ -6,7 +6,6 @@ import math
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.limits import PlanLimits
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
@@ -14,10 +13,10 @@ from tensegrity_codegen.control.planning.targets.target_text import parse_shape
 from tensegrity_codegen.control.planning.targets.targets import Targets
 from tensegrity_codegen.runtime.records.plan_result import Contradiction
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Contradiction", "find_contradiction", "find_unreachable_place"]
 
-FloatArray = NDArray[np.float64]
 Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
 
 ENTRY = re.compile(

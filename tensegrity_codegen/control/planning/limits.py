@@ -14,12 +14,12 @@ from tensegrity_codegen.control.planning.slopes import Slopes
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins", "keep_taut"]
 
-FloatArray = NDArray[np.float64]
 
 WITHIN = 5e-7  # of the size of a limit: excess that counts as none
 LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero

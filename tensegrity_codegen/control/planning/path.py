@@ -18,11 +18,11 @@ from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.slopes import Slopes, compute_slopes, describe_immobility
 from tensegrity_codegen.control.planning.step_problem import EASED, INSIDE, Program, Step
 from tensegrity_codegen.control.planning.targets.targets import Targets
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
 __all__ = ["Path", "PathPoint", "Progress"]
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
 EXACT = 1e-8  # of the change of the targets: error that counts as none

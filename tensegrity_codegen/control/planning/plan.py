@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.actuation import Actuation, find_actuation
 from tensegrity_codegen.control.planning.fixed_shape import find_fixed_shape, find_shape_certificate
@@ -31,12 +30,12 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 __all__ = ["plan"]
 
-FloatArray = NDArray[np.float64]
 
 N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
 MOST_STEPS = 10**9

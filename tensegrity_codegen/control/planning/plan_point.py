@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.control.planning.actuation import (
@@ -24,11 +23,11 @@ from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["PlanModel", "PlanPoint"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_ITERATIONS = 12
 BALANCED = 1e-9  # node residual over the largest member force

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import linprog
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 
 __all__ = ["Solution", "find_largest", "find_minimum", "find_nearest", "require_solver"]
 
-FloatArray = NDArray[np.float64]
 
 FEASIBLE = 1e-7  # violation of rows scaled to unit norm, up to which they count as satisfied
 PRIMAL_TOLERANCE = (

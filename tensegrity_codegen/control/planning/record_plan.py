@@ -21,11 +21,10 @@ from tensegrity_codegen.runtime.records.plan_result import (
     PlanResult,
 )
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 __all__ = ["describe_margin", "record_infeasible", "record_path"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
 SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure

@@ -6,17 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.targets.targets import MovedBy, Targets
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Slopes", "compute_slopes", "describe_immobility"]
 
-FloatArray = NDArray[np.float64]
 
 STEP = 3e-6  # of the longest member: length of differences
 STILL = 1e-4  # of the way, by inputs as large as the longest member: a target that does not move

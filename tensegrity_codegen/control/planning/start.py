@@ -17,11 +17,11 @@ from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import SingularStiffnessError, StructureError, UnstableError
 
 __all__ = ["Start", "check_stability", "find_start"]
 
-FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
 TAUT = 1e-9  # of the length: a cable as long as its rest length is not slack

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.control.planning.limits import Margins
 from tensegrity_codegen.control.planning.quadratic_program import find_largest, find_minimum
 from tensegrity_codegen.control.planning.slopes import Slopes
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["EASED", "INSIDE", "Program", "Step"]
 
-FloatArray = NDArray[np.float64]
 
 STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
 GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought; it should not cut it, so

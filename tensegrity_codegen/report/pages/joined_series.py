@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
 from tensegrity_codegen.report.pages.page import Figure
@@ -16,7 +15,6 @@ from tensegrity_codegen.report.pictures.palette import SEQUENCE
 
 __all__ = ["choose_looks", "join_names", "join_series", "joined_figure"]
 
-FloatArray = NDArray[np.float64]
 Look = tuple[int, Literal["line", "dashed", "dotted", "dashdot"]]
 
 NEAR = 0.004  # of the height of a diagram: lines that are nowhere further apart cannot be told apart

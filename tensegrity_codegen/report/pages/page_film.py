@@ -20,11 +20,11 @@ from tensegrity_codegen.report.pictures.legend import add_color_bar
 from tensegrity_codegen.report.pictures.palette import INK, MUTED
 from tensegrity_codegen.report.pictures.view import find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import import_extra
 
 __all__ = ["draw_film"]
 
-FloatArray = NDArray[np.float64]
 
 AREA = 11.0  # of the panel [in2]
 PAUSE = 1.0  # [s], on the last picture

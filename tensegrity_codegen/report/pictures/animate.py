@@ -20,14 +20,13 @@ from tensegrity_codegen.report.pictures.shown import show_motion
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import import_extra
 from tensegrity_codegen.system.files import replaced
 
 __all__ = ["FILM_SUFFIXES", "find_frames", "write_animation"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 Progress = Callable[[float], None]
 

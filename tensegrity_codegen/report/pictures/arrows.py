@@ -12,13 +12,13 @@ from tensegrity_codegen.report.pictures.palette import LOAD, REACTION
 from tensegrity_codegen.report.pictures.view import View
 from tensegrity_codegen.report.reactions import compute_reactions
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["Arrows", "ForceArrows", "describe_arrows", "lay_out_arrows"]
 
-FloatArray = NDArray[np.float64]
 
 LONGEST = 0.25  # of the structure's size, at most
 CROWD = 24  # arrows from which they get shorter and thinner

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.loads import compute_loads, compute_static_loads
 from tensegrity_codegen.report.pictures.checks import check_array, check_tension
@@ -30,6 +29,7 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Drawable", "Shot", "draw_shot", "find_rigid", "find_shot", "outline_motion", "pad_tension"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Drawable: TypeAlias = (
     str
     | Path

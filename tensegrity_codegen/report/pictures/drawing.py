@@ -23,6 +23,7 @@ from tensegrity_codegen.report.pictures.view import View
 from tensegrity_codegen.structure.bodies import BodySystem, RigidBody
 from tensegrity_codegen.structure.outline import find_faces, find_joints, is_edge
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["BodyParts", "StructureDrawing", "find_slack", "find_tension_limit"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Line widths in points for a structure of a few dozen members.
 BAR_WIDTH = 5.0

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, PAPER
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, PlanarView, View
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw_frame", "panel_extent", "panel_ratio", "picture_size"]
 
-FloatArray = NDArray[np.float64]
 
 TICK_SIZE = 8.0
 NAME_SIZE = 9.0

@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.palette import INK, MUTED, PAPER
 from tensegrity_codegen.report.pictures.view import View
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["MOST_NAMES", "LeftOut", "NameWriter", "choose_names"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together
 NODE_SIZE, MEMBER_SIZE = 9.0, 7.5

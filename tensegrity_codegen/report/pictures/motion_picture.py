@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_tension_limit
@@ -14,13 +13,13 @@ from tensegrity_codegen.report.pictures.legend import add_color_bar
 from tensegrity_codegen.report.pictures.palette import MUTED
 from tensegrity_codegen.report.pictures.view import find_box, fit_view
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["draw_motion", "draw_tensions"]
 
-FloatArray = NDArray[np.float64]
 
 SHOWN = 0.16  # largest displacement in a picture, over the longest side of the structure
 AREA = 11.0  # of a picture's panel [in2]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.arrows import Arrows, ForceArrows, lay_out_arrows
 from tensegrity_codegen.report.pictures.choices import PictureChoices
@@ -16,13 +15,13 @@ from tensegrity_codegen.report.pictures.labels import NameWriter, choose_names
 from tensegrity_codegen.report.pictures.shown import COLOR_NAMES, Shown, compute_colors
 from tensegrity_codegen.report.pictures.view import Box, PerspectiveView, View, choose_view, find_box
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["Panel", "Setting", "fit_size", "set_up"]
 
-FloatArray = NDArray[np.float64]
 
 PICTURE_DPI = 150
 LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts

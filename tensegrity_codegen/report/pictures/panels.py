@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_drift", "draw_energies", "draw_tensions", "group_members"]
 
-FloatArray = NDArray[np.float64]
 
 TEXT_SIZE = 9.0
 # Groups of at most this many members are drawn line by line, larger ones as a band around their median.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.pictures.canvas import PICTURE_SUFFIXES, check_suffix, new_figure, save_figure
 from tensegrity_codegen.report.pictures.checks import check_array, check_tension, check_trajectory
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_shown", "draw_structure", "plot_structure", "plot_trajectory"]
 
-FloatArray = NDArray[np.float64]
 
 # Paths of more nodes than this hide the structure.
 MOST_PATHS = 40

@@ -7,16 +7,14 @@ stated positions are in equilibrium and the bars are statically determined; else
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 __all__ = ["find_rest_tension"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 UNBALANCED = 0.01  # part of the largest force that nodes may lack where they count as balanced
 DEPENDENT = 1e-9  # singular values below count as none, as the bars have unit directions

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.loads import compute_loads
 from tensegrity_codegen.report.pictures.checks import check_array, check_tension
@@ -14,11 +13,11 @@ from tensegrity_codegen.report.pictures.drawing import BodyParts
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["COLOR_NAMES", "Shown", "compute_colors", "show_motion", "show_structure"]
 
-FloatArray = NDArray[np.float64]
 
 COLOR_NAMES = {
     "tension": ("member tension [N]", "tension unknown"),

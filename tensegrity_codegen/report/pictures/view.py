@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.pictures.choices import Direction
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = [
@@ -24,7 +25,6 @@ __all__ = [
     "fit_view",
 ]
 
-FloatArray = NDArray[np.float64]
 
 # Azimuths of the eye about +z from +x to choose from [deg]; the first is that of large structures.
 AZIMUTHS = (-60.0, -66.0, -54.0, -72.0, -48.0, -78.0, -42.0)

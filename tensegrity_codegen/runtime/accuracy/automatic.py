@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.choice import Choice, choose_method
 from tensegrity_codegen.runtime.accuracy.damped_out import (
@@ -35,7 +34,6 @@ from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["integrate_auto"]
 
-FloatArray = NDArray[np.float64]
 
 FAR = 1e5  # from the origin, over the size of the structure
 

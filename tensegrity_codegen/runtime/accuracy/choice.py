@@ -10,7 +10,6 @@ from collections import Counter
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_noise
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates, find_rates
@@ -28,7 +27,6 @@ from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["Choice", "choose_method", "integrators_for"]
 
-FloatArray = NDArray[np.float64]
 
 EXPLICIT = ("rk853", "rk54")
 CHEAP = 5_000  # steps that resolve every vibration in hundredths of a second

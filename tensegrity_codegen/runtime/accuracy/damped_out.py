@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.error_control import CROWDED, Checks, tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.rounding import Rounding
@@ -20,6 +19,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 __all__ = [
@@ -31,7 +31,6 @@ __all__ = [
     "trust_in_radau",
 ]
 
-FloatArray = NDArray[np.float64]
 
 LEFT_OUT = ("vibration_error", "vibration_speed_error", "vibration_tension_error")  # [m], [m/s], [N]
 PASSING_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks

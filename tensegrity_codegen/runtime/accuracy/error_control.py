@@ -7,15 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.rounding import Rounding
 from tensegrity_codegen.runtime.accuracy.tolerance import Comparison, Tolerance, compare_runs
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["CROWDED", "Checks", "tighten_until_converged"]
 
-FloatArray = NDArray[np.float64]
 Run = Callable[[float, float], RawTrajectory]
 
 MOST_ROUNDS = 7

@@ -11,18 +11,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.tableaus import TABLEAUS
 
 __all__ = ["LostVibration"]
 
-FloatArray = NDArray[np.float64]
 
 KEPT = 0.01  # change of the whole vibration, from which on two runs may agree on it
 DOUBTED = 3.0  # times that change: steps are not all of the same length

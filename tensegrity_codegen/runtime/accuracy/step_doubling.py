@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch, RawTrajectory
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["check_batch_by_doubling", "check_by_doubling"]
 
-FloatArray = NDArray[np.float64]
 
 FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
 SHORT = (

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["Comparison", "Tolerance", "compare_runs", "tolerance_for"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK = 2**20  # numbers compared at a time
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.certificate import Certificate, check_balanced, find_certificate
@@ -27,12 +27,12 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.structure.member_limits import check_members
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["MODES", "Analysis", "analyse"]
 
-FloatArray = NDArray[np.float64]
 
 MODES = 10
 BALANCED = 1e-6  # residual, over the largest member force, up to which the present forces are in balance

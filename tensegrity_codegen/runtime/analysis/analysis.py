@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.analysis.modes import Modes
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
@@ -14,11 +11,10 @@ from tensegrity_codegen.runtime.analysis.prestress_stability import PrestressSta
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.structure.member_limits import MemberChecks
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Analysis"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,10 +19,10 @@ from scipy import linalg, sparse
 from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
 from tensegrity_codegen.runtime.analysis.rank import Rank, find_rank
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["VERIFIED", "Certificate", "check_balanced", "find_certificate"]
 
-FloatArray = NDArray[np.float64]
 
 VERIFIED = 1e-9  # largest change that is not allowed, over the largest shortening
 NULL = 1e-8  # singular values of the restricted self-stresses that count as zero

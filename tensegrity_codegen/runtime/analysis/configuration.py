@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.analysis.mechanisms import build_part_motions, find_parts
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
@@ -21,12 +21,12 @@ from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["BodyConfiguration", "Configuration", "read_configuration"]
 
-FloatArray = NDArray[np.float64]
 Subject = Structure | BodySystem
 
 EPSILON = float(np.finfo(float).eps)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["find_least_norm", "find_optimum"]
 
-FloatArray = NDArray[np.float64]
 
 ZOOM = 1e-6  # size of one refinement, next to that of the one before
 ROUNDS = 2

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.runtime.analysis.rank import Rank
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["FreeMotions", "build_part_motions", "find_free_motions", "find_parts"]
 
-FloatArray = NDArray[np.float64]
 
 RIGID = 1e-6  # part of a unit motion that counts as none
 

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["Modes", "find_modes"]
 
-FloatArray = NDArray[np.float64]
 
 ZERO = 1e-13  # part of the largest square of a frequency that counts as none
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["FEASIBLE", "Prestress", "find_prestress"]
 
-FloatArray = NDArray[np.float64]
 
 FEASIBLE = 1e-10  # least tension, over the largest member force, from which a cable counts as in tension
 LOADED = 2.0  # largest member force allowed under loads, over the least that carries them

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.runtime.analysis.linear_program import find_optimum
 from tensegrity_codegen.runtime.analysis.mechanisms import FreeMotions
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["PrestressStability", "find_prestress_stability", "find_stabilising_prestress"]
 
-FloatArray = NDArray[np.float64]
 
 STIFF = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
 KEPT = 0.1  # part of the largest least tension that stabilising tensions keep

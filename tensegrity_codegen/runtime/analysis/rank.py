@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arrays import check_finite
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
 __all__ = ["MOST_ROWS", "RANK_TOLERANCE", "Rank", "find_rank"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
 RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero

@@ -27,12 +27,12 @@ from tensegrity_codegen.runtime.integrate.raw_results import (
 from tensegrity_codegen.runtime.model.arrays import to_batch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec
 
 __all__ = ["choose_batch_control", "integrate_batch", "runs_side_by_side"]
 
-FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
 OWN_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call

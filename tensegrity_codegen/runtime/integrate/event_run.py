@@ -5,19 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, choose_watch
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.model.arrays import to_sized
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = ["EventRun"]
 
-FloatArray = NDArray[np.float64]
 
 EVENT_ROW = np.dtype(
     {"names": ["time", "kind", "which", "direction"], "formats": ["f8", "i4", "i4", "i4"], "itemsize": 24}

@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["Flow", "build_derivative"]
 
-FloatArray = NDArray[np.float64]
 
 IN_C = ("rk54", "rk853")  # by preference
 LOOSENING = (1.0, 1e2, 1e4)  # factors on the tolerance, one after the other, where rounding is in the way

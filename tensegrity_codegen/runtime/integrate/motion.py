@@ -6,15 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Motion", "Progress", "Schedule"]
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[float], None]
 # Time [s] -> run-time parameters and inputs by name.
 Schedule = Callable[[float], Mapping[str, Any]]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import STATUS
 
@@ -22,7 +23,6 @@ __all__ = [
     "judge_ends",
 ]
 
-FloatArray = NDArray[np.float64]
 CountArray = NDArray[np.int64]
 
 MOST_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members

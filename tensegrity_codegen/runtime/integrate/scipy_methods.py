@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.flow import build_derivative
 from tensegrity_codegen.runtime.integrate.methods import find_method
@@ -16,11 +15,11 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
 __all__ = ["integrate_scipy"]
 
-FloatArray = NDArray[np.float64]
 
 LONGEST_STEP = 0.01  # of the time, where a function of time may change anything: steps must not pass over it
 

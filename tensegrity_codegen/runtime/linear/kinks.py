@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["KINK_QUANTITIES", "find_kinks"]
 
-FloatArray = NDArray[np.float64]
 
 KINK_QUANTITIES = ("member_length", "member_extension")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.linear.spectrum import Spectrum, find_spectrum
 from tensegrity_codegen.runtime.linear.variations import find_variations
@@ -20,6 +20,7 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.system.summaries import (
@@ -34,7 +35,6 @@ from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
 
-FloatArray = NDArray[np.float64]
 
 # What a linear model needs of every model, and of one with inputs too.
 LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")

@@ -9,9 +9,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
+
 __all__ = ["DENSE_STATES", "Spectrum", "find_spectrum"]
 
-FloatArray = NDArray[np.float64]
 
 DENSE_STATES = 1500  # states up to which all eigenvalues are found
 EPSILON = float(np.finfo(float).eps)

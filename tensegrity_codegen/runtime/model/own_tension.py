@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["put_own_tensions"]
 
-FloatArray = NDArray[np.float64]
 
 AMPLIFIED = 10.0  # change of a rigid member's tension over that of the elastic members beside it, at most
 

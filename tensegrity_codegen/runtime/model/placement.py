@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["NODE_QUANTITIES", "place_motion", "place_nodes", "place_velocities"]
 
-FloatArray = NDArray[np.float64]
 
 # What a model must compute whose coordinates are no node coordinates, so that its nodes can be placed.
 NODE_QUANTITIES = ("node_position", "node_velocity")

@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["RigidBars"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 DEPENDENT = 1e-9  # part of a bar's direction that the others leave free, below which it repeats them
 DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares

@@ -14,18 +14,17 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, Pattern
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["BarPath", "build_path"]
 
-FloatArray = NDArray[np.float64]
 
 STIFF = 10.0  # sigma as a multiple of the largest stiffness, so that the eigenvalues told are the structure's
 

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent, PathPoint, collect_path
 from tensegrity_codegen.runtime.paths.path_events import Crossing, EventTracker, LostError, Step
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem, Watch
 from tensegrity_codegen.runtime.paths.path_solver import PathSolver, PathState
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import (
     check_callback,
     check_instance,
@@ -34,7 +35,6 @@ from tensegrity_codegen.system.solver_progress import describe_pass
 
 __all__ = ["StepControl", "follow_path"]
 
-FloatArray = NDArray[np.float64]
 
 FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, above which it is shorter
 STRAIGHT = 0.9  # least cosine of the angle between tangents of one step

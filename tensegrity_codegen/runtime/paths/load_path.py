@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, Summarised, describe_range
 
 __all__ = ["LoadPath", "PathEvent"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

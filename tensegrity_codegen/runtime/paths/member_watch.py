@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.paths.path_problem import Watch
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 
 __all__ = ["MEMBER_WATCH_QUANTITIES", "watch_members"]
 
-FloatArray = NDArray[np.float64]
 
 MEMBER_WATCH_QUANTITIES = ("member_tension", "member_length")
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.interface import Model
@@ -18,12 +18,12 @@ from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, Watch
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions, find_neutral_motions
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_switch
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 __all__ = ["LOAD_PATH_QUANTITIES", "ModelPath", "Pattern", "watch_contact", "watch_slack", "watch_switch"]
 
-FloatArray = NDArray[np.float64]
 
 # What a load path needs of a model in node coordinates; events need member_extension and bar_distance too.
 LOAD_PATH_QUANTITIES = ("node_residual", "tangent_stiffness")

@@ -7,19 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from scipy import optimize
 
 from tensegrity_codegen.runtime.paths.load_path import PathEvent
 from tensegrity_codegen.runtime.paths.path_problem import Watch
 from tensegrity_codegen.runtime.paths.path_solver import MOST_EIGENVALUES, PathSolver, PathState
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["Crossing", "EventTracker", "LostError", "Step"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SAME = 1e-8  # of a value's change over the step: values this near zero cross at the same place
 FREE = 1e-7  # part of the load along a mode of zero stiffness, below which the mode is a bifurcation

@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["NeutralMotions", "PathProblem", "Watch"]
 
-FloatArray = NDArray[np.float64]
 
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.
 NeutralMotions = Callable[[FloatArray, Any], FloatArray]

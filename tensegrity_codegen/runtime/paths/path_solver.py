@@ -15,17 +15,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from tensegrity_codegen.runtime.paths.path_problem import NeutralMotions, PathProblem
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT, find_lowest_curvature
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["MOST_EIGENVALUES", "PathSolver", "PathState"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_ITERATIONS = 15
 CONVERGED = 1e-9  # correction in units of z; the error left is of the order of its square

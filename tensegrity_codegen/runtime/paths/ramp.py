@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes
@@ -21,10 +20,10 @@ from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_e
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["MOST_FOLLOWED", "Ramp", "Way", "find_pushed_start"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_FOLLOWED = 3000  # coordinates up to which a path is followed
 MOST_STEPS = 300  # of small structures

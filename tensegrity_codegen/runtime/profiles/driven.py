@@ -8,19 +8,17 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, unify_name
 from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["DrivenArguments", "bind_profile", "check_end", "check_not_constant"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SAME_TIME = 1e-12  # of t_end, by which rounding may have a profile end before it
 

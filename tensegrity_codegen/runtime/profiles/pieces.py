@@ -10,9 +10,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
+
 __all__ = ["Pieces", "build_cubic", "build_linear"]
 
-FloatArray = NDArray[np.float64]
 
 JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
 

@@ -9,10 +9,11 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.profiles.pieces import Pieces, build_cubic, build_linear
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_names, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
 from tensegrity_codegen.system.pickling import reduce_fields
@@ -20,7 +21,6 @@ from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["KINDS", "Profile"]
 
-FloatArray = NDArray[np.float64]
 
 KINDS = ("linear", "cubic")
 BUILD = {"linear": build_linear, "cubic": build_cubic}

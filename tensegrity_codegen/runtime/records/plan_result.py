@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.results_by_name import ByName
 from tensegrity_codegen.system.summaries import (
     Fact,
@@ -22,7 +23,6 @@ from tensegrity_codegen.system.summaries import (
 
 __all__ = ["LIMIT_WORDS", "Binding", "Block", "PlanResult"]
 
-FloatArray = NDArray[np.float64]
 
 # Limits in words.
 LIMIT_WORDS = {

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.records.even_knots import choose_even_knots
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_path, check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import check_ending
@@ -30,7 +30,6 @@ from tensegrity_codegen.system.table_files import write_csv
 
 __all__ = ["Motion", "MotionPoint"]
 
-FloatArray = NDArray[np.float64]
 
 # Fields with a row for each knot; `residual` too where it has rows.
 KNOT_FIELDS = (

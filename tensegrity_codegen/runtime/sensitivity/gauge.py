@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.sensitivity.static_system import StaticSystem
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
@@ -12,10 +11,9 @@ from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
 from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["find_gauge", "find_node_velocities", "name_gauge"]
-
-FloatArray = NDArray[np.float64]
 
 
 def find_gauge(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[FloatArray, float]:

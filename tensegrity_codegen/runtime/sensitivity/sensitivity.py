@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_doubles
@@ -25,12 +25,12 @@ from tensegrity_codegen.runtime.sensitivity.static_system import (
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 
 __all__ = ["Sensitivity", "equilibrium_sensitivity"]
 
-FloatArray = NDArray[np.float64]
 
 AT_REST_LENGTH = 1e-9  # extension over length up to which a cable may go slack or taut
 NAMED = 3  # nodes of a motion without resistance that the error names

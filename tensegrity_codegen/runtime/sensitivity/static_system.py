@@ -14,17 +14,15 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.runtime.statics.body_problem import BodyProblem
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["REST_LENGTH_QUANTITIES", "StaticSystem", "build_system", "has_springs"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REST_LENGTH_QUANTITIES = (
     "residual_rest_length_jacobian",

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["make_consistent"]
 
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 1e-9  # of the largest entry
 ROUNDS = 4  # lengths that follow the tension depend on the state that they correct

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
@@ -20,13 +20,12 @@ from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.precision import PRECISIONS
 
 __all__ = ["find_start", "read_sample_times", "read_schedule"]
-
-FloatArray = NDArray[np.float64]
 
 
 def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:

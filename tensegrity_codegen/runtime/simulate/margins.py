@@ -13,6 +13,7 @@ from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
@@ -24,7 +25,6 @@ __all__ = [
     "build_slack_margins",
 ]
 
-FloatArray = NDArray[np.float64]
 Evaluate = Callable[[float, FloatArray], FloatArray]
 
 # What contacts and slack cables need of a model besides what a simulation needs.

@@ -24,10 +24,10 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.margins import Margins, build_contact_margins, build_slack_margins
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["find_contact", "find_slack", "stop_at_contact"]
 
-FloatArray = NDArray[np.float64]
 
 TIGHT = 1e-13  # relative tolerance of the states that events are located on
 BETWEEN = 1e-8  # relative tolerance of the states that split an interval

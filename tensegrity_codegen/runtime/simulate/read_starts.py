@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays, read_names
 from tensegrity_codegen.runtime.model.named_inputs import unify_name
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["read_starts"]
 
-FloatArray = NDArray[np.float64]
 
 OF_NODES = {"node_position": "coordinate", "node_velocity": "velocity"}
 HELD = 1e-9  # of the largest entry, by which what is held may differ from the scene

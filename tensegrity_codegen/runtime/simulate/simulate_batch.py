@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
@@ -34,11 +34,10 @@ from tensegrity_codegen.runtime.simulate.one_by_one import simulate_one_by_one
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.runtime.trajectory.evaluate_batch import evaluate_batch
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
 
 __all__ = ["simulate_batch"]
-
-FloatArray = NDArray[np.float64]
 
 
 def simulate_batch(

@@ -17,16 +17,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.rigid_bars import MOST_CORRECTIONS, RigidBars
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["BAR_EQUILIBRIUM_QUANTITIES", "BarProblem"]
 
-FloatArray = NDArray[np.float64]
 
 BAR_EQUILIBRIUM_QUANTITIES = (
     "potential_energy",

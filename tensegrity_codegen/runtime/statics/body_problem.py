@@ -11,16 +11,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.charts import NEAR_POLE, NEAREST_POLE, name_charts
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 
 __all__ = ["BODY_EQUILIBRIUM_QUANTITIES", "BodyProblem"]
 
-FloatArray = NDArray[np.float64]
 
 BODY_EQUILIBRIUM_QUANTITIES = (
     "potential_energy",

@@ -16,6 +16,7 @@ from tensegrity_codegen.runtime.model.arrays import to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,
@@ -29,8 +30,6 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS
 
 __all__ = ["EquilibriumSolver", "SolvedPath"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 WORDS = (*STATUS, *SOLVER_STATUS)
 HINTS = {

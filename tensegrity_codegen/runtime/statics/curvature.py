@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.dense_curvature import DenseCurvature, find_lowest_dense
 from tensegrity_codegen.runtime.statics.sparse_curvature import SparseCurvature, find_lowest_sparse
 from tensegrity_codegen.runtime.statics.step import Curvature
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["DENSE_LIMIT", "build_curvature", "find_lowest_curvature"]
 
-FloatArray = NDArray[np.float64]
 
 DENSE_LIMIT = 200  # coordinates up to which the stiffness is diagonalised
 

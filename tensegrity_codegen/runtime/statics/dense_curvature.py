@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["DenseCurvature", "find_lowest_dense"]
-
-FloatArray = NDArray[np.float64]
 
 
 class DenseCurvature:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import to_array
 from tensegrity_codegen.runtime.model.interface import Model
@@ -22,6 +22,7 @@ from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_r
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
@@ -45,7 +46,6 @@ __all__ = [
     "find_equilibrium",
 ]
 
-FloatArray = NDArray[np.float64]
 # By the kind of static problem of the formulation.
 PROBLEMS: Mapping[str, type[StaticProblem]] = {
     "nodes": StaticProblem,

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arguments import apply_loads
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions, find_neutral
@@ -15,6 +14,7 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MemberChecks, check_members
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.results_by_name import ByName
 from tensegrity_codegen.system.summaries import (
@@ -27,7 +27,6 @@ from tensegrity_codegen.system.summaries import (
 
 __all__ = ["Equilibrium", "record_outcome", "record_without_forces"]
 
-FloatArray = NDArray[np.float64]
 
 NEARLY = 1e-3  # residual over largest force up to which a start counts as an equilibrium that is left
 FAR = 0.1  # motion, as part of the structure's size, that is warned of

@@ -14,17 +14,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.curvature import build_curvature, find_lowest_curvature
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Curvature, Step
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["Outcome", "Progress", "Stability", "find_minimum", "find_stability"]
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, float], None]
 
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces

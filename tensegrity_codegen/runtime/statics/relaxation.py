@@ -9,15 +9,14 @@ the integration stable, by Gershgorin's bound, with a margin for stiffness that 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_relaxed"]
 
-FloatArray = NDArray[np.float64]
 
 MASS_FACTOR = 0.6
 REFRESH = 25  # steps between two looks at the stiffness

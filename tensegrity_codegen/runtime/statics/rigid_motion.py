@@ -7,14 +7,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["build_all_motions", "build_rigid_motions", "find_neutral_motions"]
 
-FloatArray = NDArray[np.float64]
 
 RANK_TOLERANCE = 1e-10  # of motions scaled to unit size
 ROUNDING = 1e-13  # of the norm of the stiffness

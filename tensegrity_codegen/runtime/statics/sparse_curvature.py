@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["SparseCurvature", "find_lowest_sparse"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_SHIFTS = 60
 SHORTEST, LENGTHIEST = 0.6, 1.4  # of the radius: how well a cut step has to meet it

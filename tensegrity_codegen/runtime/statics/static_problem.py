@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.arguments import check_parameter_values
 from tensegrity_codegen.runtime.model.interface import Model
@@ -15,11 +14,11 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
 __all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
 
-FloatArray = NDArray[np.float64]
 
 EQUILIBRIUM_QUANTITIES = (
     "potential_energy",

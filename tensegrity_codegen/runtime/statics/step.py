@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["SINGULAR", "Curvature", "Step"]
 
-FloatArray = NDArray[np.float64]
 
 SINGULAR = 1e-13  # of the norm of the stiffness: eigenvalues below are rounding
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["EnergyBalance", "balance_energy", "find_energy_flow"]
 
-FloatArray = NDArray[np.float64]
 
 # Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
 ENERGY_TOLERANCE = 0.1

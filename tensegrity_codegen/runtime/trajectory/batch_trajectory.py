@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE, Sampled
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["BatchTrajectory"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

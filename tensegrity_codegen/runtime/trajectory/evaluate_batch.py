@@ -7,17 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.raw_results import RawBatch
 from tensegrity_codegen.runtime.model.charts import judge_charts
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["evaluate_batch"]
-
-FloatArray = NDArray[np.float64]
 
 
 def evaluate_batch(

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
@@ -19,11 +18,10 @@ from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
 from tensegrity_codegen.runtime.model.placement import place_motion
 from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["evaluate_trajectory"]
-
-FloatArray = NDArray[np.float64]
 
 
 def evaluate_trajectory(

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["MotionEvent"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, EventLog
 from tensegrity_codegen.runtime.trajectory.sampled import Sampled
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
 
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 
 __all__ = ["Trajectory"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.actuators import build_actuators, build_sensors
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies, build_bodies_of_scene
@@ -50,8 +49,6 @@ __all__ = ["DEFAULT_QUANTITIES", "assemble_bodies"]
 # What a scene of bodies gets that asks for no quantities.
 BODIES = next(item.name for item in FORMULATIONS.values() if item.of_bodies)
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy", "chart_margin")
-
-FloatArray = NDArray[np.float64]
 
 
 def assemble_bodies(scene: Scene, where: str = "scene") -> tuple[BodySystem, ModelRequest]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.body_schema import BarBody, FixedPart, RigidPart
 from tensegrity_codegen.structure.bodies import Bar, Body, Chart, FixedBody, RigidBody
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
     DuplicateNameError,
     InvalidValueError,
@@ -23,7 +24,6 @@ from tensegrity_codegen.system.errors import (
 
 __all__ = ["SMALLEST_MARGIN", "BuiltBodies", "build_bodies_of_scene"]
 
-FloatArray = NDArray[np.float64]
 Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).

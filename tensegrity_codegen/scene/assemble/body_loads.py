@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.assemble.bodies import BuiltBodies
 from tensegrity_codegen.scene.assemble.targets import Targets, normalise
@@ -28,11 +27,10 @@ from tensegrity_codegen.structure.bodies import (
     RigidBody,
     Vector3,
 )
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["BodyFinder", "build_body_inputs", "build_body_loads", "build_friction", "three_numbers"]
-
-FloatArray = NDArray[np.float64]
 
 
 class BodyFinder:

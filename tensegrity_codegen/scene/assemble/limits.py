@@ -14,11 +14,11 @@ from tensegrity_codegen.scene.schema.control_schema import LimitsTable, MemberLi
 from tensegrity_codegen.structure.bodies import Bar, BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["build_limits", "find_limited", "with_section"]
 
-BoolArray = NDArray[np.bool_]
 Subject = Structure | BodySystem
 
 

@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.tables.laws import LAWS
 
 __all__ = ["STIFFNESS", "Columns", "resolve_values"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
 
 STIFFNESS = ("spring_constant", "axial_stiffness")

@@ -14,13 +14,11 @@ from tensegrity_codegen.scene.checks.geometry import check_connectivity, compute
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.tables.laws import LAWS, LINEAR, Law, compute_spring_constant
 
 __all__ = ["build_member_arrays", "compute_rest_length"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def build_member_arrays(

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.part_schema import Load, Node
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["build_node_arrays", "spread_vectors"]
-
-FloatArray = NDArray[np.float64]
 
 
 def build_node_arrays(

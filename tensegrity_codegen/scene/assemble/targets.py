@@ -15,11 +15,10 @@ from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.scene.schema.model_schema import Parameters
 from tensegrity_codegen.scene.schema.part_schema import ForceInput, RestLengthInput
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["Targets", "build_inputs", "build_parameters", "normalise", "refuse_members"]
-
-BoolArray = NDArray[np.bool_]
 
 
 class Targets:

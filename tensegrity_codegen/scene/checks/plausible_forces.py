@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.names import name_list
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 __all__ = [
@@ -20,7 +21,6 @@ __all__ = [
     "warn_of_upward_gravity",
 ]
 
-FloatArray = NDArray[np.float64]
 
 EARTH = 9.81  # [m/s2]
 STRONG = 200.0  # [m/s2]

@@ -13,11 +13,10 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["LARGE_STRAIN", "warn_of_crossing", "warn_of_members", "warn_of_outliers", "warn_of_slack"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FEWEST_CABLES = 3  # of which one should be in tension
 SAME_LENGTH = 1e-9  # of the length: difference from the rest length that counts as none

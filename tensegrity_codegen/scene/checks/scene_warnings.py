@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.geometry import find_fully_anchored
 from tensegrity_codegen.scene.checks.plausible_forces import (
@@ -29,11 +28,10 @@ from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.checks import check_instance
 
 __all__ = ["LARGE_STRAIN", "find_body_warnings", "find_scene_warnings", "find_warnings"]
-
-BoolArray = NDArray[np.bool_]
 
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:

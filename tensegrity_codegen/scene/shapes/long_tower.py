@@ -14,10 +14,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+
 __all__ = ["Blocks", "find_bar_runs", "find_long_twist", "find_run_tensions"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # From a twist [deg] to the equations (24, 22) of four stages: three rows a ring, columns as runs are listed.
 Blocks = Callable[[float], FloatArray]

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.changes import (
@@ -22,7 +21,6 @@ from tensegrity_codegen.studies.stability.neighbours import find_snap
 
 __all__ = ["RTOL", "Case", "generate_cases", "is_essential"]
 
-FloatArray = NDArray[np.float64]
 
 RTOL = 1e-6
 STIFFNESS_RATIOS = tuple(10.0**k for k in range(1, 13))

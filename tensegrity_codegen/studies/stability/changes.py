@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision.problem import without_stretch
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = [
     "as_springs",
@@ -18,7 +18,6 @@ __all__ = [
     "with_springs",
 ]
 
-FloatArray = NDArray[np.float64]
 
 USUAL_RATIO = 1e3  # stiffness of bars that had none, over that of the median cable
 

@@ -6,15 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.own import Ending, tolerance_of
 from tensegrity_codegen.studies.stability.tension_rule import tension_tolerance
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["RULES", "VERDICTS", "Judgement", "Truth", "certify_case", "is_agreed", "judge", "judge_peer"]
 
-FloatArray = NDArray[np.float64]
 Runs = Sequence[Callable[[float], Ending]]
 
 # Verdict -> what it means.

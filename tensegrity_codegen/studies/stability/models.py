@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.compile_scene import build_library
 from tensegrity_codegen.runtime.accuracy.choice import integrators_for
@@ -15,12 +14,12 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulati
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.changes import as_springs, with_rigid_bars, with_springs
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["EXPLICIT", "FIXED", "FOR_STIFF_BARS", "CaseModels", "list_methods", "values_of"]
 
-FloatArray = NDArray[np.float64]
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["find_snap"]
 
-FloatArray = NDArray[np.float64]
 
 LEAST_HEIGHT = 1e-2  # off its neighbours, over the mean member length
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.accuracy.integrate import integrate
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress
@@ -20,11 +19,11 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.models import values_of
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError
 
 __all__ = ["SAMPLES", "Ending", "run_own", "tolerance_of"]
 
-FloatArray = NDArray[np.float64]
 
 SAMPLES = 5
 ATOL_OF_RTOL = 1e-3

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["tension_tolerance"]
 
-FloatArray = NDArray[np.float64]
 
 ROUNDING = 1e-15  # of positions, in lengths of members and so in their tensions
 

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.studies.work_precision.contender import Contender
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 from tensegrity_codegen.system.journal import read_record
 
 __all__ = ["Reference", "certify"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

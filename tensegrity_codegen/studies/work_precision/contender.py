@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Contender", "Measurement", "Run", "Unavailable", "measure"]
 
-FloatArray = NDArray[np.float64]
 
 REPEATS = 5
 LEAST = 0.02  # seconds over which short runs are repeated

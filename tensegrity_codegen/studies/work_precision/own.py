@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
 from tensegrity_codegen.pipeline.compile_scene import build_library
@@ -23,6 +22,7 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulati
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.studies.work_precision.row import Row
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
@@ -39,7 +39,6 @@ __all__ = [
     "place_samples",
 ]
 
-FloatArray = NDArray[np.float64]
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["find_length_error"]
-
-FloatArray = NDArray[np.float64]
 
 
 def find_length_error(structure: Structure, node_position: FloatArray) -> float | None:

@@ -21,12 +21,11 @@ from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, 
 from tensegrity_codegen.sweeps.apply.scene_document import expand_document, read_scene_document
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError, UnknownKeyError
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["AssembledCase", "CaseAssembler", "FileKey", "build_assembler"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.subject import Subject
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["AppliedCases", "CaseGroup", "Mapper"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
@@ -15,12 +14,11 @@ from tensegrity_codegen.sweeps.apply.relations import find_relations
 from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths, find_rest_lengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
 __all__ = ["MOST_LIBRARIES", "find_groups"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_LIBRARIES = 50  # without an express yes
 MOST_CONFIRMED = 1000  # with it

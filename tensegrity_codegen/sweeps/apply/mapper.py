@@ -14,19 +14,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.apply.assembler import CaseAssembler
 from tensegrity_codegen.sweeps.apply.group import AppliedCases
 from tensegrity_codegen.sweeps.apply.relations import Relations
 from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import TensegrityError
 
 __all__ = ["CaseMapper"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK = 2_000_000  # numbers of slots that are computed together
 MOST_KEPT = 50_000  # assemblies that a process remembers

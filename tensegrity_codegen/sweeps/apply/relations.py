@@ -10,14 +10,12 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 __all__ = ["Relations", "find_relations"]
 
 NEARLY = 1e-9  # part by which values are compared before they are compared bit by bit
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,12 +26,11 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
 from tensegrity_codegen.sweeps.apply.relations import Relations, find_relations
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.laws import LINEAR
 
 __all__ = ["SAME", "RestLengths", "find_rest_lengths", "read_stated"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SAME = 1e-12  # part by which a rest length may differ from that of the assembled scene
 ROUNDED = 3e-12  # part by which prestresses may differ, two of which are rounded to 13 digits

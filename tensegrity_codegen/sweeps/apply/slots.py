@@ -16,12 +16,12 @@ from tensegrity_codegen.codegen.compilation.fingerprint import hash_request, has
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
 __all__ = ["STATE", "hash_constants", "list_slots", "name_changed"]
 
-FloatArray = NDArray[np.float64]
 
 STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["bin_means", "find_edges", "is_logarithmic", "make_bins"]
 
-FloatArray = NDArray[np.float64]
 
 WIDE = 50.0  # largest over least value from which on a positive range is shown on a logarithmic axis
 

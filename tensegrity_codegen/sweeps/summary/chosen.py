@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["REDUCTIONS", "ChosenResult", "choose_results"]
-
-FloatArray = NDArray[np.float64]
 
 
 def _compute_mean(values: FloatArray, axis: int) -> FloatArray:

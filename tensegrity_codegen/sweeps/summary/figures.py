@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pages.diagram import HEIGHT, TEXT_SIZE, WIDTH, dress_axes
 from tensegrity_codegen.report.pages.page import Figure
@@ -18,6 +17,7 @@ from tensegrity_codegen.sweeps.summary.bins import bin_means, find_edges, is_log
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.system.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,6 @@ __all__ = [
     "draw_scatter",
 ]
 
-FloatArray = NDArray[np.float64]
 
 MOST_POINTS = 5000  # of a scatter plot; more cases become a two-dimensional histogram
 BINS, MAP_BINS = 40, 60

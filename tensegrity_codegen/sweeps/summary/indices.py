@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.summary.results import SweepResults
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
 __all__ = ["Indices", "compute_grid_indices", "compute_indices", "compute_sobol_indices"]
 
-FloatArray = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 RESAMPLES = 200

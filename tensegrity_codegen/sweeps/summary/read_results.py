@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
@@ -24,10 +23,9 @@ from tensegrity_codegen.sweeps.store.folder import (
 )
 from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["read_results"]
-
-FloatArray = NDArray[np.float64]
 
 
 def read_results(path: str | Path) -> SweepResults:

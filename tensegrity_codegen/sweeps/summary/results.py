@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["KeptQuantity", "SweepResults"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_LETTERS = 36  # of a key along an axis
 

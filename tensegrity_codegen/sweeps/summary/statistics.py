@@ -6,11 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Distribution", "compute_rank_correlation", "describe_distribution"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

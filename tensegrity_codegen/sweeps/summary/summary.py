@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult, choose_results
 from tensegrity_codegen.sweeps.summary.indices import Indices, compute_indices
@@ -25,11 +24,10 @@ from tensegrity_codegen.sweeps.summary.statistics import (
     describe_distribution,
 )
 from tensegrity_codegen.sweeps.summary.worst import BuildCommands, WorstCase, find_worst_cases
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
 __all__ = ["ResultSummary", "SweepSummary", "summarize"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

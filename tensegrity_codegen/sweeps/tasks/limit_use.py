@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["BEYOND", "LIMIT_USE", "LIMIT_USE_RESULT", "compute_limit_use"]
 
-FloatArray = NDArray[np.float64]
 
 LIMIT_USE = "limit_use"
 OF_STIFFNESS = ("spring_constant", "axial_stiffness", "rest_length")

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
+from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
 __all__ = ["compute_rows", "compute_values", "place_rows"]
 
 RealArray = NDArray[Any]
-BoolArray = NDArray[np.bool_]
 
 
 def compute_rows(

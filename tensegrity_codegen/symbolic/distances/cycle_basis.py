@@ -10,13 +10,11 @@ orthonormal  the left singular vectors of D_f beyond its rank, as S&K take them;
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["build_constraint_basis"]
-
-FloatArray = NDArray[np.float64]
 
 
 def build_constraint_basis(graph: AxisGraph, kind: str) -> FloatArray:

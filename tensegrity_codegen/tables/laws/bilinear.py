@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.laws.law import Columns, Law, LawCheck, LawParameter, Where
 
 __all__ = ["Bilinear"]
 
 Scalar = Any
-FloatArray = NDArray[np.float64]
 
 
 class Bilinear(Law):

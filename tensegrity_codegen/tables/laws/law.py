@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 __all__ = ["Columns", "Law", "LawCheck", "LawParameter", "Where", "compute_spring_constant"]
 
 Scalar = Any  # a number, an array or an expression
 Where = Callable[[Any, Any, Any], Any]
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Columns = Mapping[str, FloatArray]  # one value a member, NaN where none is given
 
 

@@ -18,14 +18,12 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.arguments import check_parameters, nominal_value
 from tensegrity_codegen.symbolic.formulations.rigid_bar import WORDS
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, frame_structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["FloatArray", "IntArray", "TableModel"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class TableModel:

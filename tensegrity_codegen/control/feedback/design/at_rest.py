@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.plan_point import PlanModel
@@ -20,7 +19,6 @@ from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["build_rest"]
 
-FloatArray = NDArray[np.float64]
 
 FOUND = ("converged", "rounding_limited")
 

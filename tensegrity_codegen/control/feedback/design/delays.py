@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
+
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 __all__ = ["compute_hold", "hold_delayed", "shift_commands", "split_delays"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SAME = 1e-9  # of a sample
 

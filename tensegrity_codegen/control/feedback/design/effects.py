@@ -11,11 +11,11 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.actuators import Actuator
 from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["check_effects", "list_actuators"]
 
-FloatArray = NDArray[np.float64]
 
 NOTHING = 1e-12  # of the largest effect of any actuator
 

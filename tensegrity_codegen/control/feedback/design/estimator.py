@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.sensing import Sensing
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Estimator"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

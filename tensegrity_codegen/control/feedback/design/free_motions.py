@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["name_free_motions"]
 
-FloatArray = NDArray[np.float64]
 
 NOTHING = 1e-9  # of the largest effect of any actuator
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.records.even_knots import choose_even_knots
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["Gains"]
 
-FloatArray = NDArray[np.float64]
 
 MOST_KNOTS = 25  # of stored gains
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.delays import hold_delayed
 from tensegrity_codegen.runtime.model.interface import Described
@@ -15,13 +14,13 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "linearise", "sample_linear_models"]
 
-FloatArray = NDArray[np.float64]
 
 LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
 MOST_SAMPLES = 100_000

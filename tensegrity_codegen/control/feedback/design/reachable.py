@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import FloatArray
+
 __all__ = ["HiddenMode", "describe_direction", "find_uncontrolled", "find_unobserved"]
 
-FloatArray = NDArray[np.float64]
 
 ZERO = 1e-9  # singular value over the largest, up to which a direction is lost
 UNSTABLE = 1.0 - 1e-7  # modulus from which on a mode does not decay by itself

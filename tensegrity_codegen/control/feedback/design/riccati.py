@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_discrete_are
 
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["RESIDUAL", "compute_gain", "find_stationary", "step_back"]
 
-FloatArray = NDArray[np.float64]
 
 RESIDUAL = 1e-10  # of |P|
 MOST_POLISHING = 20

@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, is_number, is_whole
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 
 __all__ = ["Sensing", "find_sensing"]
 
-FloatArray = NDArray[np.float64]
 
 MEMBER_KINDS = ("member_length", "member_tension")
 UNITS = {"member_length": "m", "member_tension": "N", "node_position": "m", "node_velocity": "m/s"}

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["UNKNOWN", "find_usual_forces"]
 
-FloatArray = NDArray[np.float64]
 
 UNKNOWN = 0.1  # of the usual forces, by which disturbances change in a second
 

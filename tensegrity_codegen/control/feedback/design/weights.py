@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["read_weight"]
 
-FloatArray = NDArray[np.float64]
 
 SYMMETRIC = 1e-12  # of the largest entry
 SEMIDEFINITE = 1e-12  # of the largest eigenvalue

@@ -11,11 +11,11 @@ from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.runtime.model.arrays import to_doubles, to_each
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["ActuatorBounds", "find_bounds"]
 
-FloatArray = NDArray[np.float64]
 
 ROUNDING = 1e-9  # of a rate, by which a motion may exceed it
 

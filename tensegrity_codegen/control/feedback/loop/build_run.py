@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
 __all__ = ["build_run"]
-
-FloatArray = NDArray[np.float64]
 
 
 def build_run(

@@ -13,12 +13,11 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBou
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.laws import LINEAR
 
 __all__ = ["CableTensions", "find_cables"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compare_with_open_loop", "find_displacement"]
 
-FloatArray = NDArray[np.float64]
 
 LAST = 1.0 / 6.0  # of the simulated time, in which errors are compared
 WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
 
 __all__ = ["ControlRun"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,10 +11,10 @@ from tensegrity_codegen.control.feedback.design.delays import shift_commands
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Controller"]
 
-FloatArray = NDArray[np.float64]
 
 SAME = 1e-12  # [m], by which a command may differ from what was wanted
 

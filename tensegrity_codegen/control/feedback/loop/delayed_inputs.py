@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.delays import split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["DelayedInputs"]
-
-FloatArray = NDArray[np.float64]
 
 
 class DelayedInputs:

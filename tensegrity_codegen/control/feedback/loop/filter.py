@@ -6,16 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Filter"]
 
-FloatArray = NDArray[np.float64]
 
 GATE = 6.0  # standard deviations, up to which measurements may differ from their predictions
 START, DECAY = 100.0, 0.7  # of the recent largest difference, which is not known at the start

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, GustLoad
 from tensegrity_codegen.runtime.integrate.event_run import EventRun
@@ -15,10 +14,10 @@ from tensegrity_codegen.runtime.integrate.motion import Motion as Integrated
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["SampledPlant"]
 
-FloatArray = NDArray[np.float64]
 
 RTOL, ATOL = 1e-9, 1e-11
 MOST_STEPS = 100_000  # of one interval

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.cable_tensions import CableTensions
 from tensegrity_codegen.control.planning.quadratic_program import find_nearest
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["TensionLine", "TensionProgram"]
 
-FloatArray = NDArray[np.float64]
 
 LONGEST = 100.0  # rest length over length, up to which tensions are counted with
 SMALLEST = 1e-9  # part of the weight, for inputs that change no tension

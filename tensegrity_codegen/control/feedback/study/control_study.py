@@ -30,8 +30,6 @@ from tensegrity_codegen.structure.limits import Limits
 
 __all__ = ["ControlStudy"]
 
-FloatArray = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class ControlStudy:

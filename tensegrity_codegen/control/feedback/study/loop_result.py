@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["LOOPS", "OPEN", "LoopResult"]
 
-FloatArray = NDArray[np.float64]
 
 OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")

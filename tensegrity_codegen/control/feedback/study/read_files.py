@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
 from tensegrity_codegen.runtime.model.array_file import UNREADABLE, read_arrays
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError
 
 __all__ = ["read_path", "read_weights"]
 
-FloatArray = NDArray[np.float64]
 
 REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 

@@ -14,11 +14,10 @@ from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.study.scales import find_angles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.arrays import BoolArray
 
 __all__ = ["RunMeasures", "find_cables", "measure_run"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 ROUNDING = 1e-6  # of a limit, by which it may be exceeded
 

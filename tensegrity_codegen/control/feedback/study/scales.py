@@ -7,18 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 __all__ = ["Scales", "find_angles", "find_scales"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 STEP = 1e-6  # of an angle [rad], of a central difference
 ZERO = 1e-9  # of the largest squared frequency: below it a motion has no stiffness

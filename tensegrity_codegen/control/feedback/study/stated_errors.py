@@ -8,19 +8,18 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, Gust
 from tensegrity_codegen.control.feedback.study.scales import Scales, find_angles
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["DrawnErrors", "RandomGust", "StatedErrors", "check_errors", "draw_errors"]
 
-FloatArray = NDArray[np.float64]
 
 STIFFNESSES = ("axial_stiffness", "spring_constant")
 NEARBY, STILL = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.at_rest import build_rest
@@ -47,7 +46,6 @@ from tensegrity_codegen.system.errors import check_choice
 
 __all__ = ["study_control"]
 
-FloatArray = NDArray[np.float64]
 
 SENSORS = "sensors"
 MOST_DRAWS = 10_000

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import check_independent, check_motion
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
@@ -18,12 +17,12 @@ from tensegrity_codegen.runtime.model.require import require_model, require_quan
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["Tuning", "choose_weights"]
 
-FloatArray = NDArray[np.float64]
 
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length

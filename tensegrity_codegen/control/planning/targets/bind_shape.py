@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.targets import shape_parameters
 from tensegrity_codegen.control.planning.targets.node_sets import find_nodes, find_rings
@@ -15,12 +14,11 @@ from tensegrity_codegen.control.planning.targets.target_text import SHAPES, Shap
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 
 __all__ = ["BoundShape", "bind_shape", "turn_near"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which it counts as a line
 

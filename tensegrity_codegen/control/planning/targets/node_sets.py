@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
 __all__ = ["find_nodes", "find_rings"]
 
-IntArray = NDArray[np.int64]
 
 RING = re.compile(r"([bt])(?:(\d+)_)?(\d+)")
 

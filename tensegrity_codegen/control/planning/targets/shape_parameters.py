@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 __all__ = [
     "Shape",
@@ -22,8 +23,6 @@ __all__ = [
     "build_twist",
 ]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Shape = Callable[[FloatArray], FloatArray]
 
 TINY = 1e-9  # angle [rad] below which its series is used

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.targets.bind_shape import BoundShape, bind_shape, turn_near
 from tensegrity_codegen.control.planning.targets.target_text import (
@@ -21,11 +20,11 @@ from tensegrity_codegen.control.planning.targets.target_text import (
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.condition import Expression, build_expression, find_quantities
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, TensegrityError
 
 __all__ = ["BoundTarget", "MovedBy", "Targets", "bind_targets", "find_target_quantities"]
 
-FloatArray = NDArray[np.float64]
 MovedBy = Callable[[int, float], tuple[StaticProblem, FloatArray]]
 
 Value = TypeVar("Value")

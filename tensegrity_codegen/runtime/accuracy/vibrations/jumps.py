@@ -14,10 +14,9 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["bound_jumps"]
-
-FloatArray = NDArray[np.float64]
 
 
 def bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], frequency: float) -> FloatArray:

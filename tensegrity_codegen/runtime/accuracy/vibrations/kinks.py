@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["bound_kinks"]
 
-FloatArray = NDArray[np.float64]
 
 ROUGHLY = 2.0  # times what a member on two free masses does: others at its ends change it a little
 SPREAD = 3.0  # longest step over the mean one

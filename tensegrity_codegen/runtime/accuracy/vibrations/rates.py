@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["Rates", "find_rates"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,10 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 __all__ = ["Vibration", "find_vibration"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 SOFTLY = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
 ROUGHLY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.model.arguments import check_argument_names
 from tensegrity_codegen.runtime.model.arrays import agree_on_rows, to_batch
@@ -29,13 +29,11 @@ from tensegrity_codegen.runtime.statics.equilibrium import (
     find_equilibrium,
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
 
 __all__ = ["find_equilibria"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 def find_equilibria(

@@ -8,13 +8,11 @@ mean displacement and the best turn (W. Kabsch, Acta Cryst. A 32, 1976).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["find_distances"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 RANK = 1e-8  # part of a unit turn that counts as none
 ACROSS = 1e-6  # cosine of the angle up to which slides are across an axis

@@ -7,16 +7,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, FAR
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["BatchProblem", "Points"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

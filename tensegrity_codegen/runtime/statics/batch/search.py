@@ -7,7 +7,6 @@ one case: leaving a saddle, a stiffness that is not finite, and where no step he
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.trust_region import Steps, find_steps
@@ -19,12 +18,10 @@ from tensegrity_codegen.runtime.statics.newton import (
     PATIENCE,
     SHORTEST,
 )
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 __all__ = ["BatchSearch"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 MOVING, LEFT = "", "left"
 

@@ -16,13 +16,11 @@ from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium_record import NEARLY
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
 __all__ = ["block_size", "can_go_side_by_side", "search_block"]
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 BLOCK_BYTES = 2**24  # of the stiffnesses of a block
 MOST_CASES = 1024  # of a block

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 __all__ = ["Steps", "find_steps"]
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MOST_TRIALS = 80  # of the search for a shift, which takes about six
 NEAR = 1e-9  # of the radius: how near a step ends to it

@@ -15,15 +15,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.formats.ntrt.file import parse_pair
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, NtrtStructure
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
 __all__ = ["IsRod", "bond_nodes_to_edges"]
 
-FloatArray = NDArray[np.float64]
 IsRod = Callable[[NtrtPair, str], bool]  # of a pair and the name of the structure that owns it
 
 _FEWEST = 3

@@ -11,18 +11,17 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath, PathEvent
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
 from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_load, settle
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["DIRECTIONS", "LAWS", "find_load_events", "follow_load", "reach_load", "survey_directions"]
 
-FloatArray = NDArray[np.float64]
 
 LAWS = {"linear": False, "tension_only": True}  # springs, and whether they go slack
 DIRECTIONS = {

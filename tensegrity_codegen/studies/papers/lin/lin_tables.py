@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
@@ -22,7 +21,6 @@ from tensegrity_codegen.studies.papers.lin.tables import compare_unloaded
 
 __all__ = ["error_section", "extension_section", "figure_section", "measured_section", "unloaded_section"]
 
-FloatArray = NDArray[np.float64]
 
 SUBSCRIPT = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 MOST_STEADY = 20.0  # [%] of change with the load, beyond which a spring's difference counts as growing

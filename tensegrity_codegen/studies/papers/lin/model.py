@@ -8,20 +8,19 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver, SolvedPath
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = [
     "COLUMNS", "LOADS", "PRINTED_LENGTH", "PRINTED_SIDE", "SPRINGS", "TOPS",
     "compile_prism", "place_load", "settle",
 ]  # fmt: skip
 
-FloatArray = NDArray[np.float64]
 
 SCENE = "lin_prism"
 PRINTED_SIDE = 0.41  # a [m]

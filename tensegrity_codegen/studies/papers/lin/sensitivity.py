@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -22,10 +21,10 @@ from tensegrity_codegen.studies.papers.lin.model import (
     compile_prism,
 )
 from tensegrity_codegen.studies.papers.lin.tables import compute_extensions, read_tables, relative_error
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["CHANGES", "compare_sensitivity", "find_nearest_symmetrical"]
 
-FloatArray = NDArray[np.float64]
 
 MM = 1e3
 CHANGES: dict[str, dict[str, float]] = {

@@ -13,17 +13,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.studies.papers.lin.events import follow_load
 from tensegrity_codegen.studies.papers.lin.model import TOPS, compile_prism, place_load
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 __all__ = ["FACTORS", "SUBSETS", "compare_stiffness", "find_force"]
 
-FloatArray = NDArray[np.float64]
 
 SUBSETS = {"all": ("side", "top"), "side": ("side",), "top": ("top",)}
 FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)

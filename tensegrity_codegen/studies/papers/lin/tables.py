@@ -7,14 +7,13 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.studies.papers.lin.model import COLUMNS, SPRINGS, compile_prism, place_load, settle
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["compare_tables", "compare_unloaded", "compute_extensions", "read_tables"]
 
-FloatArray = NDArray[np.float64]
 
 MM = 1e3
 

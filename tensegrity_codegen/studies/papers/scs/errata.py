@@ -10,16 +10,14 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.studies.papers.scs.figures import compare_equilibria
 from tensegrity_codegen.studies.papers.scs.paper_values import PAPER_POSES
 from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["check_errata"]
-
-FloatArray = NDArray[np.float64]
 
 
 def check_errata(tower: SymmetricTower, *, samples: int = 50, seed: int = 1) -> list[dict[str, Any]]:

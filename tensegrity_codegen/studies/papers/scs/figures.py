@@ -10,7 +10,6 @@ from importlib.resources import as_file, files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.bodies import BodySystem
@@ -26,6 +25,7 @@ from tensegrity_codegen.studies.papers.scs.regions import RegionMap, map_regions
 from tensegrity_codegen.studies.papers.scs.scene_kind import GROUPS
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 from tensegrity_codegen.studies.papers.scs.tracking import compile_tower, drive_as_printed, track
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import StructureError
 
 __all__ = [
@@ -37,7 +37,6 @@ __all__ = [
     "plan_paper_motions",
 ]
 
-FloatArray = NDArray[np.float64]
 
 SYMBOLS = ("T_S", "T_V", "T_D")
 

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InfeasibleError
 
 __all__ = ["Motion", "MotionPath", "QuinticPath", "TorqueFreePath", "blend"]
 
-FloatArray = NDArray[np.float64]
 
 SIXTY = math.radians(60.0)
 

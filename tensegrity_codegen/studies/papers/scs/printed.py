@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["PrintedTower"]
 
-FloatArray = NDArray[np.float64]
 
 THIRTY, SIXTY = math.radians(30.0), math.radians(60.0)
 

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from tensegrity_codegen.runtime.model.array_file import write_arrays
@@ -22,11 +21,11 @@ from tensegrity_codegen.studies.papers.scs.paths import MotionPath, QuinticPath,
 from tensegrity_codegen.studies.papers.scs.scene_kind import GROUPS
 from tensegrity_codegen.studies.papers.scs.symmetry import CROSSING, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError
 
 __all__ = ["Reconfiguration", "ReconfigurationRecord", "plan_reconfiguration"]
 
-FloatArray = NDArray[np.float64]
 
 CHECKS = 501  # times at which a motion is looked at before roots are searched between them
 M3 = 2  # index among the inputs

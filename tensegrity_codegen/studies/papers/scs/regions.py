@@ -16,11 +16,11 @@ from scipy.optimize import brentq
 
 from tensegrity_codegen.studies.papers.scs.scene_kind import GROUPS
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 __all__ = ["PrestressablePose", "RegionMap", "find_prestressable", "map_regions"]
 
-FloatArray = NDArray[np.float64]
 
 OUTSIDE = -1
 MOST_CELLS = 1_000_000

@@ -22,6 +22,7 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.scs.scene_kind import BARS, GROUPS, check_kind, find_top, make_inputs
 from tensegrity_codegen.symbolic.restriction import Control, RestrictedBodies
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import (
     InfeasibleError,
     InvalidValueError,
@@ -31,7 +32,6 @@ from tensegrity_codegen.system.errors import (
 
 __all__ = ["SymmetricPose", "SymmetricTower"]
 
-FloatArray = NDArray[np.float64]
 
 AZIMUTH_OFFSET = (0, 240, 120, 120, 0, 240)  # [deg], of the bars in this order
 PSI = 300  # [deg]

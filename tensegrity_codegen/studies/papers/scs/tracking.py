@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
 from tensegrity_codegen.runtime.integrate.motion import Schedule
@@ -21,12 +20,11 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnstableError
 from tensegrity_codegen.tables.request import ModelRequest
 
 __all__ = ["Tracking", "compile_tower", "drive", "drive_as_printed", "track"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

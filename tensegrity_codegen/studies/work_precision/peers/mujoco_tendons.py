@@ -7,15 +7,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+from tensegrity_codegen.system.arrays import FloatArray
 
 __all__ = ["contenders", "write_model"]
 
-FloatArray = NDArray[np.float64]
 
 INTEGRATORS = ("RK4", "implicitfast", "Euler")
 STEPS = tuple(10.0 ** (-k / 2) for k in range(3, 11))  # of the time span

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import ode, odeint, solve_ivp
 
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
@@ -21,12 +20,12 @@ from tensegrity_codegen.studies.work_precision.own import (
     place_samples,
 )
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import choose_formulation
 
 __all__ = ["contenders"]
 
-FloatArray = NDArray[np.float64]
 Derivative = Callable[[float, FloatArray], FloatArray]
 # Derivative, initial state, times, rtol -> times and states that are reached, message or "", evaluations.
 Solver = Callable[[Derivative, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray, str, int]]
