@@ -24,8 +24,6 @@ import numpy as np
 from tensegrity_codegen import build_library, load_scene, symbolic_functions
 from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions
 
-__all__ = ["ARM", "PROBLEMS", "Problem", "Solution", "arm_control", "externals", "prism_shape", "solve"]
-
 EXAMPLES = Path(__file__).resolve().parents[1] / "tensegrity_codegen" / "scene" / "examples"
 REPEATS = 5
 QUIET = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-10}

@@ -24,7 +24,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities, load_nodes
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions

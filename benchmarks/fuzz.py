@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tensegrity_codegen.studies.stability.run import Limits
+from tensegrity_codegen.studies.stability.outcome import Limits
 from tests.studies.fuzz import draw_example, run_example
 
 GRACE = 2.0  # seconds beyond its limit that a run may take until it looks at the clock

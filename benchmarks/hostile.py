@@ -25,8 +25,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import seed as seeded
 
 import tensegrity_codegen.cli.app as app
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.simulate.condition import build_condition
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.hostile import Case, conditions, scenes, structures, tables

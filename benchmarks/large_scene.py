@@ -60,7 +60,8 @@ def build(stages: int, emitter: str, quantities: list[str], started: float) -> d
     from harness.sections import read_sections
 
     from tensegrity_codegen.codegen.compilation.cache import Cache
-    from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.compile_scene import load_scene
 
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "scene.toml"

@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-__all__ = ["write_scene_of"]
-
 NEIGHBOURS = 12  # that a node may be joined to; a sixth as many nodes as members
 
 TOWER = """\

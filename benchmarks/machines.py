@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.other_machines import Numbers, compare, in_c, in_qemu, in_wasm, in_wine

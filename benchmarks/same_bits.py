@@ -132,7 +132,7 @@ def compute_scene(path: Path, number: int, folder: Path) -> dict[str, Any]:
 
 def run_verb(verb: list[Any], folder: Path) -> dict[str, Any]:
     """Return the exit code and the arrays or the text that a verb of the command line writes."""
-    from tensegrity_codegen.cli import main
+    from tensegrity_codegen.cli.app import main
 
     name = str(verb[0])
     out = folder / f"{name}.{'toml' if name == 'equilibrium' else 'npz'}"

@@ -39,12 +39,8 @@ if TYPE_CHECKING:
     from tensegrity_codegen.export.export_fmu import export_fmu
     from tensegrity_codegen.live.draw import draw
     from tensegrity_codegen.live.live_page import LivePage, view
-    from tensegrity_codegen.pipeline.compile_scene import (
-        build_library,
-        compile_scene,
-        load_scene,
-        read_scene,
-    )
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
     from tensegrity_codegen.pipeline.scene_functions import SymbolicFunctions, symbolic_functions
     from tensegrity_codegen.runtime.analysis.analyse import analyse
     from tensegrity_codegen.runtime.analysis.analysis import Analysis
@@ -54,14 +50,17 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.profiles.read_profile import read_profile
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
-    from tensegrity_codegen.runtime.sensitivity.sensitivity import Sensitivity, equilibrium_sensitivity
+    from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
+    from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.simulate.simulate import simulate
     from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
     from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
     from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
-    from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
     from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+    from tensegrity_codegen.scene.read import read_scene
     from tensegrity_codegen.scene.schema.schema import Scene
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.sweeps.sweep import sweep
@@ -137,7 +136,7 @@ _HOME = {
     "ControllerBundle": "control.embedded.build_controller",
     "ControlStudy": "control.feedback.study.control_study",
     "Equilibria": "runtime.statics.batch.equilibria",
-    "Equilibrium": "runtime.statics.equilibrium",
+    "Equilibrium": "runtime.statics.equilibrium_record",
     "EquilibriumPath": "control.feedback.equilibrium_path",
     "Estimator": "control.feedback.design.estimator",
     "Gains": "control.feedback.design.gains",
@@ -160,6 +159,10 @@ _HOME = {
     "Trajectory": "runtime.trajectory.trajectory",
     "Tuning": "control.feedback.study.tuning",
     "analyse": "runtime.analysis.analyse",
+    "build_library": "pipeline.build_library",
+    "compile_scene": "pipeline.compile_scene",
+    "load_scene": "pipeline.compile_scene",
+    "read_scene": "scene.read",
     "build_controller": "control.embedded.build_controller",
     "choose_weights": "control.feedback.study.tuning",
     "design_distribution": "control.feedback.tension_distribution",
@@ -191,7 +194,7 @@ def __getattr__(name: str) -> Any:
 
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME.get(name, 'pipeline.compile_scene')}"), name)
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -19,8 +19,6 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import run_in_casadi
 
-__all__ = ["EVERYTHING", "BodyEvaluator", "assemble_document", "example", "random_state"]
-
 Array = NDArray[np.float64]
 
 # Every kind of body, chart, law, load and input at once.

@@ -6,8 +6,6 @@ from typing import Any
 
 import pytest
 
-__all__ = ["thorough"]
-
 
 def thorough(*values: Any) -> list[Any]:
     """Return cases that `make test` leaves out; a case of several parameters is a tuple."""

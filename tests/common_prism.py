@@ -12,8 +12,6 @@ import numpy as np
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, cable, make_structure
 
-__all__ = ["BARS", "EVENTS", "PLACES", "POSITION", "STRINGS", "common_prism", "span"]
-
 PLACES = np.array(
     [
         [0.5, 0.0, 0.0],

@@ -11,8 +11,6 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-__all__ = ["Case", "conditions", "scenes", "structures", "tables"]
-
 Case = tuple[list[tuple[str, bytes]], list[str]]
 
 WORDS = st.sampled_from(

@@ -7,8 +7,6 @@ import keyword
 
 from hypothesis import strategies as st
 
-__all__ = ["PLACES", "format_scene", "names"]
-
 # What each language would end, start or expand.
 ENDS = (
     *(

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
-__all__ = ["structures"]
-
 Array = NDArray[np.float64]
 AXES = ((0, 1, 2), (0, 1, 2), (0, 1, 2), (0, 2), (0, 1), (1, 2), (2,))
 SHORTEST, LONGEST = 0.3, 3.0

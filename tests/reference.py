@@ -21,8 +21,6 @@ from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS, QUANTITI
 from tests.reference_manifest import NODE_POSITION_QUANTITIES, all_parameters, build_manifest, full_value
 from tests.segments import Nearest, find_nearest
 
-__all__ = ["ReferenceModel"]
-
 Array = NDArray[np.float64]
 
 

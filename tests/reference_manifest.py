@@ -11,8 +11,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import ABI_VERSION, ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS, QUANTITIES
 
-__all__ = ["NODE_POSITION_QUANTITIES", "all_parameters", "build_manifest", "full_value"]
-
 Array = NDArray[np.float64]
 
 # What the formulation in node positions offers, and so the reference.

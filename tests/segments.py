@@ -16,8 +16,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Nearest", "exact_distance", "find_nearest", "searched_distance"]
-
 Array = NDArray[np.float64]
 Rational = list[Fraction]
 

@@ -17,10 +17,13 @@ from pydantic import BaseModel
 
 from tensegrity_codegen.cli.app import app
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.checks.check import find_warnings
+from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.schema import control_schema, schema
-from tensegrity_codegen.scene.shapes import IcosahedronShape, PrismShape, TowerShape, TwoNodeShape
+from tensegrity_codegen.scene.shapes.icosahedron import IcosahedronShape
+from tensegrity_codegen.scene.shapes.prism import PrismShape
+from tensegrity_codegen.scene.shapes.tower import TowerShape
+from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
 from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS
 from tensegrity_codegen.tables.quantities import PARAMETERS, QUANTITIES
 from tests.cli.test_startup import HEAVY, find_loaded

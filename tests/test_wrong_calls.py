@@ -20,7 +20,8 @@ from tensegrity_codegen.runtime.paths.member_watch import watch_members
 from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
 from tensegrity_codegen.runtime.paths.snap import find_load_snap, find_snap
 from tensegrity_codegen.scene.assemble.assemble import assemble
-from tensegrity_codegen.scene.checks.check import check_structure, find_warnings
+from tensegrity_codegen.scene.checks.check import check_structure
+from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.formats.format import read_files
 from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.system.errors import TensegrityError

@@ -14,8 +14,6 @@ from harness.ours import BATCH
 from harness.session import Row, Session
 from harness.sizes import LARGEST
 
-__all__ = ["Evidence", "Line", "judge"]
-
 FORCE, JACOBIAN = "node_force", "tangent_stiffness"
 UNROLLED, MAP = f"{casadi_c.UNROLLED} (gcc)", f"{casadi_c.MAP} (gcc)"
 

@@ -10,8 +10,6 @@ from peers.casadi_expressions import own_expression
 
 from harness.problem import Problem
 
-__all__ = ["count_unequal", "largest_disagreement"]
-
 
 def largest_disagreement(problem: Problem, values: Sequence[NDArray[np.float64]]) -> float:
     """Return the largest difference between node forces, in units in the last place of each largest term."""

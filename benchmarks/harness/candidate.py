@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from harness.compiled import Built
 
-__all__ = ["Candidate", "Timing", "Unavailable", "measure", "repeat_python"]
-
 FloatArray = NDArray[np.float64]
 
 ROUNDS = 15

@@ -10,8 +10,6 @@ from harness.ensemble import MANY
 from harness.session import Row
 from harness.tables import number
 
-__all__ = ["Comparison", "compare_rows", "comparison_cells", "describe_finding", "describe_rows"]
-
 
 @dataclass(frozen=True)
 class Comparison:

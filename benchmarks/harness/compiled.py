@@ -17,8 +17,6 @@ from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.flags import Compiler, FlagSet
 from tensegrity_codegen.system.errors import CompileError
 
-__all__ = ["Built", "Compilation", "CompileFailed"]
-
 TIME_LIMIT = 180.0  # s
 RECORD = 2  # version of what is kept beside a library
 

@@ -10,8 +10,6 @@ from harness.report import Report
 from harness.summary import large_cells, summary_sections
 from harness.tables import floor_cells, growth_cells, markdown_table
 
-__all__ = ["write_document"]
-
 CHART = "<!-- site: bars structure, quantity: its time over ours -->\n"
 OPENING = """\
 ## What the rows are

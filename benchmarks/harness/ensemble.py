@@ -20,20 +20,8 @@ from harness.resume import Kept
 from harness.session import Session
 from harness.structures import make_problem
 from harness.tools import Tools, Way
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.system.errors import TensegrityError
-
-__all__ = [
-    "COUNT",
-    "LOOP",
-    "MANY",
-    "PEERS",
-    "QUANTITIES",
-    "STRUCTURE",
-    "list_ensemble_ways",
-    "list_ensembles",
-    "run_ensemble",
-]
 
 COUNT = 10_000
 MANY = " x "  # in the name of a structure of which many states are evaluated

@@ -9,8 +9,6 @@ from pathlib import Path
 from harness.compiled import CompileFailed
 from harness.tools import Tools
 
-__all__ = ["WIDTHS", "Floor", "from_throughput", "measure_floor"]
-
 # Doubles in a register; a core that lacks a width fails to compile or run it.
 WIDTHS = (1, 4, 8)
 FLAGS = ("-std=gnu11", "-O2", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC")

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-__all__ = ["MEANINGFUL_POINTS", "fit_exponent"]
-
 MEANINGFUL_POINTS = 3
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
-__all__ = ["all_cores", "describe_machine", "pin_to_one_core"]
-
 PACKAGES = ("casadi", "numpy", "numba", "jax", "mujoco")
 ONE_THREAD = {
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",

@@ -8,8 +8,6 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["Watched", "run_watched"]
-
 INTERVAL = 0.03  # s from one look to the next
 PROC = Path("/proc")
 

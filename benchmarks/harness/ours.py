@@ -18,8 +18,6 @@ from tensegrity_codegen.codegen.emit import EMITTERS, GeneratedSource, emit
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["AUTO", "BATCH", "Build", "Ours", "list_emitters", "make_request"]
-
 BATCH = 8
 AUTO = "auto"
 

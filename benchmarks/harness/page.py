@@ -19,8 +19,6 @@ from tensegrity_codegen.report.pages.page_table import Cell, Column, Table
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.system.provenance import describe_provenance
 
-__all__ = ["build_page", "table_of"]
-
 Cells = Sequence[Sequence[str]]
 LEAST = 2  # rows of each column that stay visible
 

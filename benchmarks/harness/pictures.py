@@ -22,7 +22,6 @@ from tensegrity_codegen.report.pictures.palette import INK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Drawing", "can_draw", "draw_rates", "draw_sizes", "draw_times", "style_candidates"]
 
 Value = Callable[[Row], float | None]
 WIDTH, HEIGHT = 5.4, 4.4  # in

@@ -20,8 +20,6 @@ from scipy import sparse
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["QUANTITIES", "Problem", "StiffnessPattern"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

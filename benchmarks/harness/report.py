@@ -28,8 +28,6 @@ from harness.tables import (
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.report.pictures.palette import PAPER
 
-__all__ = ["Report", "write_report"]
-
 Cells = Sequence[Sequence[str]]
 DPI = 120
 

@@ -12,8 +12,6 @@ from harness.candidate import Timing
 from harness.session import Row, Session
 from tensegrity_codegen.system.journal import Journal, read_record
 
-__all__ = ["Kept", "name_comparison"]
-
 
 class Kept:
     """Comparisons, large scenes and scripts of an interrupted run, and those that are finished now.

@@ -33,8 +33,6 @@ from tensegrity_codegen.studies.identity import hash_run
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = ["Plan", "run_all"]
-
 SCRIPTS = Path(__file__).resolve().parent.parent
 STAGES = (56, 5556)  # of the shipped shape `tower`: 1,002 and 100,002 members
 LARGE_LIMIT = 240.0  # s

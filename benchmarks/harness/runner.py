@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from harness.compiled import Built, Compilation
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
-__all__ = ["Runner"]
-
 Run = Callable[[int], float]
 Array = NDArray[Any]
 

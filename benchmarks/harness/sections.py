@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-__all__ = ["read_sections"]
-
 _CODE, _TABLES = (".text",), (".rodata", ".data.rel.ro")
 
 

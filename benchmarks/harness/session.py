@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from harness.candidate import ROUNDS, TARGET, Candidate, Timing, Unavailable, measure
 from harness.tools import Way
 
-__all__ = ["Row", "Session", "relative_error"]
-
 MAKE_LIMIT = 240.0  # s to make one candidate, compiler included
 TOLERANCE = 1e-9  # relative; a candidate beyond it computes something else and is not timed
 

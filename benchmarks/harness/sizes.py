@@ -15,17 +15,6 @@ from harness.session import Session
 from harness.structures import LEVELS, SHIPPED, make_problem
 from harness.tools import Tools, Way
 
-__all__ = [
-    "BASELINES",
-    "LARGEST",
-    "PEERS",
-    "STRUCTURES",
-    "list_builds",
-    "list_comparisons",
-    "list_ways",
-    "run_sizes",
-]
-
 PEERS = (casadi_c, casadi_vm, numpy_arrays, numba_loops, jax_arrays, mujoco_tendons)
 STRUCTURES = (*SHIPPED, *(f"tower{levels}" for levels in LEVELS))
 LARGEST = STRUCTURES[-1]

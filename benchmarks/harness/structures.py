@@ -14,8 +14,6 @@ from harness.problem import Problem
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["LEVELS", "SHIPPED", "make_problem", "make_tower"]
-
 SHIPPED = ("prism", "icosahedron")
 
 # Levels of the towers that are timed: 93, 903, 9,003 and 100,002 members.

@@ -9,8 +9,6 @@ from harness.ensemble import MANY
 from harness.session import Row
 from harness.tables import number
 
-__all__ = ["large_cells", "pivot_cells", "rate_cells", "summary_sections"]
-
 Cells = list[list[str]]
 
 

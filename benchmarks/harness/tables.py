@@ -12,18 +12,6 @@ from harness.floor import Floor, from_throughput
 from harness.growth import fit_exponent
 from harness.session import Row
 
-__all__ = [
-    "HEADINGS",
-    "acceptance_cells",
-    "csv_text",
-    "floor_cells",
-    "gather_untimed",
-    "growth_cells",
-    "markdown_table",
-    "number",
-    "row_cells",
-]
-
 HEADINGS = (
     *("candidate", "from", "ns", "ns a member", "spread", "times", "error"),
     *("code [B]", "tables [B]", "compile [s]", "peak [MB]", "note"),

@@ -12,8 +12,6 @@ from harness.runner import Runner
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 from tensegrity_codegen.codegen.compilation.toolchain import find_compilers
 
-__all__ = ["Tools", "Way", "find_tools"]
-
 Way = tuple[str, Callable[[], Candidate]]  # title, and what makes the candidate or raises Unavailable
 
 WANTED = ("gcc", "clang")

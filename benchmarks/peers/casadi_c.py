@@ -15,8 +15,6 @@ from harness.tools import Tools, Way
 from peers.casadi_expressions import mapped, own_expression, unrolled
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
-__all__ = ["FLAGS", "MAP", "SAME", "UNROLLED", "ways"]
-
 FLAGS = ("-O3", "-march=native", "-fPIC", "-shared")
 UNROLLED, SAME, MAP = "CasADi C, unrolled", "CasADi C, our expression", "CasADi C, MX map"
 

@@ -9,8 +9,6 @@ import numpy as np
 from harness.candidate import Unavailable
 from harness.problem import Problem
 
-__all__ = ["mapped", "own_expression", "unrolled"]
-
 
 def unrolled(problem: Problem, quantity: str) -> ca.Function:
     """Return f(coordinate) as one SX expression; Jacobians by CasADi's own differentiation."""

@@ -12,8 +12,6 @@ from harness.tools import Tools, Way
 
 from peers.casadi_expressions import mapped, unrolled
 
-__all__ = ["MAP", "UNROLLED", "ways"]
-
 UNROLLED, MAP = "CasADi VM", "CasADi VM, MX map"
 MOST_MEMBERS = 10_000  # an SX of more takes minutes to differentiate
 

@@ -11,9 +11,6 @@ from harness.candidate import Candidate, Unavailable, repeat_python
 from harness.problem import Problem
 from harness.tools import Tools, Way
 
-__all__ = ["functions", "import_jax", "ways"]
-
-
 MOST_MEMBERS = 10_000
 
 

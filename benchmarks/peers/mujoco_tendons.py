@@ -18,8 +18,6 @@ from harness.problem import Problem
 from harness.tools import Tools, Way
 from numpy.typing import NDArray
 
-__all__ = ["NAME", "ways", "write_model"]
-
 NAME = "MuJoCo, mj_forward"
 MOST_MEMBERS = 10_000
 

@@ -12,8 +12,6 @@ from harness.problem import Problem
 from harness.tools import Tools, Way
 from numpy.typing import NDArray
 
-__all__ = ["Loops", "ways"]
-
 FloatArray = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ from harness.problem import Problem
 from harness.tools import Tools, Way
 from numpy.typing import NDArray
 
-__all__ = ["Arrays", "ways"]
-
 FloatArray = NDArray[np.float64]
 
 

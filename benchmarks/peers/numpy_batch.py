@@ -7,8 +7,6 @@ from harness.candidate import Candidate, repeat_python
 from harness.problem import Problem
 from numpy.typing import NDArray
 
-__all__ = ["make_numpy"]
-
 FloatArray = NDArray[np.float64]
 
 

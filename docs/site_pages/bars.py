@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from html import escape
 
-__all__ = ["write_bars"]
-
 # Colours of the columns, from the first; a column beyond them is grey.
 CLASSES = 5
 

@@ -13,8 +13,6 @@ from tensegrity_codegen.cli.sub_commands import VerbWithSubCommands
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verb_group import build_command
 
-__all__ = ["write_command_line"]
-
 
 def write_command_line() -> str:
     """Return Markdown: a section for each verb and each of its sub-commands, with usage and options."""

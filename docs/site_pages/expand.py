@@ -27,8 +27,6 @@ from site_pages.links import ROOT, point_links
 from site_pages.python_names import write_names
 from site_pages.scene_keys import write_scene_keys
 
-__all__ = ["MARK", "expand_page"]
-
 MARK = re.compile(r"^<!-- site: (.+?) -->$", re.MULTILINE)
 
 

@@ -12,8 +12,6 @@ from site_pages.markdown import escape
 from site_pages.thumbnail import write_thumbnail
 from tensegrity_codegen import load_scene
 
-__all__ = ["find_scenes", "write_cards", "write_live_frame", "write_scene_file"]
-
 PACKAGED = ROOT / "tensegrity_codegen" / "scene" / "examples"
 FOLDERS = (PACKAGED, ROOT / "docs" / "gallery")
 

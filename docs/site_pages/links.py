@@ -10,8 +10,6 @@ import posixpath
 import re
 from pathlib import Path
 
-__all__ = ["ROOT", "point_links"]
-
 ROOT = Path(__file__).resolve().parents[2]
 # Files outside of docs/ that are pages.
 PAGES = {

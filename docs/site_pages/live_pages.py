@@ -15,8 +15,6 @@ from pathlib import Path
 from site_pages.gallery import find_scenes
 from site_pages.links import ROOT
 
-__all__ = ["compute_fingerprint", "write_live_pages"]
-
 # What a live page is made by: the package, its templates.
 SOURCES = (ROOT / "tensegrity_codegen", ROOT / "templates")
 # Scenes that begin as stated, out of equilibrium, since their motion is the point; the others begin settled.

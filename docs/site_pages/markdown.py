@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["escape", "write_item"]
-
 SPECIAL = re.compile(r"([\\*_<>\[\]#|$])")
 
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 import tensegrity_codegen
 
-__all__ = ["write_names"]
-
 
 def write_names(names: Sequence[str]) -> str:
     """Return Markdown that documents public names of the package from their docstrings."""

@@ -8,8 +8,6 @@ from typing import Any
 from site_pages.markdown import escape, write_item
 from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 
-__all__ = ["write_scene_keys"]
-
 Node = dict[str, Any]
 
 

@@ -8,8 +8,6 @@ from tensegrity_codegen.report.pictures.view import find_box, fit_view
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.outline import outline_bodies
 
-__all__ = ["write_thumbnail"]
-
 WIDTH, HEIGHT, MARGIN = 320, 240, 18
 MOST_WIDTH = {"bar": 7.0, "cable": 2.2}  # of lines [px], for few members
 

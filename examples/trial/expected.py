@@ -12,8 +12,6 @@ from tensegrity_codegen import find_equilibrium, simulate
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from trial.rows import Row
 
-__all__ = ["MOTOR", "expect_mast", "expect_tower"]
-
 MOTOR = 0.03  # [m]
 SAMPLES, END = 5, 0.2
 

@@ -17,18 +17,6 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.system.errors import CompilerMissingError
 from trial.browser import find_browser
 
-__all__ = [
-    "BUNDLES",
-    "CARGO",
-    "EXAMPLES",
-    "RECIPES",
-    "Bundle",
-    "Recipe",
-    "Tool",
-    "find_ament_python",
-    "find_missing",
-]
-
 EXAMPLES = Path(__file__).resolve().parents[1]
 
 

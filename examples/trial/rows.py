@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["Comparison", "Row", "compare_rows", "parse_rows"]
-
 # Allowed difference over the largest value of the same quantity. Equilibria end at forces of 1e-9 N; motions
 # have error control in each program, whose steps need not be the same.
 TOLERANCE = {"tension": 1e-8, "position": 1e-8, "energy": 1e-8, "tower": 1e-10}

@@ -14,13 +14,11 @@ from pathlib import Path
 
 from tensegrity_codegen import compile_scene, load_scene
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.built_library import BuiltLibrary
-from tensegrity_codegen.pipeline.compile_scene import build_library
 from trial.expected import MOTOR, expect_mast, expect_tower
 from trial.recipes import BUNDLES, EXAMPLES, Recipe, Tool, find_ament_python, find_missing
 from trial.rows import Row, compare_rows, parse_rows
-
-__all__ = ["Libraries", "Outcome", "run_examples"]
 
 TIME_LIMIT = 280.0  # s, for one command
 # What a program is given besides a length, and what its message on stderr must have; its exit code is not 0.

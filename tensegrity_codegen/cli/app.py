@@ -15,8 +15,6 @@ from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.temporary_files import announce_end
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["CommandLineError", "app", "main"]
-
 INTERRUPTED = 130
 # click's base class of such errors, from wherever typer takes click: a package or a copy of its own.
 ClickError: Any = typer.BadParameter.__mro__[2]

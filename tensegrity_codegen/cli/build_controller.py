@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.runtime.model.model import CompiledModel
 
-__all__ = ["check_build", "write_controller"]
-
 
 def check_build(folder: Path | None, precision: str, scene: Path, overwrite: bool) -> None:
     """Raise OutputError for a folder that cannot be written, UnknownNameError for a precision."""

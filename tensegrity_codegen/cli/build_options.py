@@ -10,20 +10,6 @@ import typer
 from tensegrity_codegen.cli.options import read_folder
 from tensegrity_codegen.tables.targets import TARGETS
 
-__all__ = [
-    "AnyFlagsOption",
-    "EmitterOption",
-    "FolderOption",
-    "InterfaceOption",
-    "MeasureOption",
-    "PresetOption",
-    "QuantityOption",
-    "TargetOption",
-    "TuneForOption",
-    "TuneOption",
-    "WheelOption",
-]
-
 FolderOption = Annotated[
     Path | None,
     typer.Option(

@@ -10,8 +10,6 @@ from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.presets import find_preset
 from tensegrity_codegen.tables.request import ModelRequest, check_batch_width, check_interfaces
 
-__all__ = ["add_interfaces", "narrow_request", "use_preset"]
-
 
 def use_preset(request: ModelRequest, name: str | None) -> ModelRequest:
     """Return the request with the settings of a preset in place of the scene's."""

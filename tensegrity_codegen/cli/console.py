@@ -6,8 +6,6 @@ from rich.console import Console
 
 from tensegrity_codegen.cli.streams import drop_output
 
-__all__ = ["PatientConsole"]
-
 
 class PatientConsole(Console):
     """A console whose reader may go away, as in `... | head`: what follows is dropped, the work goes on."""

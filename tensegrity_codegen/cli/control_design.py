@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.records.timed_motion import Motion
 
-__all__ = ["ControlDesign"]
-
 
 @dataclass(frozen=True)
 class ControlDesign:

@@ -16,33 +16,6 @@ from tensegrity_codegen.system.errors import InvalidValueError
 if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
 
-__all__ = [
-    "BuildOption",
-    "BuiltPrecisionOption",
-    "DisturbanceOption",
-    "DrawsOption",
-    "DurationOption",
-    "EffortOption",
-    "EstimatorOption",
-    "GustOption",
-    "InCOption",
-    "IntegralOption",
-    "LastOption",
-    "LeastTensionOption",
-    "OnlyObservableOption",
-    "PlanOption",
-    "ResponseOption",
-    "SampleOption",
-    "SeedOption",
-    "StartErrorOption",
-    "StiffnessErrorOption",
-    "TEndOption",
-    "ToOption",
-    "ToleranceOption",
-    "WeightsOption",
-    "read_errors",
-    "read_least_tension",
-]
 
 ToOption = Annotated[
     list[str] | None,

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["check_motion_gusts", "check_motion_times", "compile_control", "find_motion"]
 
 SLOWER = 2.0  # than the shortest motion: the other half of the rates is for feedback
 
@@ -67,8 +66,9 @@ def compile_control(
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.targets.target_text import read_targets
     from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.analyses import want_analyses
-    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
+    from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
     if to and plan is not None:

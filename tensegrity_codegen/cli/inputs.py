@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.actuators import Actuator
 
-__all__ = ["InputOption", "read_inputs", "warn_of_profile"]
 
 OPTION = "--input"
 ROUNDING = 1e-9  # relative excess of a limit that is rounding

@@ -15,8 +15,6 @@ from tensegrity_codegen.system.errors import TensegrityError, UnsafeCacheError
 from tensegrity_codegen.system.extras import name_install
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["describe_installation", "examine_installation"]
-
 NEEDED = (
     "casadi",
     "cffi",

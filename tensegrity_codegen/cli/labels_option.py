@@ -7,8 +7,6 @@ from typing import Any
 
 from tensegrity_codegen.cli.option_names import VerbCommand
 
-__all__ = ["ALL_LABELS", "LabelsCommand"]
-
 OPTION = "--labels"
 ALL_LABELS = "nodes,members"
 WORDS = ("nodes", "members", "none")

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["ThreeOption", "play_live", "show_live"]
 
 MOST_OFFERED = 2000  # members up to which pages offer radau unasked: for 9,384 its C took 45 s to write
 USUAL_MODES = 6
@@ -92,7 +91,7 @@ def play_live(
     from tensegrity_codegen.live.live_scene import build_live_scene
     from tensegrity_codegen.live.render_live import render_live
     from tensegrity_codegen.live.three_module import find_three
-    from tensegrity_codegen.pipeline.compile_scene import build_library, check_buildable
+    from tensegrity_codegen.pipeline.build_library import build_library, check_buildable
 
     _check_tolerance(rtol)
     check_choice(method, METHODS, "method", "--method")
@@ -137,7 +136,8 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
     import numpy as np
 
     from tensegrity_codegen.live.engine import EXPLICIT, STIFF
-    from tensegrity_codegen.pipeline.compile_scene import check_buildable, find_needs
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import check_buildable
 
     needs = find_needs("simulate", subject, request, method=EXPLICIT)
     shown = [name for name in needs.quantities if name in SHOWN]

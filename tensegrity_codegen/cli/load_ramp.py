@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.paths.model_path import ModelPath
     from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["LoadRamp", "RampKind", "build_ramp"]
 
 RampKind = Literal["load", "loads", "gravity", "all"]
 

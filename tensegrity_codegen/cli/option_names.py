@@ -15,8 +15,6 @@ from typer.core import TyperCommand
 
 from tensegrity_codegen.system.errors import TensegrityError
 
-__all__ = ["VerbCommand", "name_options", "name_options_in_error", "quote_command"]
-
 _ARGUMENT = re.compile(r"`([a-z_]+)(?:=([^`]*))?`")
 _options: dict[str, str] = {}  # of the running verb: argument -> option
 _words: list[str] = []  # of the running verb: the whole command

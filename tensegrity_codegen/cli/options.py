@@ -18,21 +18,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
 
-__all__ = [
-    "BatchWidthOption",
-    "CompilerOption",
-    "FlagsOption",
-    "FreshOption",
-    "JsonOption",
-    "OverwriteOption",
-    "PeersOption",
-    "PrecisionOption",
-    "SceneArgument",
-    "ScenesArgument",
-    "parse_loads",
-    "parse_vector",
-    "read_folder",
-]
 
 SceneArgument = Annotated[
     Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).", show_default=False)

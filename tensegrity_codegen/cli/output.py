@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.system.resumption import Resumption
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Output", "plain", "print_text"]
-
 
 class Output:
     """Where a verb writes; as_json: one object on stdout instead of text.

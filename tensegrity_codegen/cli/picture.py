@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["ANIMATED", "PAGE", "ShowOptions", "check_kind", "describe_left_out", "show_picture"]
 
 ANIMATED = (".gif", ".mp4")
 PAGE = ".html"

@@ -9,8 +9,6 @@ import typer
 
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["OPTION", "PrestressOption", "SceneOutOption", "check_prestress"]
-
 OPTION = "--prestress"
 
 PrestressOption = Annotated[

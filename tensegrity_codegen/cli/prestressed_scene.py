@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Prestressed", "write_prestressed"]
-
 
 LEAST = "least"
 NO_FORCE = 1e-10  # of the largest force: a member of the self-stress with less has none

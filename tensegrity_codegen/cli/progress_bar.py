@@ -14,7 +14,6 @@ from tensegrity_codegen.cli.streams import print_aside
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["ProgressBar", "can_draw", "name_duration"]
 
 NARROW = 70  # columns; below, only title, bar and percentage are shown
 WIDEST_TITLE = 0.4  # of the columns

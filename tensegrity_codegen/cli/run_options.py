@@ -9,24 +9,6 @@ import typer
 
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 
-__all__ = [
-    "AtolOption",
-    "BatchOption",
-    "ControlOption",
-    "KeepOption",
-    "MaxStepsOption",
-    "MethodOption",
-    "ProfileKindOption",
-    "ProfileOption",
-    "RtolOption",
-    "SamplesOption",
-    "SettleOption",
-    "StepOption",
-    "TEndOption",
-    "ThreadsOption",
-    "UntilOption",
-]
-
 TEndOption = Annotated[float, typer.Option("--t-end", help="Simulated time [s].", show_default=False)]
 SamplesOption = Annotated[int, typer.Option("--samples", help="Number of equally spaced samples.")]
 RtolOption = Annotated[

@@ -8,8 +8,6 @@ from pathlib import Path
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.system.files import replaced
 
-__all__ = ["list_examples", "read_example", "write_text"]
-
 
 def list_examples() -> dict[str, str]:
     """Return name -> text of the scenes that ship with the package."""

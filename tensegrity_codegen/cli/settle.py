@@ -19,11 +19,9 @@ from tensegrity_codegen.structure.bodies import BodySystem
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.paths.snap import Snap
-    from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+    from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
     from tensegrity_codegen.structure.structure import Structure
     from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["settle_scene"]
 
 
 def settle_scene(
@@ -68,12 +66,9 @@ def _settle(
     **options: Any,
 ) -> tuple[Equilibrium, dict[str, Any]]:
     """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
-    from tensegrity_codegen.pipeline.compile_scene import (
-        build_library,
-        find_needs,
-        move_near_origin,
-        with_statics,
-    )
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
     statics = with_statics(structure, request)

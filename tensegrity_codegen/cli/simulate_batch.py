@@ -17,20 +17,11 @@ from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueErr
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary
+    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.runtime.profiles.profile import Profile
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.structure.member_limits import MemberFlaws
-
-__all__ = [
-    "build_for_batch",
-    "build_run_table",
-    "check_no_other",
-    "describe_extremes",
-    "read_schedule",
-    "simulate_starts",
-]
 
 
 def simulate_starts(
@@ -164,7 +155,8 @@ def build_for_batch(
     t_end: float,
 ) -> tuple[BuiltLibrary, dict[str, float], Profile | None]:
     """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
-    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
 
     structure, request = output.load(scene)
     values = read_inputs(inputs, structure, output)

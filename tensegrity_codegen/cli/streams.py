@@ -7,8 +7,6 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-__all__ = ["drop_output", "print_aside", "print_text"]
-
 
 def print_text(text: str) -> None:
     """Write to stdout at once; a reader that has gone away is no error. Raises OSError, as on a full disk."""

@@ -9,8 +9,6 @@ from tensegrity_codegen.cli.option_names import VerbCommand
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.cli.verb_group import build_command
 
-__all__ = ["VerbWithSubCommands"]
-
 
 class VerbWithSubCommands(VerbCommand):
     """A verb whose first word may be the name of a sub-command; the help of the verb lists them.

@@ -26,8 +26,6 @@ from typing import Any, NoReturn
 
 from tensegrity_codegen.system.temporary_files import read_announcements, remove_leftovers, report_to
 
-__all__ = ["INTERRUPTED", "main", "run_supervised"]
-
 INTERRUPTED = 130
 GRACE = 0.6  # s from Ctrl-C until the worker is killed
 SHOW_CURSOR = b"\x1b[?25h"
@@ -43,7 +41,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    from tensegrity_codegen.cli import main as run
+    from tensegrity_codegen.cli.app import main as run
 
     try:
         allow_interruption()

@@ -12,8 +12,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.sweep_summary import SweepArgument
 from tensegrity_codegen.system.files import check_ending, check_output
 
-__all__ = ["case"]
-
 NumberArgument = Annotated[int, typer.Argument(metavar="CASE", help="Number of the case, from 0 on.")]
 OutOption = Annotated[Path | None, typer.Option("--out", "-o", help="Write the scene of the case (.toml).")]
 

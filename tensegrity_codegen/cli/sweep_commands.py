@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.results import SweepResults
 
-__all__ = ["build_commands"]
 
 CONTROL = "steps"  # what tolerances of batches bound by default; one motion has another default
 # Options of an operation that its verb has too.

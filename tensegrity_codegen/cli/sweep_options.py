@@ -7,38 +7,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = [
-    "AtolOption",
-    "ControlOption",
-    "DoOption",
-    "DryRunOption",
-    "FormatOption",
-    "IterationsOption",
-    "KeepOption",
-    "MaxStepsOption",
-    "MethodOption",
-    "NumberOption",
-    "OutOption",
-    "OverOption",
-    "OverwriteOption",
-    "RtolOption",
-    "SampleOption",
-    "SamplesOption",
-    "SamplingOption",
-    "SchedulerOption",
-    "SeedOption",
-    "SettleOption",
-    "StepOption",
-    "StopAfterOption",
-    "TEndOption",
-    "TableOption",
-    "TaskSizeOption",
-    "ToleranceOption",
-    "WaitOption",
-    "WorkersOption",
-    "YesOption",
-]
-
 DoOption = Annotated[
     str,
     typer.Option(

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.sweep import PreparedSweep
     from tensegrity_codegen.sweeps.tasks.operation import Operation
 
-__all__ = ["SweepCall"]
 
 # How messages of the cases name their options.
 NAMES = {name: f"--{name}" for name in ("over", "sample", "table", "n", "seed", "sampling", "yes")}

@@ -17,7 +17,6 @@ from tensegrity_codegen.system.files import check_ending, check_output
 if TYPE_CHECKING:
     from tensegrity_codegen.sweeps.summary.summary import SweepSummary
 
-__all__ = ["SweepArgument", "summary"]
 
 SweepArgument = Annotated[
     Path, typer.Argument(metavar="FILE.zarr", help="Folder that sweep wrote.", show_default=False)

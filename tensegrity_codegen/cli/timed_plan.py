@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.runtime.records.timed_motion import Motion
 
-__all__ = ["MOTION_ENDINGS", "MotionOption", "check_motion_file", "describe_motion", "time_plan"]
 
 MOTION_ENDINGS = (".npz", ".csv")
 

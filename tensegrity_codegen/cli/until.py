@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["UNTIL", "read_until", "watching"]
 
 UNTIL = ("contact",)
 

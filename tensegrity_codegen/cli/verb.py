@@ -10,8 +10,6 @@ from typing import Any
 
 from tensegrity_codegen.cli.option_names import VerbCommand
 
-__all__ = ["Verb", "find_verb", "find_verbs"]
-
 PACKAGE = "tensegrity_codegen.cli.verbs"
 # Groups of verbs in `--help`, and the least `order` of each.
 GROUPS = {

@@ -13,8 +13,6 @@ from typer.core import TyperCommand, TyperGroup
 
 from tensegrity_codegen.cli.verb import Verb, find_verb, find_verbs
 
-__all__ = ["VerbGroup"]
-
 
 class Commands(Mapping[str, Any]):
     """The commands of all verbs by name; one is built when it is asked for."""

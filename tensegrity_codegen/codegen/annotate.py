@@ -17,8 +17,6 @@ from tensegrity_codegen.codegen.print.printer import Annotations
 from tensegrity_codegen.codegen.prune import PrunedFunction, is_offered
 from tensegrity_codegen.symbolic.model import SymbolicModel
 
-__all__ = ["Landmarks"]
-
 # Quantities of members whose values have names, and what these begin with.
 NAMED = {"member_length": "length", "member_tension": "tension", "force_density": "force_density"}
 COMMUTATIVE = frozenset({ca.OP_ADD, ca.OP_MUL})

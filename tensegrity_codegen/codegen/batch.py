@@ -10,8 +10,6 @@ from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes, print_la
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["MOST_OPERATIONS", "MOST_STACK", "batch_context", "write_lanes"]
-
 # Bytes of stack and operations that a body over lanes may have; a longer one evaluates one by one.
 MOST_STACK = 200_000
 MOST_OPERATIONS = 20_000

@@ -19,17 +19,6 @@ from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = [
-    "AUTO",
-    "EmitterChoice",
-    "EmitterFacts",
-    "choose_emitter",
-    "find_facts",
-    "has_vectors",
-    "list_candidates",
-    "settle_emitter",
-]
-
 AUTO = "auto"
 LEAST_VECTORS = 4  # members that fill the vectors of the emitter lanes
 MOST_STRAIGHT = 100  # members up to which straight-line code is faster than loops and compiles quickly

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["read_declarations"]
-
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
 CONSTANTS = re.compile(r"enum (?:\w+ )?\{[^}]*\};|extern \w+_API const \w+ \w+\[[^;]*;")
 SPACE = re.compile(r"\s+")

@@ -27,8 +27,6 @@ from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["describe", "made_by"]
-
 
 def made_by() -> dict[str, str]:
     """Return the versions of what makes the code."""

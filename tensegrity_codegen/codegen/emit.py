@@ -36,8 +36,6 @@ from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
 from tensegrity_codegen.tables.tableaus import EXPLICIT
 
-__all__ = ["EMITTERS", "EmissionPlan", "GeneratedSource", "check_request", "emit"]
-
 EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, LANES, TABLE)}
 
 

@@ -11,10 +11,8 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument
 from tensegrity_codegen.tables.manifest import Pattern
 from tensegrity_codegen.tables.precision import Precision
-from tensegrity_codegen.tables.quantities import Quantity
+from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["Bodies", "EmittedModel", "Emitter", "WantedFunction", "result_size"]
 
 
 class EmittedModel(Protocol):

@@ -21,8 +21,6 @@ from tensegrity_codegen.symbolic.rigid_bar_check import find_rigid_bars
 from tensegrity_codegen.tables.manifest import LeftOut
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["BYTES_AN_OPERATION", "account_left_out", "with_feature"]
-
 # Object code of unrolled functions by gcc 12 -O2 on x86-64, measured: about 22 bytes an operation.
 BYTES_AN_OPERATION = 22
 

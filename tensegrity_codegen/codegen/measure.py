@@ -21,8 +21,6 @@ from tensegrity_codegen.system.errors import CompileError
 from tensegrity_codegen.system.work_folder import work_folder
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
-__all__ = ["build_driver", "run_drivers", "time_functions"]
-
 PASSES = 5  # in which the programs take turns
 ROUNDS = 5  # of one pass
 RUN_TIMEOUT = 120.0  # s, for one pass of one program

@@ -13,8 +13,6 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import find_target
 
-__all__ = ["MemoryUse", "measure_memory"]
-
 
 @dataclass(frozen=True)
 class MemoryUse:

@@ -11,9 +11,8 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import Pattern
-from tensegrity_codegen.tables.quantities import Quantity, find_quantity
-
-__all__ = ["PrunedFunction", "is_offered", "prune", "refuse_empty"]
+from tensegrity_codegen.tables.quantities import find_quantity
+from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 
 @dataclass(frozen=True)

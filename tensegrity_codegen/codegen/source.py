@@ -12,12 +12,8 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.batch import batch_context
 from tensegrity_codegen.codegen.bundle.labels import label_entries
-from tensegrity_codegen.codegen.casadi_interface.derivatives import CASADI, NONE, Derivatives
-from tensegrity_codegen.codegen.casadi_interface.functions import (
-    MOST_ENTRIES,
-    casadi_context,
-    casadi_pattern,
-)
+from tensegrity_codegen.codegen.casadi_interface.derivatives import CASADI, MOST_ENTRIES, NONE, Derivatives
+from tensegrity_codegen.codegen.casadi_interface.functions import casadi_context, casadi_pattern
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS
 from tensegrity_codegen.codegen.declarations import read_declarations
@@ -42,8 +38,6 @@ from tensegrity_codegen.tables.manifest import (
 )
 from tensegrity_codegen.tables.precision import Precision, find_precision
 from tensegrity_codegen.tables.quantities import QUANTITIES
-
-__all__ = ["BANNER", "write_sources"]
 
 # Constants that stand in the source file itself; more of them get a file of their own, compiled beside it.
 MOST_CONSTANTS = 20_000

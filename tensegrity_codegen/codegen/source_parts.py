@@ -8,8 +8,6 @@ from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["list_parts"]
-
 
 def list_parts(
     request: ModelRequest, integrators: Sequence[IntegratorSpec], driven: Sequence[str], n_slack: int

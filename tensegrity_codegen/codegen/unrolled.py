@@ -18,8 +18,6 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["MOST_MEMBERS", "UNROLLED", "check_length", "check_unrollable"]
-
 MOST_MEMBERS = 400
 MOST_OPERATIONS = 150_000
 COMPILED_OPERATIONS_A_SECOND = 4_000.0

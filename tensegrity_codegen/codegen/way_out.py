@@ -19,8 +19,6 @@ from tensegrity_codegen.system.errors import FormulationError, TensegrityError
 from tensegrity_codegen.tables.formulations import FORMULATIONS, choose_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["WayOut", "find_way_out", "list_ways_out"]
-
 MOST_NAMED = 2  # choices in one hint
 NEARLY_RIGID = 1000.0  # stiffness of a bar over that of the stiffest cable
 STIFFEN = "give the bars a stiffness, 1,000 times that of the cables is nearly rigid"

@@ -1,3 +1,1 @@
 """Scenes written in the formats of other programs, one file a format."""
-
-__all__: list[str] = []

@@ -8,8 +8,6 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["add", "number", "numbers", "write_elements"]
-
 
 def add(above: Element, tag: str, **attributes: str) -> Element:
     """Return a new element below `above`."""

@@ -33,8 +33,6 @@ from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.quantities import QUANTITIES, find_quantity
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["EXPORTER", "export_fmu"]
-
 VERSIONS = ("2.0", "3.0")
 KINDS = {"me": ("me",), "cs": ("cs",), "both": ("me", "cs")}
 USUAL = (POSITION, "member_length", "member_tension")

@@ -9,8 +9,6 @@ from tensegrity_codegen.export.exporter import Exported, Exporter, ExportSource
 from tensegrity_codegen.scene.formats.import_scene_json import SCENE_FORMAT
 from tensegrity_codegen.scene.read import read_scene
 
-__all__ = ["EXPORTER"]
-
 
 def write_json(source: ExportSource, path: Path) -> Exported:
     """Write the scene file of `source` as JSON: numbers by their shortest text that reads back bit-equal."""

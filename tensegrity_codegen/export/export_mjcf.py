@@ -13,8 +13,6 @@ from tensegrity_codegen.export.mjcf_model import WORLD_SITE, ModelParts, build_p
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
-__all__ = ["EXPORTER", "build_mjcf"]
-
 STEP = 1e-4  # s, a step of MuJoCo for stiff bars; its own default is 2e-3
 INTEGRATORS = ("RK4", "implicitfast", "implicit", "Euler")
 

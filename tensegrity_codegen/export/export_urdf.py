@@ -15,9 +15,6 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["EXPORTER", "build_urdf"]
-
-
 THIN = 0.01  # radius of a drawn bar without one, over its length
 NEXT_TO_NOTHING = 1e-6  # of a part's mass, for links between its joints: simulators require one
 TURNS = ("0 0 1", "0 1 0", "1 0 0")  # axes of the three joints in place of a ball joint

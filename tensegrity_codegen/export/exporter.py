@@ -17,8 +17,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.files import check_ending, check_output, replaced
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["ExportSource", "Exported", "Exporter", "check_export", "find_exporters", "write_export"]
-
 
 @dataclass(frozen=True)
 class ExportSource:

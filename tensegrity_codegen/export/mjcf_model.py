@@ -21,9 +21,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["WORLD_SITE", "ModelParts", "build_parts"]
-
-
 WORLD_SITE = "world.origin"  # names with a point differ from all names of a scene
 THIN = 1e-6  # inertia of a rigid bar about itself over that across it: MuJoCo requires one
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["NodeTree", "build_node_tree"]
-
 
 @dataclass(frozen=True)
 class NodeTree:

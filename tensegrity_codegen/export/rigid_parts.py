@@ -13,9 +13,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["WORLD", "RigidPart", "find_parts", "find_shared_nodes"]
-
-
 WORLD = "world"
 SMALL = 1e-6  # inertia of thin bars about themselves over that across; of points over their mass [m2]
 

@@ -1,3 +1,1 @@
 """Pages in which a structure or a motion is turned, played and asked: one file, nothing from outside."""
-
-__all__: list[str] = []

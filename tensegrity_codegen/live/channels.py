@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Channel", "pack", "pack_rounded", "pack_text"]
-
 MOST_FLOATS = 1_500_000  # numbers of an array that are kept in single precision; more take 16 bit each
 STEPS = 32000  # of a 16-bit number, to each side of zero
 UNKNOWN = -32768

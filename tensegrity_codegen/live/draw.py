@@ -19,8 +19,6 @@ from tensegrity_codegen.system.checks import check_instance, check_switch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw"]
-
 
 def draw(
     subject: Drawable,

@@ -18,8 +18,6 @@ from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, Manifest
 
-__all__ = ["EXPLICIT", "STIFF", "add_engine", "choose_method"]
-
 EXPLICIT, STIFF = "rk54", "radau"
 DAMPED_OUT = "The method radau damps vibrations of stiff bars that its steps do not resolve; rk54 does not."
 

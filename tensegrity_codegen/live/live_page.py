@@ -16,15 +16,13 @@ from tensegrity_codegen.live.three_module import find_three
 from tensegrity_codegen.pipeline.settle import find_settled
 from tensegrity_codegen.report.pictures.choices import Labels, read_labels, read_view
 from tensegrity_codegen.report.pictures.draw import Drawable, find_shot
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_path, check_switch, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import replaced
-
-__all__ = ["LivePage", "view"]
 
 HEIGHTS = (200, 4000)  # pixels
 

@@ -26,9 +26,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["LiveScene", "LiveStart", "build_live_scene"]
-
-
 MOST_NAMES = 160  # of nodes or of members that a page writes at once
 
 

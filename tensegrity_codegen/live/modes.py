@@ -13,8 +13,6 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["find_modes"]
-
 MOST_COORDINATES = 1000  # of structures whose modes are found; the analysis takes dense matrices
 
 

@@ -14,8 +14,6 @@ from tensegrity_codegen.live.channels import pack_text
 from tensegrity_codegen.live.live_scene import LiveScene
 from tensegrity_codegen.report.pages.html_template import html_template
 
-__all__ = ["live_folder", "render_live"]
-
 FIRST, WORKER = "boot", "worker"  # scripts that are no modules
 HINT = "Point at a member or node; click to keep it here."
 PULL_HINT = "Drag a node to pull it; click a member to keep its numbers here."

@@ -9,7 +9,7 @@ from typing import Any
 from tensegrity_codegen.pipeline.settle import find_settled
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
@@ -18,8 +18,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["check_follow", "find_request", "settle_drawable"]
 
 
 def check_follow(follow: bool, subject: Any) -> None:

@@ -13,8 +13,6 @@ from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, Rigi
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.manifest import ArgumentSpec, Manifest
 
-__all__ = ["Scales", "Sliders", "find_scales"]
-
 # Factors of the values of the scene, by parameter; the others have no slider.
 FACTORS = {
     "rest_length": ("rest lengths", 0.7, 1.3),

@@ -18,16 +18,6 @@ from tensegrity_codegen.system.errors import MissingSourceError
 from tensegrity_codegen.system.files import replaced
 from tensegrity_codegen.system.pinned_file import PinnedFile
 
-__all__ = [
-    "LICENCE",
-    "THREE",
-    "THREE_REVISION",
-    "THREE_VARIABLE",
-    "describe_three",
-    "find_three",
-    "write_three",
-]
-
 THREE_VARIABLE = "TENSEGRITY_CODEGEN_THREE"
 THREE_REVISION = "180"
 THREE = PinnedFile(

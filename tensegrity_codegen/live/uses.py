@@ -10,9 +10,6 @@ from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS, check_memb
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compute_uses"]
-
-
 MOST = 1000.0  # of a use that is infinite, such as a tension where none is allowed
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from tensegrity_codegen.report.pictures.choices import NAMED_VIEWS, Direction
 from tensegrity_codegen.report.pictures.view import check_planar_direction
 
-__all__ = ["choose_view"]
-
 SPACE = (1.0, -1.6, 0.62)
 GROUND_GAP = 0.06  # of the size, between supported nodes and the grid
 

@@ -1,3 +1,1 @@
 """From a scene to a compiled library, one function a step."""
-
-__all__: list[str] = []

@@ -23,8 +23,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["ANALYSES", "Needs", "equilibrium_quantities", "find_needs", "want_analyses"]
-
 BATCH_WIDTH = 8  # motions side by side where the request names no number
 MOST_PAIRS = 500  # of bars whose distances a plan reports without a limit of them
 BATCH_METHOD = "rk853"  # of batches, where no method is named

@@ -9,7 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
 from tensegrity_codegen.codegen.compilation.compile import object_size
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_package,
@@ -36,8 +37,6 @@ from tensegrity_codegen.tables.targets import Target, find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.emit import GeneratedSource
-
-__all__ = ["build_library", "check_buildable"]
 
 
 def build_library(

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.compilation.cache import CacheEntry
-from tensegrity_codegen.codegen.compilation.cache_entry import read_contents
+from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry, read_contents
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import LibraryError
@@ -18,9 +17,6 @@ from tensegrity_codegen.tables.targets import find_host
 
 if TYPE_CHECKING:
     pass
-
-
-__all__ = ["BuiltLibrary"]
 
 
 @dataclass(frozen=True)

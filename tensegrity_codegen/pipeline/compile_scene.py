@@ -10,23 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs, want_analyses
-from tensegrity_codegen.pipeline.build_library import build_library, check_buildable
-from tensegrity_codegen.pipeline.built_library import BuiltLibrary
-from tensegrity_codegen.pipeline.settle import (
-    has_statics,
-    is_corrected,
-    move_near_origin,
-    settle_structure,
-    with_statics,
-)
-from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize_quantities
+from tensegrity_codegen.pipeline.analyses import want_analyses
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES
-from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
-    SIMULATION_QUANTITIES,
-    simulation_quantities,
-)
 from tensegrity_codegen.scene.read import name_source, read_scene
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
@@ -35,28 +21,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance, check_names, check_positive, check_whole
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = [
-    "EQUILIBRIUM_QUANTITIES",
-    "LINEARIZE_QUANTITIES",
-    "SIMULATION_QUANTITIES",
-    "BuiltLibrary",
-    "build_library",
-    "check_buildable",
-    "compile_scene",
-    "equilibrium_quantities",
-    "find_needs",
-    "has_statics",
-    "is_corrected",
-    "linearize_quantities",
-    "load_nodes",
-    "load_scene",
-    "move_near_origin",
-    "read_scene",
-    "settle_structure",
-    "simulation_quantities",
-    "with_statics",
-]
 
 
 def load_scene(path: str | Path | Mapping[str, Any] | Scene) -> tuple[Subject, ModelRequest]:

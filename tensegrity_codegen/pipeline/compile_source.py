@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, CacheEntry
 from tensegrity_codegen.codegen.compilation.compile import compile_library
 from tensegrity_codegen.codegen.compilation.fingerprint import (
     hash_text,
@@ -26,9 +26,6 @@ from tensegrity_codegen.tables.targets import Target
 
 if TYPE_CHECKING:
     pass
-
-
-__all__ = ["compile_source", "is_library_source", "read_manifest"]
 
 
 def compile_source(

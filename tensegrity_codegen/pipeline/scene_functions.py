@@ -17,8 +17,6 @@ from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.structure.actuate import actuate_members
 from tensegrity_codegen.symbolic.build import build_model
 
-__all__ = ["SymbolicFunctions", "symbolic_functions"]
-
 
 class SymbolicFunctions(dict[str, ca.Function]):
     """CasADi functions by the names of their quantities.

@@ -11,20 +11,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.pipeline.analyses import equilibrium_quantities, find_needs
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = [
-    "find_settled",
-    "has_statics",
-    "is_corrected",
-    "move_near_origin",
-    "settle_structure",
-    "with_statics",
-]
 
 
 def has_statics(request: ModelRequest) -> bool:

@@ -15,8 +15,6 @@ from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["describe_analysis", "write_analysis"]
-
 
 def describe_analysis(
     found: Analysis, member_name: Sequence[str], node_name: Sequence[str]

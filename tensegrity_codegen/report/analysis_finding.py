@@ -7,8 +7,6 @@ import math
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.runtime.analysis.analysis import Analysis
 
-__all__ = ["describe_analysis_finding", "describe_modes"]
-
 NO_STIFFNESS = 1e-9  # of the largest force density: less is rounding
 
 

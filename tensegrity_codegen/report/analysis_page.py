@@ -31,9 +31,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["build_analysis_page"]
-
-
 MOST_MECHANISMS, MOST_MODES = 4, 6
 LEAD = (
     "Which tensions the structure can have in this configuration, which motions change no member's length, "

@@ -14,8 +14,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.member_limits import MEMBER_CHECKS
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["analysis_members_table", "analysis_table", "certificate_table", "describe_counts", "modes_table"]
-
 Subject = Structure | BodySystem
 
 # Limits, and the heads of their columns.

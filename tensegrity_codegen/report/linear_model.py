@@ -12,9 +12,6 @@ from rich.table import Table
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["modes_table", "say_finding", "say_spectrum"]
-
-
 REAL = 1e-9  # imaginary part over modulus, up to which an eigenvalue is a real one
 
 

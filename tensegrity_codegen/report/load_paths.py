@@ -16,8 +16,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.files import check_ending, replaced
 from tensegrity_codegen.system.table_files import write_csv
 
-__all__ = ["events_table", "tabulate_path", "write_path"]
-
 
 def tabulate_path(path: LoadPath, model: ModelPath) -> dict[str, FloatArray]:
     """Return the columns of a table with one row a point, name -> (n_points,).

@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compute_loads", "compute_static_loads", "describe_other_loads"]
-
 
 def compute_loads(subject: Structure | BodySystem, motion: Trajectory | None = None) -> FloatArray:
     """Return the loads on nodes at every sample.

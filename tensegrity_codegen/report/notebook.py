@@ -21,8 +21,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["build_html"]
-
 DRAWN = (CompiledModel, Equilibrium, PlanResult, Scene, Structure, BodySystem, Trajectory)
 DPI = 80  # of pictures
 LEFT = 'style="text-align:left"'

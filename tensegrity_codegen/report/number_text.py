@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = ["MISSING", "format_number", "format_short", "lower_indices", "raise_digits"]
-
 MISSING = "–"
 # A symbol of one letter with an index: T_S, M_3, H_δ.
 _INDEXED = re.compile(r"(?<![^\W_])([^\W\d_])_([^\W_])(?![^\W_])")

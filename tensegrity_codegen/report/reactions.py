@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compute_reactions"]
-
 
 def compute_reactions(
     structure: Structure,

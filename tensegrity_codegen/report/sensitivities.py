@@ -12,8 +12,6 @@ from rich.text import Text
 
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 
-__all__ = ["columns_table", "list_columns", "ranks_table"]
-
 
 def list_columns(found: Sensitivity) -> dict[str, dict[str, Any]]:
     """Return what each column does most, by its name.

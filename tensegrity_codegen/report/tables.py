@@ -14,19 +14,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = [
-    "add_row",
-    "candidates_table",
-    "functions_table",
-    "left_out_table",
-    "members_table",
-    "memory_table",
-    "new_table",
-    "nodes_table",
-    "run_table",
-]
-
-
 # What the facts about a run are called, and their units.
 RUN_ROWS = {
     "status": ("status", ""),

@@ -1,3 +1,1 @@
 """What is given: the scene file, its schema, checks and shapes, and the structure made from it."""
-
-__all__: list[str] = []

@@ -11,8 +11,6 @@ from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["describe_request", "describe_structure"]
-
 _LETTERS = "xyz"
 _NODE_PARAMETERS = ("node_mass", "node_load", "anchor_position")
 

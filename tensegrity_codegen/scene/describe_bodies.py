@@ -12,8 +12,6 @@ from tensegrity_codegen.scene.describe_control import describe_control
 from tensegrity_codegen.structure.bodies import Bar, Body, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["describe_bodies"]
-
 
 def describe_bodies(system: BodySystem, request: ModelRequest | None = None) -> dict[str, Any]:
     """Return the scene document of `system`, angles in degrees; `request` adds what is wanted of it.

@@ -14,8 +14,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["describe_control"]
-
 Subject = Structure | BodySystem
 
 

@@ -9,23 +9,6 @@ from collections.abc import Iterable, Sequence
 
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidNameError
 
-__all__ = [
-    "FILE_NAMES",
-    "FILE_NAME_PROBLEM",
-    "FILE_NAME_RULE",
-    "KEYWORDS",
-    "NAME_PATTERN",
-    "NAME_RULE",
-    "check_name",
-    "check_names",
-    "check_scene_name",
-    "describe_pieces",
-    "is_name",
-    "is_scene_name",
-    "key_path",
-    "name_list",
-]
-
 NAME_PATTERN = "^[A-Za-z][A-Za-z0-9_]{0,62}$"
 NAME_RULE = "a letter, then up to 62 letters, digits or _; no C or C++ keyword"
 

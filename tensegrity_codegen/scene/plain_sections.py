@@ -11,8 +11,6 @@ import json
 import re
 from typing import Any
 
-__all__ = ["LEAST_LENGTH", "cut_plain_sections"]
-
 LEAST_LENGTH = 100_000  # characters of a file for which it pays
 _SECTIONS = ("nodes", "members")
 

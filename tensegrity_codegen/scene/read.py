@@ -28,8 +28,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["LARGEST_FILE", "name_source", "parse_scene", "read_document", "read_scene", "to_plain"]
-
 _POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 _HEADER = re.compile(r"^[ \t]*\[+([^\[\]\n]+)\]", re.MULTILINE)
 _KEY = re.compile(r"\s*\[*\s*([^=\[\]\n]{1,200}?)\s*[=\]]")

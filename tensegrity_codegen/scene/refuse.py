@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.names import key_path, name_list
 from tensegrity_codegen.system.errors import SceneError
 
-__all__ = ["refuse"]
-
 
 def refuse(
     bad: NDArray[np.bool_],

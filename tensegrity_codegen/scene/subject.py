@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Subject", "assemble_scene"]
-
 Subject: TypeAlias = Structure | BodySystem
 
 

@@ -15,8 +15,6 @@ import numpy as np
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["format_scene"]
-
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 _SECTIONS = (

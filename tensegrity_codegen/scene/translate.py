@@ -23,8 +23,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["translate"]
-
 MOST_SHOWN = 5
 
 _RANGE = {

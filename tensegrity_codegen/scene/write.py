@@ -7,13 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.scene.checks.limits import LARGEST_FILE
-from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.checks import check_instance, check_path, check_switch
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import replaced
-
-__all__ = ["describe_structure", "format_scene", "write_scene"]
 
 
 def write_scene(document: Mapping[str, Any], path: str | Path, *, overwrite: bool = False) -> None:

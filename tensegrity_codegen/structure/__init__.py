@@ -1,3 +1,1 @@
 """The structure as frozen arrays: nodes, members, bodies, mass plan and order of summation."""
-
-__all__: list[str] = []

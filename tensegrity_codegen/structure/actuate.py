@@ -11,8 +11,6 @@ from tensegrity_codegen.structure.bodies import BodyInput, BodySystem
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownNameError, suggest
 
-__all__ = ["ALL", "CABLES", "actuate_members"]
-
 ALL, CABLES = "all", "cables"
 
 Subject = Structure | BodySystem

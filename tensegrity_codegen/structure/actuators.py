@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-__all__ = ["MEMBER_SENSORS", "NODE_SENSORS", "UNLIMITED", "Actuator", "Sensor", "SensorKind"]
-
 SensorKind: TypeAlias = Literal["member_length", "member_tension", "node_position", "node_velocity"]
 
 MEMBER_SENSORS: tuple[SensorKind, ...] = ("member_length", "member_tension")

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["add_inputs_to_rest_length", "find_input_force"]
-
 
 def add_inputs_to_rest_length(
     subject: Structure | BodySystem, values: Mapping[str, float]

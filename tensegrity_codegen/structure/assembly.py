@@ -24,9 +24,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES
 
-__all__ = ["AssemblyPlan", "MemberClass", "MemberGroup", "plan_assembly"]
-
-
 # How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
 ABSENT, CONSTANT, ARGUMENT = 0, 1, 2
 

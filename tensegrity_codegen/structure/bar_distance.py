@@ -9,9 +9,6 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compute_bar_distance", "compute_segment_distance"]
-
-
 PARALLEL = 1e-12  # of the product of squared lengths, below which two lines count as parallel
 
 

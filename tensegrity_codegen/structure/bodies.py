@@ -28,11 +28,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
-__all__ = [
-    "Bar", "Body", "BodyInput", "BodyLoad", "BodySystem", "Chart", "FixedBody", "JointFriction", "RigidBody",
-    "coordinate_labels",
-]  # fmt: skip
-
 Vector3: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["inertial", "body"]
 

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["freeze_fields"]
-
 
 def freeze_fields(instance: Any) -> None:
     """Replace the arrays of a frozen dataclass by read-only copies in C order, its dicts by read-only views.

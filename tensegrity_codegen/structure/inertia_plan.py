@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["InertiaPlan", "find_massless", "refuse_bare"]
-
 
 class InertiaPlan:
     """Shares of the bars' own masses, in the order in which everybody adds them.

@@ -16,8 +16,6 @@ import numpy as np
 from tensegrity_codegen.structure.bodies import Bar, BodySystem, FixedBody, RigidBody
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Kinematics", "bar_direction", "compute_node_position", "euler_rotation"]
-
 Scalar = Any
 Vector = list[Scalar]
 

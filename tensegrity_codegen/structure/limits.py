@@ -10,9 +10,6 @@ import numpy as np
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["MEMBER_LIMITS", "Limits"]
-
-
 # Limits of single members, and the value of each that limits nothing.
 MEMBER_LIMITS = {
     "least_tension": -math.inf,

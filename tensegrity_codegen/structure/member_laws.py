@@ -9,17 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
-from tensegrity_codegen.tables.laws import (
-    LAW_PARAMETERS,
-    LAWS,
-    LINEAR,
-    MEMBER_VALUES,
-    compute_spring_constant,
-    find_law,
-)
-from tensegrity_codegen.tables.laws.law import Law
-
-__all__ = ["SECTION_VALUES", "WithMemberLaws"]
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, LAWS, LINEAR, MEMBER_VALUES, find_law
+from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
 # What follows from the section of a member, by the names of the attributes.
 SECTION_VALUES = ("section_area", "gyration_square")

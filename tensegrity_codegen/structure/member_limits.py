@@ -16,18 +16,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Summarised, describe_count, describe_range
 
-__all__ = [
-    "MEMBER_CHECKS",
-    "Exceeded",
-    "MemberChecks",
-    "MemberFlaws",
-    "check_members",
-    "check_motion",
-    "describe_tensions",
-    "summarise_tensions",
-]
-
-
 MEMBER_CHECKS = ("least_tension", "most_tension", "yield_stress", "buckling")
 BLOCK = 2**20  # tensions that are compared at a time
 ROUNDING = 1e-9  # use above 1 that is no excess

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import IntArray
 
-__all__ = ["order_nodes", "spread"]
-
-
 ROUNDS = 3  # how far around a node its surroundings are looked at, in members
 
 

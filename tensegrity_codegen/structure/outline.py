@@ -13,9 +13,6 @@ from tensegrity_codegen.structure.kinematics import compute_node_position
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["find_faces", "find_joints", "is_edge", "outline_bodies", "outline_tendons"]
-
-
 MOST_CORNERS = 4  # of a rigid body whose points are joined pair by pair; more are joined in a ring
 
 

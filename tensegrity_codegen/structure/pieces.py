@@ -6,8 +6,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import IntArray
 
-__all__ = ["find_pieces"]
-
 
 def find_pieces(count: int, first: IntArray, second: IntArray) -> tuple[int, IntArray]:
     """Return the number of pieces of a graph, and the piece of each node.

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import IntArray
 
-__all__ = ["NEAR", "Module", "find_modules"]
-
 Shape = tuple[bytes, bytes, tuple[int, ...]]
 
 LEAST_REPETITIONS = 16

@@ -24,8 +24,6 @@ from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
-__all__ = ["ActuatedInput", "Structure"]
-
 
 @dataclass(frozen=True)
 class ActuatedInput:

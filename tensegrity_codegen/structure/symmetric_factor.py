@@ -14,8 +14,6 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-__all__ = ["SymmetricFactor", "factorise"]
-
 Scalar = Any
 
 

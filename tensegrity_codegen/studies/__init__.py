@@ -1,3 +1,1 @@
 """The three papers, error against run time, and stability in extreme cases."""
-
-__all__: list[str] = []

@@ -17,8 +17,6 @@ from tensegrity_codegen.system.processor import name_processor
 from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["hash_run", "hash_study"]
-
 PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scipy")
 
 

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import DuplicateNameError
 
-__all__ = ["check_scene_names"]
-
 
 def check_scene_names(structures: Sequence[Structure]) -> None:
     """Raise DuplicateNameError if two structures have one name."""

@@ -11,8 +11,6 @@ from tensegrity_codegen.sweeps.engines.cluster import check_wait
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["check_engine", "check_on_progress", "check_scene_source", "check_stop_after", "check_yes"]
-
 
 def check_engine(workers: Any, scheduler: Any, wait: Any) -> None:
     """Raise InvalidValueError for where a sweep runs: two places, an empty address, an impossible wait."""

@@ -19,8 +19,6 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.system.processor import name_processor
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["describe_facts", "identify_sweep"]
-
 PACKAGES = ("casadi", "numpy", "scipy", "zarr")
 SceneSource = str | Path | Mapping[str, Any] | Scene
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.sweeps.tasks.operation import Output
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["find_places", "join_outputs"]
-
 
 def join_outputs(parts: Sequence[tuple[Output, ...]]) -> tuple[Output, ...]:
     """Return outputs that hold the results of several libraries.

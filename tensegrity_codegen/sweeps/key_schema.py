@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.schema.body_schema import LOAD_TAGS, load_tag
 from tensegrity_codegen.scene.schema.json_schema import scene_json_schema
 
-__all__ = ["ANY", "Bounds", "Place", "root_place"]
-
 NUMBERS = ("number", "integer")
 
 

@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
 from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
-__all__ = ["describe_key"]
-
 UNIT = re.compile(r"\[([^\]\d][^\]]*)\]")
 OF_SHAPES = {"nodes": "node_", "members": ""}
 

@@ -11,8 +11,6 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.sweeps.key_schema import ANY, Bounds, Place, root_place
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
-__all__ = ["KeyPath", "find_numbers", "format_path", "parse_path"]
-
 _STEP = re.compile(r"(?:^|\.)([A-Za-z_][A-Za-z0-9_]*)|\[(\d{1,9})\]")
 # Vectors that mean zero where a scene has none, so that one of their numbers can be set.
 ZERO_VECTORS = ("gravity", "velocity", "centre_velocity")

@@ -11,8 +11,6 @@ from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 
-__all__ = ["SweepPlan", "Task", "divide_cases"]
-
 
 @dataclass(frozen=True)
 class Task:

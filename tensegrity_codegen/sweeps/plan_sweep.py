@@ -28,8 +28,6 @@ from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["PlannedSweep", "plan_sweep"]
-
 TASK_SECONDS = 0.5  # that a task shall take, so that its overhead is small and little is lost with it
 LEAST_TASKS = 4  # for each worker, so that none waits long for the others at the end
 MOST_CASES = 32_768  # of a task

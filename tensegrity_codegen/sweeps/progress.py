@@ -8,8 +8,6 @@ from pathlib import Path
 
 from tensegrity_codegen.sweeps.statuses import GOOD
 
-__all__ = ["ShowProgress", "SweepOutcome", "SweepProgress"]
-
 
 @dataclass(frozen=True)
 class SweepProgress:

@@ -24,8 +24,6 @@ from tensegrity_codegen.sweeps.store.store import SweepStore
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
-__all__ = ["check_zarr", "run_sweep"]
-
 
 def run_sweep(
     work: SweepWork,

@@ -9,16 +9,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.errors import check_choice
 
-__all__ = [
-    "GOOD",
-    "NOT_COMPUTED",
-    "STATUSES",
-    "decode_statuses",
-    "encode_status",
-    "encode_statuses",
-    "is_good",
-]
-
 StatusArray = NDArray[np.int8]
 
 # A word's place is its code in stored results: words are only ever added, at the end.

@@ -33,8 +33,6 @@ from tensegrity_codegen.sweeps.tasks.operations import build_operation
 from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.forked import count_workers
 
-__all__ = ["PreparedSweep", "prepare_sweep", "sweep"]
-
 
 @dataclass(frozen=True, eq=False)
 class PreparedSweep:

@@ -20,8 +20,6 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
-__all__ = ["SymbolicArguments", "check_parameters", "nominal_value"]
-
 Scalar = Any  # a 1 x 1 casadi.SX, symbolic or a number
 
 

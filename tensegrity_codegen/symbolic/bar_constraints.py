@@ -16,8 +16,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.geometry import dot, member_vector
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
-__all__ = ["BarConstraints"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -10,8 +10,6 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["build_model"]
-
 
 def build_model(structure: Structure | BodySystem, request: ModelRequest) -> SymbolicModel:
     """Return the symbolic model in the requested formulation; FormulationError lists the known ones.

@@ -6,8 +6,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["dot", "member_length", "member_rate", "member_vector"]
-
 Scalar = Any
 Vector = list[Scalar]
 

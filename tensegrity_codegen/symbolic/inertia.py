@@ -16,8 +16,6 @@ from tensegrity_codegen.structure.inertia_plan import InertiaPlan, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.structure.symmetric_factor import SymmetricFactor, factorise
 
-__all__ = ["Inertia"]
-
 Scalar = Any
 
 

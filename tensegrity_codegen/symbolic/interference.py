@@ -30,17 +30,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = [
-    "BAR_DISTANCE_CASE",
-    "MOST_PAIRS",
-    "BarContact",
-    "BarPairs",
-    "build_bar_contact",
-    "build_bar_quantities",
-    "check_bar_pairs",
-    "pair_members",
-]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -9,8 +9,6 @@ import casadi as ca
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["below_zeros", "by_inputs", "by_parameters"]
-
 Matrix = Any
 
 

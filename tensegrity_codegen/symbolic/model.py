@@ -15,8 +15,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.quantities import find_quantity
 
-__all__ = ["Frame", "ModelArgument", "SymbolicModel", "frame_structure"]
-
 
 @dataclass(frozen=True)
 class ModelArgument:

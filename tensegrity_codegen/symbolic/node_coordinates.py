@@ -18,8 +18,6 @@ from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
-__all__ = ["NodeCoordinates"]
-
 Scalar = Any
 Vector = list[Scalar]
 

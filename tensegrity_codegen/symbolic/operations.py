@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-__all__ = ["count_operations"]
-
 
 def count_operations(function: ca.Function) -> int:
     """Return the number of floating-point operations in one evaluation of an SX function."""

@@ -22,8 +22,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Balance", "Control", "RestrictedBodies"]
-
 Family = Callable[[Sequence[Any]], Sequence[Any]]
 
 

@@ -15,8 +15,6 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["check_formulation", "check_no_rigid_bar", "check_rigid_bars", "find_rigid_bars"]
-
 DEPENDENT = 1e-9  # part of a bar's unit vector that others leave free
 
 

@@ -21,8 +21,6 @@ from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.members.member_series import MemberSeries, half_square
 from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 
-__all__ = ["RigidMotion"]
-
 Scalar = Any
 Vector = list[Scalar]
 

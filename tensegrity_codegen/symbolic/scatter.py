@@ -10,8 +10,6 @@ import casadi as ca
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 
-__all__ = ["CoordinateMap"]
-
 Scalar = Any
 
 

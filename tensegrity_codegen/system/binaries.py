@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["describe_binary"]
-
 ELF = {3: "x86", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv"}
 PE = {0x014C: "x86", 0x8664: "x86_64", 0xAA64: "aarch64"}
 MACH_O = {0x01000007: "x86_64", 0x0100000C: "aarch64"}

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-__all__ = ["CACHE_VARIABLE", "CacheFolderWarning", "find_cache_root", "warn_of_fallback"]
-
 CACHE_VARIABLE = "TENSEGRITY_CODEGEN_CACHE"
 
 

@@ -10,18 +10,6 @@ from typing import Any, TypeGuard
 
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = [
-    "check_callback",
-    "check_instance",
-    "check_names",
-    "check_path",
-    "check_positive",
-    "check_switch",
-    "check_whole",
-    "is_number",
-    "is_whole",
-]
-
 
 def is_whole(value: Any) -> TypeGuard[int]:
     """Return whether a value is an integer of Python or NumPy; True and False are none."""

@@ -10,35 +10,6 @@ import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
-__all__ = [
-    "AbiMismatchError",
-    "ClusterError",
-    "CompileError",
-    "CompilerMissingError",
-    "ConvergenceError",
-    "DuplicateNameError",
-    "FormulationError",
-    "InfeasibleError",
-    "InvalidNameError",
-    "InvalidValueError",
-    "LibraryError",
-    "MissingExtraError",
-    "MissingSourceError",
-    "NonFiniteError",
-    "OutputError",
-    "SceneError",
-    "SceneSyntaxError",
-    "SingularStiffnessError",
-    "StructureError",
-    "TensegrityError",
-    "UnknownKeyError",
-    "UnknownNameError",
-    "UnsafeCacheError",
-    "UnstableError",
-    "check_choice",
-    "suggest",
-]
-
 
 class TensegrityError(Exception):
     """Base class of all errors that this package raises on purpose.

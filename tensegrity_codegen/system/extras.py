@@ -7,17 +7,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import MissingExtraError
 
-__all__ = [
-    "CLUSTER",
-    "CONTROL",
-    "PACKAGES",
-    "SWEEP",
-    "TABLES",
-    "import_extra",
-    "name_install",
-    "require_plot",
-]
-
 PLOT, CONTROL, TABLES, SWEEP, CLUSTER = "plot", "control", "tables", "sweep", "cluster"
 PACKAGES = {  # the packages of each extra, as in pyproject.toml
     PLOT: ("matplotlib", "pillow"),

@@ -17,15 +17,6 @@ from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.temporary_files import announce, withdraw
 
-__all__ = [
-    "check_ending",
-    "check_not_input",
-    "check_output",
-    "explain_unwritable",
-    "find_kind",
-    "replaced",
-]
-
 FILE_RULE = "a file name in a folder that exists and may be written to"
 FOLDER_RULE = "a folder that exists or can be made, and may be written to"
 

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-__all__ = ["DEFERRED", "Piece", "can_fork", "count_workers", "deferred_signals", "end_process", "run_pieces"]
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

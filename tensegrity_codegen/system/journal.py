@@ -16,8 +16,6 @@ from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.files import replaced
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = ["Journal", "read_record"]
-
 Record = TypeVar("Record")
 
 

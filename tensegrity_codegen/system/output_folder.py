@@ -17,8 +17,6 @@ from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.files import check_not_input, explain_unwritable
 from tensegrity_codegen.system.work_folder import work_folder
 
-__all__ = ["LIST_FILE", "check_folder", "write_folder"]
-
 LIST_FILE = "SHA256SUMS"
 NEW, OLD = "new", "old"
 MOST_NAMED = 5

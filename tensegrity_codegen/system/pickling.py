@@ -6,8 +6,6 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["reduce_fields"]
-
 
 def reduce_fields(instance: Any) -> tuple[Any, ...]:
     """Return what `__reduce__` of a frozen dataclass returns: it is made again from its fields."""

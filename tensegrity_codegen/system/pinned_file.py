@@ -24,8 +24,6 @@ from tensegrity_codegen.system.private_files import (
     write_private,
 )
 
-__all__ = ["PinnedFile"]
-
 TIMEOUT = 300.0  # s
 
 

@@ -15,8 +15,6 @@ from pathlib import Path
 from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import UnsafeCacheError
 
-__all__ = ["check_entry", "check_parents", "check_private", "make_private", "write_private"]
-
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
 HAS_OWNERS = hasattr(os, "geteuid")
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import platform
 from pathlib import Path
 
-__all__ = ["name_processor"]
-
 
 def name_processor() -> str:
     """Return the processor's model as the system states it, or its architecture."""

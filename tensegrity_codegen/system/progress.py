@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["ProgressFunction", "part_of"]
-
 ProgressFunction = Callable[[float], None]
 
 

@@ -11,8 +11,6 @@ import numpy as np
 from tensegrity_codegen.system.processor import name_processor
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["describe_provenance"]
-
 
 def describe_provenance() -> tuple[str, str]:
     """Return two sentences: versions; day and machine.

@@ -8,8 +8,6 @@ from typing import Protocol
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
-__all__ = ["ByName", "find_row"]
-
 
 class _Named(Protocol):
     """What has nodes with positions and members with tensions; `...` stands for samples and motions."""

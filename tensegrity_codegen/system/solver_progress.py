@@ -11,16 +11,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
 
-__all__ = [
-    "COMPILING",
-    "GENERATING",
-    "SETTLING",
-    "PassWatcher",
-    "describe_pass",
-    "watched_passes",
-    "work_pass",
-]
-
 GENERATING, COMPILING, SETTLING = "generating C", "compiling", "finding the equilibrium"
 
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Fact", "Summarised", "count_names", "describe_number", "describe_range"]
-
 Fact = tuple[str, str]  # what, and its value as text
 
 SHOWN = 4  # facts below the first line of a repr

@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import TABLES, import_extra
 from tensegrity_codegen.system.files import check_ending, replaced
 
-__all__ = ["require_packages", "write_csv", "write_mat", "write_parquet"]
-
 PARQUET = ".parquet"
 MAT_HEADER = 116  # bytes of text at the start of a .mat file
 MOST_MAT = 2**31 - 2**16  # bytes of one array of a .mat file (level 5)

@@ -10,16 +10,6 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = [
-    "announce",
-    "announce_advice",
-    "announce_end",
-    "read_announcements",
-    "remove_leftovers",
-    "report_to",
-    "withdraw",
-]
-
 LONGEST = 4096  # bytes of one announcement; a pipe takes that many in one piece
 
 _pipe: list[int] = []

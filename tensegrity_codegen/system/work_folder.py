@@ -21,7 +21,6 @@ from tensegrity_codegen.system.temporary_files import announce, withdraw
 if TYPE_CHECKING:
     from filelock import FileLock
 
-__all__ = ["sweep_folders", "work_folder"]
 
 PREFIX = "tensegrity_codegen-"
 LOCK = ".lock"  # ending of the lock of a folder

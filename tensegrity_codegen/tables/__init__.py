@@ -1,3 +1,1 @@
 """What is registered: laws, quantities, formulations, tableaus, targets; request and manifest."""
-
-__all__: list[str] = []

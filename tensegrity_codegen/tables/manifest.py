@@ -17,25 +17,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = [
-    "ABI_VERSION",
-    "C_API_VERSION",
-    "EVENT_KINDS",
-    "JUMP_KINDS",
-    "SOLVER_STATUS",
-    "STATUS",
-    "STATUS_TEXT",
-    "ArgumentSpec",
-    "FunctionSpec",
-    "IntegratorSpec",
-    "LeftOut",
-    "Manifest",
-    "Pattern",
-    "SolverSpec",
-    "SourcePart",
-    "name_bar_pairs",
-]
-
 ABI_VERSION = 2
 
 # Version of the rules of the C interface, docs/c_api.md: within one, headers only gain declarations.

@@ -9,8 +9,6 @@ import numpy as np
 
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, suggest
 
-__all__ = ["PRECISIONS", "Precision", "check_precision", "find_precision"]
-
 
 @dataclass(frozen=True)
 class Precision:

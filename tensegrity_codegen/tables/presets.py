@@ -8,8 +8,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
-__all__ = ["PRESETS", "Preset", "find_preset"]
-
 
 @dataclass(frozen=True)
 class Preset:

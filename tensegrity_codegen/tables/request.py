@@ -12,15 +12,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError,
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 
-__all__ = [
-    "BATCH_WIDTHS",
-    "INTERFACES",
-    "ModelRequest",
-    "check_batch_width",
-    "check_interfaces",
-    "complete_options",
-]
-
 # How many evaluations a batch function can do side by side; 0: there are no batch functions.
 BATCH_WIDTHS = (0, 2, 4, 8, 16, 32, 64)
 

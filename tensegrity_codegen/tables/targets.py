@@ -12,18 +12,6 @@ from dataclasses import dataclass, replace
 
 from tensegrity_codegen.system.errors import check_choice
 
-__all__ = [
-    "SHARED",
-    "TARGETS",
-    "WASM_STACK",
-    "Target",
-    "find_host",
-    "find_system",
-    "find_target",
-    "library_file_name",
-    "library_suffixes",
-]
-
 WASM_STACK = 2**20  # bytes; batch functions use up to 200 kB
 
 

@@ -18,7 +18,8 @@ from harness.report import Report, write_report
 from harness.session import Row
 
 from tensegrity_codegen.report.pages.method_style import find_style
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 
 SIZES = {"prism": 12, "tower10": 93, "tower100": 903, "tower1000": 9003}
 OURS = (

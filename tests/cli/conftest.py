@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.cli import installation, main
+from tensegrity_codegen.cli import installation
+from tensegrity_codegen.cli.app import main
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.codegen.compilation import toolchain

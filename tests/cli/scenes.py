@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["GOOD", "HANGING", "write"]
-
 # Two nodes and a string, nothing special.
 GOOD = """\
 name = "small"

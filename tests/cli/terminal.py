@@ -9,8 +9,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 
-__all__ = ["CONTROL", "TerminalRun"]
-
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")  # sequences that move the cursor, erase, or colour
 
 LONGEST = 60.0  # s

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tests.cli.conftest import Run
 from tests.codegen.compilers import POSIX, chosen_compiler, write_script
 

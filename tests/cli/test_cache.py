@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import UnsafeCacheError
 from tests.cli.conftest import Run
 from tests.codegen.compilers import POSIX
@@ -118,7 +119,7 @@ WITHOUT_HOME = """
 import os, sys
 real = os.access
 os.access = lambda path, mode, **more: False if os.fspath(path) == sys.argv[1] else real(path, mode, **more)
-from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.app import main
 main(sys.argv[2:])
 """
 

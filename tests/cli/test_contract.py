@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import typer
 
-from tensegrity_codegen.cli import main
-from tensegrity_codegen.cli.app import app
+from tensegrity_codegen.cli.app import app, main
 from tensegrity_codegen.cli.output import plain
 from tensegrity_codegen.system.version import VERSION
 from tests.cases import thorough

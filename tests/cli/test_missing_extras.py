@@ -11,7 +11,7 @@ import pytest
 
 # Runs the command line as if a package were not installed.
 BLOCKED = (
-    "import sys; sys.modules[sys.argv[1]] = None; from tensegrity_codegen.cli import main; main(sys.argv[2:])"
+    "import sys; sys.modules[sys.argv[1]] = None; from tensegrity_codegen.cli.app import main; main(sys.argv[2:])"
 )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tests.cases import thorough
 from tests.codegen.compilers import POSIX, require_compiler, wait_until
 
@@ -24,7 +24,7 @@ WITHOUT_ZIG = """
 import importlib.util, sys
 find = importlib.util.find_spec
 importlib.util.find_spec = lambda name, *more: None if name == "ziglang" else find(name, *more)
-from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.app import main
 main()
 """
 

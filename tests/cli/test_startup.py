@@ -14,7 +14,7 @@ ROOT = Path(tensegrity_codegen.__file__).parent.parent
 # Runs the command line in this process and says on stderr what it has loaded.
 SCRIPT = """
 import json, sys
-from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.app import main
 try:
     main(sys.argv[1:])
 finally:

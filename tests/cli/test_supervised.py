@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.temporary_files import read_announcements, remove_leftovers
 from tests.cases import thorough
 from tests.codegen.compilers import is_running, wait_until

@@ -13,8 +13,6 @@ import pytest
 from tensegrity_codegen.codegen.compilation.compile import compiler_environment
 from tensegrity_codegen.codegen.compilation.flags import Compiler
 
-__all__ = ["STRICT", "has_sanitizers", "require_cpp", "run", "write_files"]
-
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 
 

@@ -7,8 +7,6 @@ import re
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 
-__all__ = ["format_driver"]
-
 VALUES = {
     "double": ("NAN", "INFINITY", "-INFINITY", "0.0", "1e308", "-1e308", "5e-324"),
     "single": ("NAN", "INFINITY", "-INFINITY", "0.0f", "3e38f", "-3e38f", "1e-45f"),

@@ -22,8 +22,6 @@ from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.targets import TARGETS
 from tests.codegen.build_c import run
 
-__all__ = ["Numbers", "compare", "format_calls", "in_c", "in_qemu", "in_wasm", "in_wine", "require", "split"]
-
 Numbers = Mapping[str, NDArray[np.float64]]
 CASES = 3
 SAMPLES = (5e-4, 2e-3)

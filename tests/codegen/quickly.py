@@ -15,8 +15,6 @@ from unittest import mock
 from tensegrity_codegen.codegen import emit
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 
-__all__ = ["SANITIZE", "without_optimisation"]
-
 # The sanitizers see every access that the source makes, and compile in a quarter of the time.
 SANITIZE = ("-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 

@@ -10,8 +10,6 @@ import numpy as np
 
 from tensegrity_codegen.codegen.prune import PrunedFunction
 
-__all__ = ["evaluate_with_bound"]
-
 # Operation -> its value for operands a, b, and what errors ea, eb of these become, to first order.
 RULES: dict[int, Callable[..., tuple[float, float]]] = {
     ca.OP_ADD: lambda a, b, ea, eb: (a + b, ea + eb),

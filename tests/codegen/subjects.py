@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, spring
 
-__all__ = ["all_parameters", "bare", "everything", "in_single_precision", "offered"]
-
 
 def all_parameters(structure: Structure) -> dict[str, tuple[int, ...]]:
     """Return every parameter over all members or nodes that have it."""

@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import FormulationError

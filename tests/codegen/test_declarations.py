@@ -9,7 +9,7 @@ import pytest
 
 from tensegrity_codegen.codegen.declarations import read_declarations
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 from tests.codegen.subjects import bare, everything

@@ -16,7 +16,7 @@ import pytest
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure

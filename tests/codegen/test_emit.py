@@ -13,8 +13,8 @@ import pytest
 
 from tensegrity_codegen.codegen import unrolled
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidNameError
 from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS, KernelKind, build_kernel
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest

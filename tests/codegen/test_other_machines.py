@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.binaries import describe_binary
 from tensegrity_codegen.system.errors import LibraryError

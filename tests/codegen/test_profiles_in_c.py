@@ -11,7 +11,8 @@ import pytest
 
 from tensegrity_codegen import Profile, load_scene, simulate
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tests.cases import thorough
 from tests.codegen.build_c import STRICT, require_cpp, run, write_files

@@ -7,7 +7,9 @@ import re
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.scene.names import check_scene_name
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import TensegrityError

@@ -11,7 +11,8 @@ import pytest
 
 from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4

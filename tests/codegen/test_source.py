@@ -12,7 +12,7 @@ import pytest
 
 from tensegrity_codegen.codegen import source
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tests.codegen.build_c import STRICT, run, write_files
 from tests.codegen.compilers import EACH_FAMILY, chosen_compiler, require_compiler
 from tests.codegen.subjects import bare, everything

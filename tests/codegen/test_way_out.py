@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import check_request
-from tensegrity_codegen.pipeline.compile_scene import linearize_quantities, load_scene, simulation_quantities
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.linear.linearize import linearize_quantities
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["LOOSE", "write_loose"]
-
 # A prism that swings on its feet: cables go slack and taut; two inputs, parameters of four kinds, damping.
 LOOSE = """
 name = "loose"

@@ -12,11 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.cli import main
+from tensegrity_codegen.cli.app import main
 from tensegrity_codegen.cli.live_page import request_play
 from tensegrity_codegen.live.engine import add_engine
 from tensegrity_codegen.live.live_scene import build_live_scene
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.tables.manifest import STATUS
 from tests.codegen.compilers import require_compiler
 from tests.live.pages import EXAMPLES, require_three, write_page

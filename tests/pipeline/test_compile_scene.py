@@ -13,11 +13,15 @@ import pytest
 
 from tensegrity_codegen import find_equilibrium, linearize
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache, CacheEntry
-from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary, build_library, compile_scene, load_scene
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.cache_entry import CacheEntry
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.built_library import BuiltLibrary
+from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.paths.bar_path import build_path
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import CompileError, LibraryError, OutputError, UnknownNameError
 from tensegrity_codegen.system.output_folder import LIST_FILE
 from tests.codegen.compilers import POSIX, chosen_compiler, require_compiler, write_script

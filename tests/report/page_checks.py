@@ -10,9 +10,6 @@ import pytest
 
 from tests.report.browser import find_browser
 from tests.report.driver import Browser, Tab, running_browser
-from tests.report.page_html import check_static
-
-__all__ = ["check_in_browser", "check_static", "in_browser", "probe_page"]
 
 PROBE = Path(__file__).with_name("page_probe.js")
 NO_BROWSER = "no chromium is installed: install the package `chromium`"

@@ -9,8 +9,6 @@ from html.parser import HTMLParser
 
 from tests.test_english import find_dialect
 
-__all__ = ["check_static", "read_html"]
-
 VOID = {"meta", "link", "br", "img", "path", "use"}
 ADDRESSES = ("src", "href", "xlink:href", "srcset", "data", "action")
 UNCLEAR = (r"\b[a-z]+_not_[a-z]+\b", r"\bAsked, measured, holds\b", r"\bholds\b\s*$")

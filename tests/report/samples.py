@@ -10,9 +10,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
-from tests.runtime.build import bar, cable, make_structure, prism
-
-__all__ = ["frame", "make_trajectory", "png_size", "prism", "thread"]
+from tests.runtime.build import bar, cable, make_structure
 
 
 def frame(**more: Any) -> Structure:

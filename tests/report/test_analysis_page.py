@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.analysis_page import build_analysis_page
-from tensegrity_codegen.report.pages.page import Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tests.reference import ReferenceModel
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 from tests.runtime.build import bar, cable, make_structure, prism
 
 pytest.importorskip("matplotlib")

@@ -11,7 +11,8 @@ from tensegrity_codegen.report.tables import (
     run_table,
 )
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, LeftOut, Manifest
-from tests.report.samples import frame, make_trajectory, prism
+from tests.report.samples import frame, make_trajectory
+from tests.runtime.build import prism
 
 MANIFEST = Manifest(
     abi_version=2, name="toy", scene_hash="", formulation="node_position", emitter="unrolled",

@@ -8,8 +8,6 @@ import numpy as np
 
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
-__all__ = ["bar", "cable", "make_structure", "prism", "spring"]
-
 
 def cable(i: int, j: int, rest: float, mu: float = 100.0, **more: Any) -> dict[str, Any]:
     """A cable that goes slack."""

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-__all__ = ["Chain", "Column", "Kinked", "Line", "VonMises"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from tensegrity_codegen.structure.structure import Structure
 from tests.reference import ReferenceModel
 
-__all__ = ["RigidReference", "stiffened"]
-
 FAINT = 1e-200  # spring constant that stands for none
 
 

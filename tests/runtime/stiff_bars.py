@@ -11,8 +11,6 @@ from scipy.integrate import solve_ivp
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, cable, make_structure, prism
 
-__all__ = ["class_two", "move_rigidly", "pendulums", "prism_of_ratio"]
-
 Array = NDArray[np.float64]
 
 

@@ -10,7 +10,7 @@ import pytest
 from tensegrity_codegen.scene.assemble.assemble_bodies import assemble_bodies
 from tensegrity_codegen.scene.describe_bodies import describe_bodies
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document, example

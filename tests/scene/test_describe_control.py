@@ -16,7 +16,7 @@ from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.describe_bodies import describe_bodies
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import EVERYTHING, assemble_document
 from tests.scene.samples import build, changed

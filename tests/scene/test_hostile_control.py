@@ -16,7 +16,7 @@ from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.describe_bodies import describe_bodies
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
-from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import TensegrityError
 from tests.body_scenes import EVERYTHING

@@ -12,7 +12,7 @@ import pytest
 from tensegrity_codegen.scene import plain_sections
 from tensegrity_codegen.scene.plain_sections import cut_plain_sections
 from tensegrity_codegen.scene.read import read_document
-from tensegrity_codegen.scene.write import format_scene
+from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.errors import SceneError
 
 EXAMPLES = sorted(Path(plain_sections.__file__).parent.joinpath("examples").glob("*.toml"))

@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.scene.assemble.assemble import assemble
+from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.read import parse_scene, read_scene
-from tensegrity_codegen.scene.write import describe_structure, format_scene, write_scene
+from tensegrity_codegen.scene.toml_text import format_scene
+from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, OutputError
 
 EXAMPLES = sorted(

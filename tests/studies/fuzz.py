@@ -17,10 +17,9 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.changes import move_node, settle_bars, with_rigid_bars
 from tensegrity_codegen.studies.stability.models import CaseModels, list_methods
-from tensegrity_codegen.studies.stability.run import Limits, Outcome, run_case
+from tensegrity_codegen.studies.stability.outcome import Limits, Outcome
+from tensegrity_codegen.studies.stability.run import run_case
 from tests.runtime.build import bar, cable, make_structure, prism, spring
-
-__all__ = ["BASES", "Example", "draw_example", "examples", "run_example"]
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tensegrity_codegen.studies.stability.run import Limits
+from tensegrity_codegen.studies.stability.outcome import Limits
 from tests.studies.fuzz import Example, examples, run_example
 
 LIMITS = Limits(run=0.1, reference=0.2, peers=False, compiles=False)

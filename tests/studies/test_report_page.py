@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.work_precision.certify import Reference
 from tensegrity_codegen.studies.work_precision.finding import (
@@ -23,7 +24,8 @@ from tensegrity_codegen.studies.work_precision.page import build_page
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.studies.work_precision.row import Row
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 from tests.runtime.build import prism
 
 pytest.importorskip("matplotlib")

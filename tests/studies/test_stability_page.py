@@ -9,7 +9,8 @@ from unittest.mock import patch
 
 import pytest
 
-from tensegrity_codegen.report.pages.page import Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.stability import error_figure
 from tensegrity_codegen.studies.stability.finding import describe_counts, describe_finding, sort_worst
@@ -18,7 +19,8 @@ from tensegrity_codegen.studies.stability.outcome import Limits, Outcome
 from tensegrity_codegen.studies.stability.page import build_page
 from tensegrity_codegen.system.errors import MissingExtraError
 from tensegrity_codegen.system.extras import require_plot
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 
 pytest.importorskip("matplotlib")
 OWN = ("auto", "rk853", "rk54", "radau", "rk4")

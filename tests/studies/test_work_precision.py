@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tensegrity_codegen.cli import main
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_nodes
+from tensegrity_codegen.cli.app import main
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision import scene_report

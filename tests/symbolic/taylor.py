@@ -7,8 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["STEPS", "check_second_order"]
-
 Array = NDArray[np.float64]
 
 # Short enough to stay on one side of every kink of a random structure, long enough to stand out of rounding.

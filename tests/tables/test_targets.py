@@ -18,7 +18,7 @@ from tensegrity_codegen.codegen.compilation.flags import (
 )
 from tensegrity_codegen.codegen.compilation.toolchain import find_cross_compiler
 from tensegrity_codegen.codegen.compilation.trial import check_foreign_library
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.binaries import describe_binary
 from tensegrity_codegen.system.errors import (

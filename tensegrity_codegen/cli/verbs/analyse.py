@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["VERB"]
 
 SETTLED = 1e-12  # tolerance of the equilibrium to analyse
 NO_PRESTRESS = "no prestress with every cable in tension was found without loads"
@@ -151,12 +150,9 @@ def _analyse(
     **options: Any,
 ) -> tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]:
     """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
-    from tensegrity_codegen.pipeline.compile_scene import (
-        build_library,
-        find_needs,
-        move_near_origin,
-        with_statics,
-    )
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.analysis.analyse import analyse as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 

@@ -36,12 +36,10 @@ from tensegrity_codegen.tables.targets import find_target
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.memory_use import MemoryUse
-    from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary
+    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
     from tensegrity_codegen.pipeline.tuning import TunedLibrary
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["VERB"]
 
 
 def build(
@@ -72,7 +70,7 @@ def build(
     with output.guard(scene):
         from tensegrity_codegen.cli.build_request import add_interfaces, narrow_request, use_preset
         from tensegrity_codegen.codegen.memory_use import measure_memory
-        from tensegrity_codegen.pipeline.compile_scene import build_library
+        from tensegrity_codegen.pipeline.build_library import build_library
 
         if out is not None:
             check_folder(out)

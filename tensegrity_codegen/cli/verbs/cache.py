@@ -10,8 +10,6 @@ from tensegrity_codegen.cli.options import JsonOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 
-__all__ = ["VERB"]
-
 
 def cache(
     clear: Annotated[bool, typer.Option("--clear", help="Remove all libraries from the cache.")] = False,
@@ -26,7 +24,8 @@ def cache(
     """
     output = Output(json)
     with output.guard():
-        from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache
+        from tensegrity_codegen.codegen.compilation.cache import Cache
+        from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
         from tensegrity_codegen.system.summaries import describe_count
 
         kept = Cache()

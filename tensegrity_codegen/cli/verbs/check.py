@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.bodies import BodySystem
     from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["VERB"]
 
 CONTROL: dict[str, Any] = {"actuators": [], "sensors": [], "limits": {}}
 
@@ -27,7 +26,8 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
     """
     output = Output(json)
     with output.guard(scene):
-        from tensegrity_codegen.pipeline.compile_scene import check_buildable, load_scene
+        from tensegrity_codegen.pipeline.build_library import check_buildable
+        from tensegrity_codegen.pipeline.compile_scene import load_scene
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
         from tensegrity_codegen.system.summaries import describe_count
 

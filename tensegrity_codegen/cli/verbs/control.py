@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["VERB"]
 
 OutOption = Annotated[Path | None, typer.Option("--out", "-o", help="Result file with all arrays (.npz).")]
 PageOption = Annotated[

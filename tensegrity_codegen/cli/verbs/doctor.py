@@ -8,8 +8,6 @@ from tensegrity_codegen.cli.options import JsonOption
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 
-__all__ = ["VERB"]
-
 
 def doctor(json: JsonOption = False) -> None:
     """Show what is installed and whether a C compiler works; exit code 2 if something required is missing.

@@ -14,8 +14,6 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.system.files import check_ending, check_output
 
-__all__ = ["VERB"]
-
 LoadOption = Annotated[
     list[str] | None,
     typer.Option(

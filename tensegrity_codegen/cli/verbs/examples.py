@@ -13,8 +13,6 @@ from tensegrity_codegen.cli.scene_files import list_examples, read_example, writ
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending
 
-__all__ = ["VERB"]
-
 
 def examples(
     name: Annotated[str | None, typer.Argument(help="Example to copy; default: list all.")] = None,

@@ -12,8 +12,6 @@ from tensegrity_codegen.cli.options import CompilerOption, JsonOption, Overwrite
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 
-__all__ = ["VERB"]
-
 FormatArgument = Annotated[
     str, typer.Argument(metavar="FORMAT", help="One of the formats below.", show_default=False)
 ]

@@ -14,8 +14,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending, check_output
 
-__all__ = ["VERB"]
-
 RatioOption = Annotated[
     float | None,
     typer.Option(help="NTRT only: spring constant of rods over that of the stiffest cable (1000)."),

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["VERB"]
 
 SETTLED = 1e-12  # tolerance of the equilibrium to linearize about
 ROUNDING = 64 * sys.float_info.epsilon  # of lengths, over lengths and coordinates
@@ -70,7 +69,8 @@ def _linearize(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
 ) -> tuple[LinearModel, Mapping[str, bool]]:
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
-    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.runtime.linear.kinks import find_kinks
     from tensegrity_codegen.runtime.linear.linearize import linearize as run
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -96,12 +96,7 @@ def _read(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
 ) -> tuple[Subject, ModelRequest, dict[str, float], bool]:
     """Return structure, request and inputs, and whether the structure is still to be settled."""
-    from tensegrity_codegen.pipeline.compile_scene import (
-        has_statics,
-        is_corrected,
-        settle_structure,
-        with_statics,
-    )
+    from tensegrity_codegen.pipeline.settle import has_statics, is_corrected, settle_structure, with_statics
     from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=settle)

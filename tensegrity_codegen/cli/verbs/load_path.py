@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.structure.member_limits import MemberFlaws
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["VERB"]
 
 # Words of --events and the kinds of events that they stand for.
 EVENTS = {
@@ -205,7 +204,9 @@ def _build(
     inputs: Mapping[str, float],
 ) -> ModelPath:
     """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
-    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
     from tensegrity_codegen.runtime.paths.bar_path import build_path
     from tensegrity_codegen.runtime.paths.member_watch import MEMBER_WATCH_QUANTITIES

@@ -12,8 +12,6 @@ from tensegrity_codegen.cli.scene_files import read_example, write_text
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending
 
-__all__ = ["VERB"]
-
 
 def new(
     scene: SceneArgument,

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
     from tensegrity_codegen.scene.subject import Subject
 
-__all__ = ["VERB"]
 
 ToOption = Annotated[
     list[str],
@@ -154,7 +153,9 @@ def _compile(
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.targets.target_text import read_targets
     from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
-    from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, with_statics
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import with_statics
     from tensegrity_codegen.structure.actuate import actuate_members
 
     require_solver()

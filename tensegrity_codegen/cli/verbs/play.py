@@ -13,8 +13,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_ending, check_output
 
-__all__ = ["VERB"]
-
 
 def play(
     scene: SceneArgument,

@@ -14,8 +14,6 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.files import check_ending, check_output
 
-__all__ = ["VERB"]
-
 MOST_SAMPLES = 100_000
 
 StartOption = Annotated[

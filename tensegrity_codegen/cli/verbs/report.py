@@ -19,8 +19,6 @@ from tensegrity_codegen.cli.output import Output, list_files
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.output_folder import check_folder
 
-__all__ = ["VERB"]
-
 
 def report(
     scenes: ScenesArgument,

@@ -12,8 +12,6 @@ from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.output_folder import check_folder
 
-__all__ = ["VERB"]
-
 
 def reproduce(
     paper: Annotated[

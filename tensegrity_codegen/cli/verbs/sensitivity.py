@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["VERB"]
 
 SETTLED = 1e-10  # tolerance of the equilibrium
 
@@ -114,12 +113,9 @@ def _find(
     compiler: str | None,
 ) -> Sensitivity:
     """Return the sensitivity at the equilibrium under these arguments."""
-    from tensegrity_codegen.pipeline.compile_scene import (
-        build_library,
-        find_needs,
-        move_near_origin,
-        with_statics,
-    )
+    from tensegrity_codegen.pipeline.analyses import find_needs
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import move_near_origin, with_statics
     from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 

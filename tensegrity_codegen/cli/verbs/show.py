@@ -15,8 +15,6 @@ from tensegrity_codegen.cli.picture import PAGE, ShowOptions, check_kind, show_p
 from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_output
 
-__all__ = ["VERB"]
-
 USUAL_COLOR = "tension"
 
 

@@ -47,13 +47,12 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.files import check_output
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.pipeline.compile_scene import BuiltLibrary
+    from tensegrity_codegen.pipeline.built_library import BuiltLibrary
     from tensegrity_codegen.runtime.integrate.event_log import EventLog
     from tensegrity_codegen.runtime.integrate.options import RunOptions
     from tensegrity_codegen.scene.subject import Subject
     from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["VERB"]
 
 OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="Result file (.npz, .csv, .parquet or .mat).")
@@ -203,7 +202,8 @@ def _build(
     scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
 ) -> tuple[BuiltLibrary, dict[str, Any]]:
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
-    from tensegrity_codegen.pipeline.compile_scene import build_library, has_statics, settle_structure
+    from tensegrity_codegen.pipeline.build_library import build_library
+    from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
     from tensegrity_codegen.structure.structure import Structure
 
     structure, request = output.load(scene, settles=asked.settle)
@@ -237,7 +237,7 @@ def _build(
 
 def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelRequest:
     """Return the request with all that the run needs of a library."""
-    from tensegrity_codegen.pipeline.compile_scene import find_needs
+    from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES
 
     options = asked.options

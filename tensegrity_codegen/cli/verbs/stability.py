@@ -20,8 +20,6 @@ from tensegrity_codegen.cli.verb import Verb
 from tensegrity_codegen.system.errors import UnstableError
 from tensegrity_codegen.system.output_folder import check_folder
 
-__all__ = ["VERB"]
-
 
 def stability(
     scenes: ScenesArgument,

@@ -44,8 +44,6 @@ from tensegrity_codegen.cli.sweep_options import (
 from tensegrity_codegen.cli.sweep_summary import summary
 from tensegrity_codegen.cli.verb import Verb
 
-__all__ = ["VERB"]
-
 
 class SweepCommand(VerbWithSubCommands):
     """The verb and its sub-commands."""

@@ -15,8 +15,6 @@ from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import C_API_VERSION, Manifest
 from tensegrity_codegen.tables.quantities import PARAMETERS
 
-__all__ = ["LICENCE", "emit_bundle", "name_package"]
-
 LICENCE = """\
 MIT License
 

@@ -8,8 +8,6 @@ from typing import Any
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["label_entries"]
-
 INDEX = {"format": "[%d]", "value": "@"}
 
 

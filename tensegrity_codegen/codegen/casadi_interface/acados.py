@@ -20,8 +20,6 @@ from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities import PARAMETERS
 
-__all__ = ["build_acados"]
-
 
 @dataclass(frozen=True)
 class _Equations:

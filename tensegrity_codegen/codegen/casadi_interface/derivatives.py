@@ -27,18 +27,6 @@ from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.tables.manifest import SourcePart
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = [
-    "CASADI",
-    "MOST_ENTRIES",
-    "NONE",
-    "TOO_LONG",
-    "Derivative",
-    "Derivatives",
-    "build_derivatives",
-    "list_derivative_parts",
-    "with_stiffness",
-]
-
 
 @dataclass(frozen=True)
 class Derivative:

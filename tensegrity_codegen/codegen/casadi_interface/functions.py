@@ -12,8 +12,6 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import MOST_ENTRIES
 from tensegrity_codegen.codegen.print.printer import print_body
 from tensegrity_codegen.tables.manifest import Pattern
 
-__all__ = ["MOST_ENTRIES", "casadi_context", "casadi_pattern", "name_symbol"]
-
 WORDS = ("jac_adj1_", "adj1_", "jac_")
 
 

@@ -1,3 +1,1 @@
 """From C text to a loadable library: toolchain, flags, compilation and cache."""
-
-__all__: list[str] = []

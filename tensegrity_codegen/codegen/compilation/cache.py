@@ -45,8 +45,6 @@ from tensegrity_codegen.system.private_files import (
 )
 from tensegrity_codegen.system.work_folder import sweep_folders, work_folder
 
-__all__ = ["CACHE_VARIABLE", "SIZE_LIMIT", "Cache", "CacheEntry", "find_cache_root"]
-
 SIZE_LIMIT = 2 * 2**30  # byte
 COUNT_AFTER = 0.01  # of the limit: bytes that one process adds before it counts all entries again
 COUNTED: dict[Path, tuple[int, int]] = {}  # root -> bytes when they were counted, bytes added since

@@ -14,17 +14,6 @@ from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.system.private_files import write_private
 from tensegrity_codegen.tables.targets import library_suffixes
 
-__all__ = [
-    "ENTRY_FILE",
-    "MANIFEST_FILE",
-    "CacheEntry",
-    "read_contents",
-    "read_entry",
-    "read_request",
-    "write_entry",
-    "write_request",
-]
-
 ENTRY_FILE = "entry.json"
 ENTRY_VERSION = 2  # 2: loaded once before it was stored; `scene` says what it was made from
 REQUEST_VERSION = 1

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-__all__ = ["LOG_LIMIT", "ChildOutcome", "run_limited", "run_several"]
-
 LOG_LIMIT = 1_000_000  # bytes of a log that are kept
 SUPERVISOR = Path(__file__).with_name("supervise.py")
 

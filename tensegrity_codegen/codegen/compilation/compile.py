@@ -29,15 +29,6 @@ from tensegrity_codegen.system.private_files import check_parents, make_private
 from tensegrity_codegen.system.work_folder import work_folder
 from tensegrity_codegen.tables.targets import Target, find_system, library_file_name
 
-__all__ = [
-    "COMPILE_TIMEOUT",
-    "MEMORY_LIMIT",
-    "CompiledArtifact",
-    "compile_library",
-    "compiler_environment",
-    "object_size",
-]
-
 COMPILE_TIMEOUT = 300.0  # s
 MEMORY_LIMIT = 8 * 2**30  # byte of address space, for each process of the compiler
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")

@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["hash_package", "hash_request", "hash_scene", "hash_structure", "hash_text"]
-
 # Fields of a structure and a request that count only where they hold something.
 ONLY_IF_ANY = ("law_parameter", "inner_radius", "driven")
 # Fields of a structure that no library depends on; actuators are among its inputs.

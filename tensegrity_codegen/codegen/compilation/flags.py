@@ -12,20 +12,6 @@ from pathlib import Path
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.targets import Target, find_system
 
-__all__ = [
-    "FLAG_SETS",
-    "MEASURED",
-    "WARNINGS",
-    "Compiler",
-    "FlagSet",
-    "build_command",
-    "build_program_command",
-    "check_target_flags",
-    "describe_cpu",
-    "describe_toolchain",
-    "find_flags",
-]
-
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion")
 
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 import ctypes
 import sys
 
-__all__ = ["main"]
-
 
 class Description(ctypes.Structure):
     """The first fields of a library's descriptor, as templates/scene.h.j2 has them."""

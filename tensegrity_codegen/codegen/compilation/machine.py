@@ -9,8 +9,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-__all__ = ["INSTRUCTION_SETS", "InstructionSet", "find_instruction_sets"]
-
 ECX, EBX, EAX, EDX = 2, 1, 0, 3
 YMM, ZMM = 0x06, 0xE6  # bits of XCR0
 EXTENDED = 0x80000001

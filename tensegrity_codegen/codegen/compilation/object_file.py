@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["read_code_size", "read_stack_use"]
-
 ELF_ALLOCATED, ELF_WRITABLE, ELF_NO_BITS = 2, 1, 8
 MACHO_64 = 0xFEEDFACF
 MACHO_SEGMENT_64 = 0x19

@@ -22,8 +22,6 @@ import signal
 import sys
 import time
 
-__all__ = ["main"]
-
 CANNOT_START = 127
 
 

@@ -20,8 +20,6 @@ from tensegrity_codegen.system.extras import name_install
 from tensegrity_codegen.system.work_folder import work_folder
 from tensegrity_codegen.tables.targets import Target
 
-__all__ = ["Compiler", "check_compiler", "find_compiler", "find_compilers", "find_cross_compiler"]
-
 PROGRAMS = ("cc", "gcc", "clang")
 VERSION_TIMEOUT = 10.0  # s, for one answer to --version
 CHECK_TIMEOUT = 60.0  # s, for a tiny program; zig builds its C library first

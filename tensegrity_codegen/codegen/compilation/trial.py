@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import CompileError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import Target
 
-__all__ = ["check_foreign_library", "check_library"]
-
 SCRIPT = Path(__file__).with_name("load_once.py")
 TIMEOUT = 60.0  # s
 

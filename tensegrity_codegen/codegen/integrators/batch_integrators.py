@@ -9,8 +9,6 @@ from tensegrity_codegen.tables.manifest import IntegratorSpec
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
 
-__all__ = ["LINE_BYTES", "BatchMemory", "count_line", "plan_memory", "with_batch"]
-
 LINE_BYTES = 64  # of the cache: lanes begin at a multiple of it
 
 

@@ -18,8 +18,6 @@ from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["KEPT", "KEPT_QUANTITIES", "check_keep", "keeper_context", "keeper_memory"]
-
 KEPT = ("energy",)
 KEPT_QUANTITIES = ("total_energy", "mass_matrix", "energy_rate")
 N_RIGID = {1: 1, 2: 3, 3: 6}  # axes -> rigid motions

@@ -15,17 +15,6 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = [
-    "EVENT_QUANTITIES",
-    "MOST_WATCHED",
-    "WatchedEvents",
-    "choose_events",
-    "event_memory",
-    "events_context",
-    "find_events",
-    "watched_events",
-]
-
 # What each kind of event needs, besides the condition, which is the caller's.
 EVENT_QUANTITIES = {"cable": "cable_margin", "switch": "switch_margin", "contact": "bar_distance"}
 MOST_WATCHED = 400  # cables and switches whose events are watched without being asked for

@@ -24,16 +24,8 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
-from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS, Row, Tableau
-
-__all__ = [
-    "INTEGRATORS",
-    "PROJECTION",
-    "integrator_context",
-    "integrator_spec",
-    "motion_settings",
-    "needed_quantities",
-]
+from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
+from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 INTEGRATORS = (*EXPLICIT, RADAU)
 

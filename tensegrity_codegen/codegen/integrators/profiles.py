@@ -10,8 +10,6 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["PULL", "count_driven", "driven_context", "find_driven", "pull_size"]
-
 PULL = (
     "pull"  # a node's number, a spring constant, a damping constant and a point: no argument of any function
 )

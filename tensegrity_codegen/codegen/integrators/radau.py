@@ -27,8 +27,6 @@ from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
-__all__ = ["RADAU", "RADAU_QUANTITIES", "radau_context", "radau_spec"]
-
 RADAU = "radau"
 RADAU_QUANTITIES = ("cable_force", "member_law", "mass_matrix")
 

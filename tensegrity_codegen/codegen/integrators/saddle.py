@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-__all__ = ["SaddlePattern", "build_saddle_pattern", "order_blocks"]
-
 
 @dataclass(frozen=True)
 class SaddlePattern:

@@ -11,8 +11,6 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import SOLVER_STATUS, FunctionSpec, SolverSpec
 
-__all__ = ["MOST_SOLVED_COORDINATES", "SOLVERS", "solver_context", "solver_spec"]
-
 SOLVERS = ("equilibrium",)
 
 # The solver keeps the Hessian dense: its work memory grows as the square, its time as the cube.

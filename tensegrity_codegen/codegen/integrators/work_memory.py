@@ -11,8 +11,6 @@ from pathlib import Path
 from tensegrity_codegen.codegen.print.paste import plain_c_folder
 from tensegrity_codegen.codegen.print.render import template_folder
 
-__all__ = ["count_bytes"]
-
 STRUCT = r"typedef struct {{\n([^}}]*)}} {name};"
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 FIELD = re.compile(r"(?:const )?(\w+(?: \w+)*?) (\**\w+(?:\[[^\]]*\])?(?:, *\**\w+(?:\[[^\]]*\])?)*);")

@@ -12,8 +12,6 @@ from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 
-__all__ = ["BlockLines"]
-
 # Where the sizes of all entries sum up to less, no sum of some of them overflows: the matrix is finite.
 SAFE = "1e300"
 TRIANGLE = 6  # entries of the upper triangle of a block, row by row

@@ -17,8 +17,6 @@ from tensegrity_codegen.codegen.print.identifiers import plain_comment
 from tensegrity_codegen.codegen.print.printer import LONGEST_LINE
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 
-__all__ = ["COLUMNS", "write_columns"]
-
 # The columns of a symmetric block: where their rows stand in its upper triangle, row by row.
 COLUMNS = ((0, 1, 2), (1, 3, 4), (2, 4, 5))
 

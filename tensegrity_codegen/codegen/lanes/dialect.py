@@ -13,8 +13,6 @@ from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 
-__all__ = ["MIXED", "PACKS", "ROWS", "Dialect"]
-
 Put = Callable[[int, str], str]
 
 COMPARISONS = (ca.OP_LT, ca.OP_AND)

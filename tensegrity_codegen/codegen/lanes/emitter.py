@@ -25,8 +25,6 @@ from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["FORCE_QUANTITIES", "LANES"]
-
 # What depends on members through the net forces alone, and whether these are without damping.
 FORCE_QUANTITIES: Mapping[str, bool] = {
     "node_residual": True,

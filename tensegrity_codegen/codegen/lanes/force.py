@@ -19,9 +19,8 @@ from tensegrity_codegen.codegen.lanes.values import GivenValues
 from tensegrity_codegen.codegen.print.identifiers import name_local, plain_comment
 from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
-from tensegrity_codegen.tables.laws import MEMBER_VALUES, compute_spring_constant
-
-__all__ = ["ForceLines"]
+from tensegrity_codegen.tables.laws import MEMBER_VALUES
+from tensegrity_codegen.tables.laws.law import compute_spring_constant
 
 Scalar = Any
 Kernels = Callable[[KernelKind], DensityKernel]

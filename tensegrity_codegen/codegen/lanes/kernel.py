@@ -16,8 +16,6 @@ from tensegrity_codegen.symbolic.members.member_kernel import KERNELS
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["BLOCKS", "DensityKernel", "KernelKind", "build_kernel", "build_row_kernel"]
-
 Scalar = Any
 
 AXES = ("x", "y", "z")

@@ -14,8 +14,6 @@ import numpy as np
 
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 
-__all__ = ["BOUND", "is_settled"]
-
 BOUND = "1e200"  # of spread and pulled
 MOST_EXTERNAL = 1e290  # N
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.print.render import render
 
-__all__ = ["emit_kernels"]
-
 
 def emit_kernels(kernels: Sequence[DensityKernel], *, adds_blocks: bool) -> list[str]:
     """Return the lines that stand before functions that use kernels of four members.

@@ -10,8 +10,6 @@ import casadi as ca
 from tensegrity_codegen.codegen.print.printer import print_body, print_number
 from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 
-__all__ = ["GivenValues"]
-
 Scalar = Any
 
 

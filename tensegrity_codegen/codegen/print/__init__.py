@@ -1,3 +1,1 @@
 """Expressions printed as C: scalar, in vector registers, and through templates."""
-
-__all__: list[str] = []

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["name_local", "plain_comment"]
-
 # C99 tells identifiers apart by 63 characters: a longer name would not fit behind a prefix.
 LONGEST_NAME = 40
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-__all__ = ["Instruction", "read_instructions"]
-
 
 @dataclass(frozen=True)
 class Instruction:

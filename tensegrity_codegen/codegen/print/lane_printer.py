@@ -22,8 +22,6 @@ from tensegrity_codegen.codegen.print.printer import print_number
 from tensegrity_codegen.codegen.print.vector_operations import ARITHMETIC
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision
 
-__all__ = ["PrintedLanes", "print_lanes"]
-
 # Operations on numbers a and b.
 NUMBERS: dict[int, str] = ARITHMETIC | {
     ca.OP_ASSIGN: "{a}",

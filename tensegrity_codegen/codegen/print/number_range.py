@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.precision import Precision, check_precision
 
-__all__ = ["check_number_range"]
-
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping", "member_mass", "radius")
 
 

@@ -14,8 +14,6 @@ import casadi as ca
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["BINARY", "COMPARISONS", "OPERATIONS", "Text", "count_reads", "print_operation", "print_text"]
-
 # How tightly a C expression holds together, loosest first.
 CONDITIONAL, COMPARISON, SUM, PRODUCT, SIGNED, PRIMARY = range(6)
 

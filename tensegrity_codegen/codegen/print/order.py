@@ -15,8 +15,6 @@ import casadi as ca
 
 from tensegrity_codegen.codegen.print.instructions import Instruction
 
-__all__ = ["order_instructions"]
-
 # Cycles until a result is there, and for which the divider is taken: about those of current x86 cores.
 LATENCY = {ca.OP_SQRT: 20, ca.OP_DIV: 13, ca.OP_INV: 13, ca.OP_OUTPUT: 1}
 OTHERS = 4

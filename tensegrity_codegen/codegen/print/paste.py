@@ -13,8 +13,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["paste", "paste_text", "plain_c_folder"]
-
 GUARD = re.compile(r"#ifndef (\w+_H)\n#define \1\n(.*)#endif\n*", re.DOTALL)
 INCLUDE = re.compile(r'^#include "[^"]*"\n', re.MULTILINE)
 CONDITION = re.compile(r"#if (!?)((?:WITH|METHOD)_\w+)")

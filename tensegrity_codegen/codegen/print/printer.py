@@ -20,8 +20,6 @@ from tensegrity_codegen.codegen.print.instructions import Instruction, read_inst
 from tensegrity_codegen.codegen.print.operations import BINARY, Text, count_reads, print_text
 from tensegrity_codegen.tables.precision import PRECISIONS, Precision, check_precision
 
-__all__ = ["LONGEST_LINE", "Annotations", "PrintedBody", "print_body", "print_number", "print_numbers"]
-
 Place = Callable[[str, int], str]
 
 DOUBLE = PRECISIONS["double"]

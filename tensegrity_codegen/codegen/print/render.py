@@ -14,7 +14,6 @@ from tensegrity_codegen.codegen.print.paste import paste, plain_c_folder
 if TYPE_CHECKING:
     import jinja2
 
-__all__ = ["render", "template_folder", "wrap_values"]
 
 LINE_LENGTH = 104  # of a list of numbers
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-__all__ = ["ARITHMETIC"]
-
 # Operands a and b are vectors; one is a vector of ones.
 ARITHMETIC: dict[int, str] = {
     ca.OP_ADD: "{a} + {b}",

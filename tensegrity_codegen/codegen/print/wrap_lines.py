@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["LONGEST", "wrap_lines"]
-
 LONGEST = 120  # characters in a line of generated C
 INDENT = "    "
 

@@ -10,12 +10,10 @@ import numpy as np
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.blocks import ModuleBlocks
-
-__all__ = ["ClearBlocks"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 @dataclass(frozen=True)

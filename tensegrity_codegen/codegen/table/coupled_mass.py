@@ -9,12 +9,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.mass import coupled_coordinates
 from tensegrity_codegen.codegen.table.members.mass_groups import check_constant_masses
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.symmetric_factor import SymmetricFactor, factorise
-
-__all__ = ["SolveCoupled"]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 Sweep = tuple[IntArray, IntArray, FloatArray]  # target, source, factor
 

@@ -17,8 +17,6 @@ from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.quantities import find_quantity
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["TABLE"]
-
 OPTIONS = ("all", "first_order")  # words of options of rigid bars that there are no loops for
 
 

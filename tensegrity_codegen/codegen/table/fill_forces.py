@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.forces import ModuleForces
-
-__all__ = ["FillForces"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 @dataclass(frozen=True)

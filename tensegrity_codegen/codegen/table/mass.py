@@ -10,20 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.members.external import mass_text
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.inertia_plan import refuse_bare
-
-__all__ = [
-    "DivideByMass",
-    "KineticEnergy",
-    "MassDiagonal",
-    "ScaleRows",
-    "check_mass",
-    "coupled_coordinates",
-    "pairs_of_coordinates",
-]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
 def check_mass(model: TableModel) -> None:

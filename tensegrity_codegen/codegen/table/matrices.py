@@ -21,14 +21,13 @@ from tensegrity_codegen.codegen.table.members.columns import MemberColumns, Stor
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups, check_entries, find_groups
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Stage, loop
 from tensegrity_codegen.codegen.table.members.text import Statements
 from tensegrity_codegen.codegen.table.mix_rows import MixRows
 from tensegrity_codegen.structure.assembly import ABSENT
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import Pattern
-
-__all__ = ["MATRICES"]
 
 
 def _damped(model: TableModel) -> IntArray:

@@ -15,8 +15,6 @@ from tensegrity_codegen.codegen.table.modules.blocks import ModuleBlocks
 from tensegrity_codegen.codegen.table.modules.forces import ModuleForces
 from tensegrity_codegen.structure.assembly import MemberGroup
 
-__all__ = ["block_stages", "force_stages"]
-
 
 def force_stages(model: TableModel, kernel: str, sink: AddToNodes) -> list[Stage]:
     """Return the stages that sum up external forces and a kernel's pulls: in modules, then in loops."""

@@ -13,11 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-
-__all__ = ["MixRows"]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

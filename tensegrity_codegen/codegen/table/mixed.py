@@ -9,12 +9,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.function import Recipe
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-
-__all__ = ["cable_force", "member_law"]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 CHANGEABLE = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 

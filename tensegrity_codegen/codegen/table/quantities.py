@@ -17,17 +17,16 @@ from tensegrity_codegen.codegen.table.matrices import MATRICES
 from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, AddUp, StoreForMembers, StoreForSome
 from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.text import Statements
 from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
 from tensegrity_codegen.codegen.table.rest_lengths import REST_LENGTHS
 from tensegrity_codegen.codegen.table.work import ExternalWork
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
-
-__all__ = ["BUILDERS", "served_quantities"]
 
 
 def _of_members(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:

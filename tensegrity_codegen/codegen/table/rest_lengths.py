@@ -12,13 +12,12 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.columns import MemberColumns, StoreColumns, store_recipe
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.member_loops import member_loops
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.assembly import MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-
-__all__ = ["REST_LENGTHS"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 def _is_elastic(group: MemberGroup) -> bool:

@@ -9,11 +9,10 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import position_reader
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
-
-__all__ = ["ExternalWork"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 @dataclass(frozen=True)

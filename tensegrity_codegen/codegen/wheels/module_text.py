@@ -17,8 +17,6 @@ from tensegrity_codegen.tables.manifest import (
     SolverSpec,
 )
 
-__all__ = ["format_module"]
-
 NAMES = ("node_name", "member_name", "coordinate_name", "input_name")
 
 

@@ -22,8 +22,6 @@ from tensegrity_codegen.system.version import VERSION
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import TARGETS, Target, find_target
 
-__all__ = ["build_wheel", "check_wheel", "name_distribution", "name_package", "wheel_file_name"]
-
 PREFIX = "tensegrity_"
 OWN_PACKAGE = "tensegrity_codegen"
 NUMPY = "numpy>=1.26"

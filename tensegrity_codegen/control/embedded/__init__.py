@@ -1,3 +1,1 @@
 """Controllers in C: feedback, estimator and the model that it needs, as files that work alone."""
-
-__all__: list[str] = []

@@ -29,8 +29,6 @@ from tensegrity_codegen.system.checks import check_instance, check_path, check_s
 from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.tables.precision import find_precision
 
-__all__ = ["ControllerBundle", "build_controller"]
-
 MOST_ITERATIONS = 10_000
 
 

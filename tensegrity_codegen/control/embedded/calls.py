@@ -13,8 +13,6 @@ from tensegrity_codegen.control.embedded.measured import MeasuredNumber
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["Calls", "count_entries", "write_calls", "write_measure"]
-
 
 @dataclass(frozen=True)
 class Calls:

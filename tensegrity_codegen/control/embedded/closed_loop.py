@@ -28,14 +28,12 @@ from tensegrity_codegen.control.feedback.loop.sampled_plant import ENDINGS
 from tensegrity_codegen.runtime.integrate.event_log import choose_watch
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import LibraryError
 from tensegrity_codegen.tables.manifest import STATUS
-
-__all__ = ["CompiledLoop", "LoopDraw"]
-
 
 LOST = "the estimate is not finite"
 

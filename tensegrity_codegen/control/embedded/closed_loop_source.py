@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
-from tensegrity_codegen.codegen.source import BANNER
 from tensegrity_codegen.control.embedded.calls import write_measure
 from tensegrity_codegen.control.embedded.measured import find_measured
 from tensegrity_codegen.control.embedded.parts import ControllerParts
@@ -23,8 +23,6 @@ from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
-
-__all__ = ["LoopSource", "write_closed_loop"]
 
 DOUBLE = find_precision("double")
 OF_STATE = {"coordinate": "state", "velocity": "state + N_Q"}

@@ -6,8 +6,6 @@ from pathlib import Path
 
 from tensegrity_codegen.system.pinned_file import PinnedFile
 
-__all__ = ["DAQP", "DAQP_ARCHIVE", "DAQP_SHA256", "DAQP_VERSION", "find_daqp_archive"]
-
 DAQP_VERSION = "0.11.0"
 DAQP_ARCHIVE = f"daqp-{DAQP_VERSION}.tar.gz"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"

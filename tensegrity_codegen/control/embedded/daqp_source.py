@@ -13,8 +13,6 @@ import tarfile
 from tensegrity_codegen.control.embedded.daqp_archive import DAQP_ARCHIVE, DAQP_SHA256, DAQP_VERSION
 from tensegrity_codegen.system.errors import MissingSourceError
 
-__all__ = ["emit_daqp", "read_daqp_licence"]
-
 ROOT = f"daqp-{DAQP_VERSION}"
 PARTS = (
     "include/types.h",

@@ -9,8 +9,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import AbiMismatchError, LibraryError
 
-__all__ = ["CONTROLLER_ABI", "ControllerDescription"]
-
 CONTROLLER_ABI = 1
 KIND = "controller"
 

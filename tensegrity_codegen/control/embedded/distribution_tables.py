@@ -14,8 +14,6 @@ from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["QP_ITERATIONS", "DistributionTables", "build_distribution_tables"]
-
 QP_ITERATIONS = 100
 # With smaller weights rounding in single precision hides which bounds depend on each other.
 LEAST_WEIGHT = {"double": 0.0, "single": 1e-4}

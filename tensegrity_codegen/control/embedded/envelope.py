@@ -9,8 +9,6 @@ import numpy as np
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
-__all__ = ["Envelope", "find_envelope"]
-
 
 @dataclass(frozen=True)
 class Envelope:

@@ -9,8 +9,6 @@ import numpy as np
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Knots", "tabulate_gains", "tabulate_inputs", "tabulate_states"]
-
 
 @dataclass(frozen=True)
 class Knots:

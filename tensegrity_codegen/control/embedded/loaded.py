@@ -15,8 +15,6 @@ from tensegrity_codegen.system.checks import check_path
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, UnknownNameError
 from tensegrity_codegen.tables.precision import find_precision
 
-__all__ = ["LoadedController", "load_controller"]
-
 FloatArray = NDArray[Any]
 
 

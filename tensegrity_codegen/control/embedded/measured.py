@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["MeasuredNumber", "find_measured"]
-
 
 @dataclass(frozen=True)
 class MeasuredNumber:

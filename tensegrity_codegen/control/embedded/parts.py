@@ -26,9 +26,6 @@ from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["ControllerParts", "check_same_motion", "check_start", "collect_parts", "find_quantities"]
-
-
 NEAR = 1e-9  # [m], by which the start may be outside of the range of an actuator
 
 

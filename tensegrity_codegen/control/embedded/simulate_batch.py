@@ -35,8 +35,6 @@ from tensegrity_codegen.system.checks import check_instance, check_positive, che
 from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.tables.precision import find_precision
 
-__all__ = ["simulate_control_batch"]
-
 OF_DRAWS = ("coordinate_error", "velocity_error", "axial_stiffness", "arguments", "gust", "seed")
 NAME = "loop"  # of the controller in C
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.describe import made_by
+from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
-from tensegrity_codegen.codegen.source import BANNER
 from tensegrity_codegen.control.embedded.calls import Calls, write_calls
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp, read_daqp_licence
 from tensegrity_codegen.control.embedded.distribution_tables import (
@@ -24,8 +24,6 @@ from tensegrity_codegen.control.embedded.tables import build_tables, count_knots
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import Precision
-
-__all__ = ["build_context", "write_controller"]
 
 SAME_SPAN = {"double": 1e-6, "single": 1e-3}  # of a sample
 SAME_COMMAND = {"double": 1e-12, "single": 1e-7}  # [m]

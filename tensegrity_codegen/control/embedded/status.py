@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["CONTROL_STATUS"]
-
 # Word: sentence, in the order of the numbers. Simulated loops have the first six and the last one.
 CONTROL_STATUS: Mapping[str, str] = {
     "ok": "the command is what feedback asks for, or gives the same forces",

@@ -20,8 +20,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["find_described", "find_motion"]
-
 LEAST = ("member_length",)  # quantities of a description
 
 

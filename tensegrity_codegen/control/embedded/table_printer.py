@@ -11,8 +11,6 @@ from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.control.embedded.knots import Knots
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["Table", "TablePrinter"]
-
 UNLIMITED = {"double": 1e300, "single": 1e30}  # in place of infinite bounds
 INT = "int"
 

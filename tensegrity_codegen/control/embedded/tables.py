@@ -14,8 +14,6 @@ from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["build_tables", "count_knots"]
-
 
 def count_knots(parts: ControllerParts) -> dict[str, int]:
     """Return the numbers of knots by the names that the C files have for them."""

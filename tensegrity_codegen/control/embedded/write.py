@@ -17,8 +17,6 @@ from tensegrity_codegen.control.embedded.status import CONTROL_STATUS
 from tensegrity_codegen.tables.precision import Precision
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["ControllerFiles", "read_declarations", "write_files"]
-
 ITEM_BYTES = {"int": 4, "unsigned char": 1, "float": 4, "double": 8}
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)
 

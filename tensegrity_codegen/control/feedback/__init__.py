@@ -1,3 +1,1 @@
 """Timed motions of actuated structures, and feedback that holds them under disturbances."""
-
-__all__: list[str] = []

@@ -38,8 +38,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["simulate_control"]
-
 
 def simulate_control(
     model: CompiledModel,

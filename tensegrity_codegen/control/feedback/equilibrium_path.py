@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["EquilibriumPath"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EquilibriumPath(Summarised):

@@ -14,9 +14,6 @@ from tensegrity_codegen.control.feedback.time_law import TimeLaw
 from tensegrity_codegen.control.planning.plan_point import PlanModel
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["DYNAMIC", "STATIC", "Driven", "Feedforward", "Timing", "build_feedforward", "describe_residual"]
-
-
 DYNAMIC, STATIC = "dynamic", "static"
 BALANCED = 1e-6  # of the largest tension: residual that counts as none
 

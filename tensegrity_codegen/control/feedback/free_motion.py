@@ -18,9 +18,6 @@ from tensegrity_codegen.control.planning.plan_point import PlanModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["remove_momentum"]
-
-
 TOLERANCE = 1e-12
 
 

@@ -19,9 +19,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["DYNAMIC_QUANTITIES", "Drive", "InverseDynamics"]
-
-
 DYNAMIC_QUANTITIES = (
     "acceleration",
     "mass_matrix",

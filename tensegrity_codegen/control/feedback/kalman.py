@@ -38,9 +38,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_switch, check_whole
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["design_kalman", "linearise_estimate"]
-
-
 QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
 MOST_KNOTS = 25
 SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states

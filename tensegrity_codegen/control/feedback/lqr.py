@@ -34,9 +34,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
-__all__ = ["design_lqr"]
-
-
 MOST_PAST = 1000  # commands on their way
 
 

@@ -19,9 +19,6 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 
-__all__ = ["PathKnots", "find_knots"]
-
-
 NEAR = 1e-4  # of the longest member: how far given coordinates may be from the equilibrium
 REACH = 0.1  # of the longest member: of one step from equilibrium to equilibrium
 LEAST_STEP = 1e-4  # of the whole way: shorter ones are not tried

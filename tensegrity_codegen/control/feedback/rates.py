@@ -14,9 +14,6 @@ from tensegrity_codegen.runtime.profiles.pieces import build_cubic
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError
 
-__all__ = ["Peaks", "check_rates", "compute_peaks", "find_shortest"]
-
-
 WITHIN = 1e-6  # of a rate limit: excess that counts as none
 CLOSE = 1e-8  # of the shortest duration: its accuracy
 GROW = 1.25

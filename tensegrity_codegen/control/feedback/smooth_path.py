@@ -16,9 +16,6 @@ from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, UnstableError
 
-__all__ = ["SmoothPath", "build_smooth_path"]
-
-
 EXACT = 1e-8  # of the longest member: distance of the spline from equilibria that counts as none
 MOST_ROUNDS, MOST_KNOTS = 6, 1000
 REACH = 1e-3  # of the longest member: least distance in which an equilibrium is searched

@@ -24,9 +24,6 @@ from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["Distributed", "TensionDistribution", "design_distribution"]
-
-
 QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
 FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for

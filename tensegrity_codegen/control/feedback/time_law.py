@@ -13,9 +13,6 @@ from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = ["QUINTIC", "TimeLaw", "read_law"]
-
-
 QUINTIC = "quintic"
 BACK = 1e-9  # of the largest slope: a negative slope that counts as rounding
 

@@ -31,9 +31,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.checks import check_switch, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = ["time_motion"]
-
-
 LEAST_SAMPLES, MOST_SAMPLES = 5, 100_000
 
 

@@ -1,3 +1,1 @@
 """Pages of plans and of feedback."""
-
-__all__: list[str] = []

@@ -25,9 +25,6 @@ from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["build_commands", "build_errors", "build_estimate", "build_motion", "build_tensions"]
-
-
 TIME = "time [s]"
 SHAPES = 3  # pictures of the motion
 FRAMES = 48  # of the film

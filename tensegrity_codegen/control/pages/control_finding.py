@@ -13,9 +13,6 @@ from tensegrity_codegen.control.pages.control_studies import LIMIT_NAMES, LOOP_N
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names
 
-__all__ = ["describe_control_finding", "find_least_bound"]
-
-
 SAME = 0.95  # of the smallest tension at the end: less before it is stated too
 
 

@@ -30,9 +30,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["build_control_page"]
-
-
 LEAD = {
     "holds": "With feedback the errors at the end are not larger than without.",
     "does_not_hold": "Without feedback the errors at the end are smaller than with it.",

@@ -13,19 +13,6 @@ from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
 from tensegrity_codegen.control.feedback.study.study_warnings import count_worse
 from tensegrity_codegen.report.tables import add_row, new_table
 
-__all__ = [
-    "LIMIT_NAMES",
-    "LOOP_NAMES",
-    "STEP_NAMES",
-    "actuators_table",
-    "describe_delays",
-    "describe_facts",
-    "describe_study",
-    "errors_table",
-    "find_actuator_use",
-    "has_limits",
-]
-
 LOOP_NAMES = {"open": "open loop", "true_state": "true state", "estimator": "estimator"}
 LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
 STEP_NAMES = {

@@ -11,8 +11,6 @@ from tensegrity_codegen.report.pages.joined_series import join_names
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Contradiction, PlanResult
 from tensegrity_codegen.structure.limits import Limits
 
-__all__ = ["describe_plan_finding"]
-
 EXACT = 1e-6  # of the change of a target: what is missed by less counts as reached
 
 

@@ -17,9 +17,6 @@ from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, Binding,
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["PROGRESS", "build_limit_sections"]
-
-
 MOST_LINES = 6  # in a diagram
 PROGRESS = "progress [%]"
 

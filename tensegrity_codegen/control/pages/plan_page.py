@@ -32,9 +32,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["build_plan_page"]
-
-
 SHAPES = 4  # pictures of the path
 MOST_LINES = 6  # in a diagram
 LEAD = {

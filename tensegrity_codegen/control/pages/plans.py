@@ -12,15 +12,6 @@ from tensegrity_codegen.report.tables import add_row, new_table
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
 from tensegrity_codegen.runtime.records.plan_result import LIMIT_WORDS, PlanResult
 
-__all__ = [
-    "actuators_table",
-    "binding_table",
-    "certificate_table",
-    "describe_extremes",
-    "describe_plan",
-    "targets_table",
-]
-
 
 def describe_plan(found: PlanResult) -> dict[str, Any]:
     """Return a plan as one JSON-ready object."""

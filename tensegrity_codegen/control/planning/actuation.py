@@ -17,8 +17,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 
-__all__ = ["Actuation", "MemberRanges", "find_actuation", "find_member_ranges"]
-
 
 @dataclass(frozen=True)
 class Actuation:

@@ -13,9 +13,6 @@ from tensegrity_codegen.runtime.statics.static_problem import EPSILON, StaticPro
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["find_fixed_shape", "find_shape_certificate"]
-
-
 PROVED = 1e-6  # part of the largest shortening, or of the work that loads could do: a proof by less is none
 STRAIGHT = 1e-5  # change of the targets' slopes, over the largest, that counts as none
 MOST_ITERATIONS = 30

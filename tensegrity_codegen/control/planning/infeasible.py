@@ -15,8 +15,6 @@ from tensegrity_codegen.runtime.records.plan_result import Contradiction
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Contradiction", "find_contradiction", "find_unreachable_place"]
-
 Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
 
 ENTRY = re.compile(

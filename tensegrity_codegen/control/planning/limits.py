@@ -18,9 +18,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["WITHIN", "Margins", "PlanLimits", "build_limits", "compute_margins", "keep_taut"]
-
-
 WITHIN = 5e-7  # of the size of a limit: excess that counts as none
 LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
 LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero

@@ -21,8 +21,6 @@ from tensegrity_codegen.control.planning.targets.targets import Targets
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
-__all__ = ["Path", "PathPoint", "Progress"]
-
 Progress = Callable[[int, float], None]
 
 EXACT = 1e-8  # of the change of the targets: error that counts as none

@@ -34,9 +34,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
-__all__ = ["plan"]
-
-
 N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
 MOST_STEPS = 10**9
 FIRST_CHANGE = 0.01  # of the longest member: largest of these changes

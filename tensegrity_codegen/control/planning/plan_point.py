@@ -26,9 +26,6 @@ from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_lengt
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["PlanModel", "PlanPoint"]
-
-
 MOST_ITERATIONS = 12
 BALANCED = 1e-9  # node residual over the largest member force
 POLISHED = 1e-12

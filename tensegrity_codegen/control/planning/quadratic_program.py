@@ -17,9 +17,6 @@ from scipy.optimize import linprog
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 
-__all__ = ["Solution", "find_largest", "find_minimum", "find_nearest", "require_solver"]
-
-
 FEASIBLE = 1e-7  # violation of rows scaled to unit norm, up to which they count as satisfied
 PRIMAL_TOLERANCE = (
     1e-9  # of both solvers, far below `FEASIBLE`: with 1e-7, good answers of HiGHS were refused

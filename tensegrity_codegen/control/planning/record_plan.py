@@ -23,9 +23,6 @@ from tensegrity_codegen.runtime.records.plan_result import (
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = ["describe_margin", "record_infeasible", "record_path"]
-
-
 UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
 SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
 NAMED = 6  # limits that a message names

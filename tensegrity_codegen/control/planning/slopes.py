@@ -14,9 +14,6 @@ from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensi
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Slopes", "compute_slopes", "describe_immobility"]
-
-
 STEP = 3e-6  # of the longest member: length of differences
 STILL = 1e-4  # of the way, by inputs as large as the longest member: a target that does not move
 RANK = 1e-6  # of the largest singular value

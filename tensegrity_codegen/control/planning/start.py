@@ -20,9 +20,6 @@ from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_lengt
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import SingularStiffnessError, StructureError, UnstableError
 
-__all__ = ["Start", "check_stability", "find_start"]
-
-
 SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
 TAUT = 1e-9  # of the length: a cable as long as its rest length is not slack
 NAMED = 3  # nodes that are named in a motion without resistance

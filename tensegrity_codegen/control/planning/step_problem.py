@@ -21,9 +21,6 @@ from tensegrity_codegen.control.planning.quadratic_program import find_largest, 
 from tensegrity_codegen.control.planning.slopes import Slopes
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["EASED", "INSIDE", "Program", "Step"]
-
-
 STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
 GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought; it should not cut it, so
 LARGE = 50.0  # changes of more units than this weigh no more than these

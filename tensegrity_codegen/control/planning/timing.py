@@ -10,9 +10,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["check_duration", "compute_times"]
-
-
 ROUNDING = 1e-9
 
 

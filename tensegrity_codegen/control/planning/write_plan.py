@@ -14,8 +14,6 @@ from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import write_csv
 
-__all__ = ["ENDINGS", "write_plan"]
-
 ENDINGS = (".npz", ".csv")
 
 

@@ -1,3 +1,1 @@
 """Functional mock-up units: what is inside, in C and in XML."""
-
-__all__: list[str] = []

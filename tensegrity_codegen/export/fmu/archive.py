@@ -13,8 +13,6 @@ from tensegrity_codegen.export.fmu.sources import UnitSources
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.targets import SHARED, TARGETS, Target, find_host, find_system, find_target
 
-__all__ = ["check_targets", "compile_unit", "write_archive"]
-
 OLD_NAMES = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64"}
 DATE = (1980, 1, 1, 0, 0, 0)  # the first that an archive can have
 

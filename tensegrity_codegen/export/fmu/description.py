@@ -11,8 +11,6 @@ from tensegrity_codegen.export.fmu.units import find_exponents
 from tensegrity_codegen.export.fmu.variables import Variable
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["Unit", "describe_build", "describe_unit"]
-
 TYPES = {"2.0": {"real": "Real", "boolean": "Boolean", "integer": "Integer"}}
 TYPES["3.0"] = {"real": "Float64", "boolean": "Boolean", "integer": "Int32"}
 SAMPLES = 1000  # communication steps of the default experiment

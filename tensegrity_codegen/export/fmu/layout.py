@@ -13,8 +13,6 @@ from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Integ
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO, INPUT_UNITS
 
-__all__ = ["POSITION", "Argument", "Block", "Layout"]
-
 POSITION = "node_position"
 MARGINS = ("cable_margin", "switch_margin")
 LEAST = dict.fromkeys(ABOVE_ZERO, "above_zero") | dict.fromkeys(FROM_ZERO, "from_zero")

@@ -15,8 +15,6 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["settle_method"]
-
 SAMPLES = 101
 
 

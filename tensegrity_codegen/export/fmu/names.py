@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from tensegrity_codegen.system.errors import InvalidNameError
 
-__all__ = ["join_names", "quote_name"]
-
 PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 QUOTED = re.compile(r"[A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]")
 

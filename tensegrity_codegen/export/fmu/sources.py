@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.integrators.radau import COUNTS
+from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render, template_folder
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
-from tensegrity_codegen.codegen.source import BANNER
 from tensegrity_codegen.export.fmu.layout import Argument, Layout
 from tensegrity_codegen.export.fmu.tangent import Tangent
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec
-
-__all__ = ["Experiment", "UnitSources", "write_unit_sources"]
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
 MOST_AHEAD, MOST_NUMBERS_AHEAD = 32, 65_536  # communication steps, and numbers of their states

@@ -16,8 +16,6 @@ from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Tangent", "find_tangent"]
-
 MOST_OPERATIONS = 60_000  # of the C function, which compilers take some ten seconds for
 
 

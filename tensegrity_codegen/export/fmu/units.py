@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["find_exponents", "has_one_unit"]
-
 # Exponents of the units that quantities and arguments are given in.
 BASE = {
     "m": {"m": 1},

@@ -8,8 +8,6 @@ from tensegrity_codegen.export.fmu.layout import Layout
 from tensegrity_codegen.export.fmu.names import join_names, quote_name
 from tensegrity_codegen.export.fmu.tangent import Tangent
 
-__all__ = ["Variable", "list_variables"]
-
 KIND_WORDS = ("is_slack", "is_below_switch")
 
 

@@ -1,3 +1,1 @@
 """Self-contained HTML pages: tables, diagrams, pictures."""
-
-__all__: list[str] = []

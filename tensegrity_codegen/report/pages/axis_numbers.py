@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.ticker import Formatter
 
-__all__ = ["number_axis"]
 
 MOST_LINEAR = 0.9  # decades of a logarithmic axis up to which equal steps are numbered
 MOST_PARTS = 2.5  # decades up to which 2 and 5 are numbered too

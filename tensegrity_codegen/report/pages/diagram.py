@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Diagram", "Series", "draw_diagram", "dress_axes"]
 
 WIDTH, HEIGHT = 4.9, 3.3
 TEXT_SIZE = 9.5

@@ -9,8 +9,6 @@ import jinja2
 
 from tensegrity_codegen.codegen.print.render import template_folder
 
-__all__ = ["html_template"]
-
 
 @functools.cache
 def html_template(folder: str, name: str, **filters: Callable[[str], object]) -> jinja2.Template:

@@ -13,8 +13,6 @@ from tensegrity_codegen.report.pages.page import Figure
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.palette import SEQUENCE
 
-__all__ = ["choose_looks", "join_names", "join_series", "joined_figure"]
-
 Look = tuple[int, Literal["line", "dashed", "dotted", "dashdot"]]
 
 NEAR = 0.004  # of the height of a diagram: lines that are nowhere further apart cannot be told apart

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.report.pages.diagram import Series
 from tensegrity_codegen.report.pictures.palette import SEQUENCE
 
-__all__ = ["METHOD_STYLES", "MethodStyle", "choose_styles", "find_style", "method_series"]
-
 Dash = Literal["line", "dashed", "dotted", "dashdot"]
 
 BLUE, VERMILION, GREEN, VIOLET, BROWN, SLATE = range(6)

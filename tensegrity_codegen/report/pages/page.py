@@ -10,23 +10,6 @@ from tensegrity_codegen.report.pages.diagram import Diagram, draw_diagram
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.picture import Picture, draw_picture
 
-__all__ = [
-    "CAUSES",
-    "VERDICTS",
-    "Block",
-    "Cause",
-    "Chapter",
-    "Command",
-    "Entry",
-    "Figure",
-    "Page",
-    "Paragraph",
-    "Remark",
-    "Section",
-    "Verdict",
-    "diagram_figure",
-]
-
 Verdict = Literal["agrees", "differs", "wrong", "unstated", "new", "plain"]
 VERDICTS: Mapping[str, str] = {
     "agrees": "agrees",

@@ -23,9 +23,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import import_extra
 
-__all__ = ["draw_film"]
-
-
 AREA = 11.0  # of the panel [in2]
 PAUSE = 1.0  # [s], on the last picture
 

@@ -13,8 +13,6 @@ from pydantic import TypeAdapter, ValidationError
 from tensegrity_codegen.report.pages.page import Command, Figure, Paragraph, Remark, Section
 from tensegrity_codegen.report.pages.page_table import Table
 
-__all__ = ["read_section", "section_as_json"]
-
 KINDS: dict[str, type[Any]] = {
     "section": Section,
     "paragraph": Paragraph,

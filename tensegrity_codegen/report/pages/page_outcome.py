@@ -8,8 +8,6 @@ from rich.text import Text
 
 from tensegrity_codegen.report.pages.page import Page
 
-__all__ = ["outcome_table"]
-
 
 def outcome_table(page: Page) -> Table:
     """Return a table with a row for each section of the page: paper, place, title, verdict."""

@@ -9,8 +9,6 @@ from typing import Any
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.table_width import ColumnText, choose_layout
 
-__all__ = ["Cell", "Column", "Table", "compare_cell", "compare_cells", "number_cell", "text_cell"]
-
 MOST_ROWS = 14  # of a table that is shown as a whole
 HEAD_ROWS = 8
 

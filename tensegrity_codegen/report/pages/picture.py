@@ -16,7 +16,6 @@ from tensegrity_codegen.system.extras import import_extra
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["MOST_SVG", "Picture", "draw_picture"]
 
 # Bytes of SVG above which a picture becomes a PNG.
 MOST_SVG = 200_000

@@ -12,8 +12,6 @@ from tensegrity_codegen.report.pages.page import Page
 from tensegrity_codegen.report.pages.table_width import HINT_WIDTHS
 from tensegrity_codegen.report.pages.theme import THEME
 
-__all__ = ["render_page"]
-
 # A digit and a space that stand before a unit.
 UNIT = re.compile(r"([\d⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|N|mm|m|s|kg|deg|µs|ms|Hz|J|MPa)(?:\W|$))")
 

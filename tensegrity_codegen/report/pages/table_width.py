@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["HINT_WIDTHS", "ColumnText", "choose_layout"]
-
 # Widths of a window [px] up to which a table may be told to scroll sideways.
 HINT_WIDTHS = (640, 760, 900, 1050, 1250, 4000)
 MARGINS = 64  # of the page, both sides together [px]

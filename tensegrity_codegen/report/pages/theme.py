@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from tensegrity_codegen.report.pictures.palette import BAR, GRID, INK, MUTED, PAPER, SEQUENCE
 
-__all__ = ["THEME", "ThemeColor", "find_dark_color", "use_variables"]
-
 
 @dataclass(frozen=True)
 class ThemeColor:

@@ -1,3 +1,1 @@
 """Pictures and films of structures and motions."""
-
-__all__: list[str] = []

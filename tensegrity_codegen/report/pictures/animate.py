@@ -25,8 +25,6 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import import_extra
 from tensegrity_codegen.system.files import replaced
 
-__all__ = ["FILM_SUFFIXES", "find_frames", "write_animation"]
-
 Image = NDArray[np.uint8]
 Progress = Callable[[float], None]
 

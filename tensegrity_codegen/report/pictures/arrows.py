@@ -17,8 +17,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Arrows", "ForceArrows", "describe_arrows", "lay_out_arrows"]
-
 
 LONGEST = 0.25  # of the structure's size, at most
 CROWD = 24  # arrows from which they get shorter and thinner

@@ -16,7 +16,6 @@ from tensegrity_codegen.system.files import replaced
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["PICTURE_SUFFIXES", "check_suffix", "new_figure", "save_figure"]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 

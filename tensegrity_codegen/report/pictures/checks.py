@@ -11,8 +11,6 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["check_array", "check_tension", "check_trajectory"]
-
 LARGEST = 1e30  # whose squares and cubes are far from overflow, in single precision too
 
 

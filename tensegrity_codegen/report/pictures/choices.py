@@ -10,11 +10,6 @@ from typing import TypeAlias
 
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = [
-    "COLORS", "LABELS", "NAMED_VIEWS", "Direction", "Labels", "PictureChoices", "Size", "read_labels",
-    "read_size", "read_view",
-]  # fmt: skip
-
 LABELS = ("nodes", "members")
 COLORS = ("tension", "force_density", "stress", "kind")
 NAMED_VIEWS = ("iso", "front", "side", "top")

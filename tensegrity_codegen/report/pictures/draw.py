@@ -36,7 +36,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Drawable", "Shot", "draw_shot", "find_rigid", "find_shot", "outline_motion", "pad_tension"]
 
 Drawable: TypeAlias = (
     str

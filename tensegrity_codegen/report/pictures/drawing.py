@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-__all__ = ["BodyParts", "StructureDrawing", "find_slack", "find_tension_limit"]
-
 
 # Line widths in points for a structure of a few dozen members.
 BAR_WIDTH = 5.0

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.errors import MissingExtraError, OutputError
 
-__all__ = ["GIF_FASTEST", "find_ffmpeg", "write_gif", "write_mp4"]
-
 Image = NDArray[np.uint8]
 
 # A GIF counts in hundredths of a second, and players slow down what is held for less than two.

@@ -15,8 +15,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_frame", "panel_extent", "panel_ratio", "picture_size"]
-
 
 TICK_SIZE = 8.0
 NAME_SIZE = 9.0

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
-__all__ = ["add_clock", "add_heading"]
 
 # Inches: left margin, base lines below the upper edge, and the height of all.
 LEFT, TITLE_LINE, FACTS_LINE, HEIGHT = 0.22, 0.32, 0.55, 0.66

@@ -16,8 +16,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MOST_NAMES", "LeftOut", "NameWriter", "choose_names"]
-
 
 MOST_NAMES = {"nodes": 100, "members": 30}  # of pictures; more run together
 NODE_SIZE, MEMBER_SIZE = 9.0, 7.5

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["add_color_bar", "add_key", "add_legend", "describe_size"]
 
 TEXT_SIZE = 9.0
 ROOM = 0.8  # part of a figure's height that a scale may have beside it

@@ -18,8 +18,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw_motion", "draw_tensions"]
-
 
 SHOWN = 0.16  # largest displacement in a picture, over the longest side of the structure
 AREA = 11.0  # of a picture's panel [in2]

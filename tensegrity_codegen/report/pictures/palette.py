@@ -11,22 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.colors import LinearSegmentedColormap
 
-__all__ = [
-    "BAR",
-    "BODY",
-    "CABLE",
-    "GRID",
-    "INK",
-    "LOAD",
-    "MUTED",
-    "NODE",
-    "PAPER",
-    "REACTION",
-    "SEQUENCE",
-    "SLACK",
-    "UNKNOWN",
-    "build_tension_colormap",
-]
 
 INK = "#1f2933"
 MUTED = "#5c6670"

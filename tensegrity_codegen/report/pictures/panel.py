@@ -20,8 +20,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Panel", "Setting", "fit_size", "set_up"]
-
 
 PICTURE_DPI = 150
 LEAST_WIDTH, LEAST_HEIGHT = 3.4, 2.8  # of a figure [in], for its texts

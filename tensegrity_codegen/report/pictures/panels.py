@@ -13,8 +13,6 @@ from tensegrity_codegen.structure.structure import Structure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_drift", "draw_energies", "draw_tensions", "group_members"]
-
 
 TEXT_SIZE = 9.0
 # Groups of at most this many members are drawn line by line, larger ones as a band around their median.

@@ -28,8 +28,6 @@ from tensegrity_codegen.system.summaries import describe_count
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
-__all__ = ["draw_shown", "draw_structure", "plot_structure", "plot_trajectory"]
-
 
 # Paths of more nodes than this hide the structure.
 MOST_PATHS = 40

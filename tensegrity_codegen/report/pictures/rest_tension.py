@@ -13,9 +13,6 @@ from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
-__all__ = ["find_rest_tension"]
-
-
 UNBALANCED = 0.01  # part of the largest force that nodes may lack where they count as balanced
 DEPENDENT = 1e-9  # singular values below count as none, as the bars have unit directions
 MOST_BARS = 1000  # rigid bars up to which their tensions are solved for

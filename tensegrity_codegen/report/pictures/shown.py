@@ -16,9 +16,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["COLOR_NAMES", "Shown", "compute_colors", "show_motion", "show_structure"]
-
-
 COLOR_NAMES = {
     "tension": ("member tension [N]", "tension unknown"),
     "force_density": ("force density [N/m]", "force density unknown"),

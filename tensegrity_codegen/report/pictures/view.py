@@ -14,18 +14,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = [
-    "Box",
-    "PerspectiveView",
-    "PlanarView",
-    "View",
-    "check_planar_direction",
-    "choose_view",
-    "find_box",
-    "fit_view",
-]
-
-
 # Azimuths of the eye about +z from +x to choose from [deg]; the first is that of large structures.
 AZIMUTHS = (-60.0, -66.0, -54.0, -72.0, -48.0, -78.0, -42.0)
 ELEVATION = np.radians(16.0)

@@ -1,3 +1,1 @@
 """Choice of the integration method and control of the error at the samples."""
-
-__all__: list[str] = []

@@ -32,9 +32,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["integrate_auto"]
-
-
 FAR = 1e5  # from the origin, over the size of the structure
 
 

@@ -25,9 +25,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["Choice", "choose_method", "integrators_for"]
-
-
 EXPLICIT = ("rk853", "rk54")
 CHEAP = 5_000  # steps that resolve every vibration in hundredths of a second
 LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8

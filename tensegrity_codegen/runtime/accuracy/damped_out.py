@@ -22,16 +22,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
-__all__ = [
-    "find_left_out",
-    "integrate_radau_to_samples",
-    "is_crowded",
-    "note_left_out",
-    "tell_left_out",
-    "trust_in_radau",
-]
-
-
 LEFT_OUT = ("vibration_error", "vibration_speed_error", "vibration_tension_error")  # [m], [m/s], [N]
 PASSING_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks
 

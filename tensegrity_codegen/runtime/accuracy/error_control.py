@@ -13,8 +13,6 @@ from tensegrity_codegen.runtime.accuracy.tolerance import Comparison, Tolerance,
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["CROWDED", "Checks", "tighten_until_converged"]
-
 Run = Callable[[float, float], RawTrajectory]
 
 MOST_ROUNDS = 7

@@ -15,8 +15,6 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.tables.tableaus import TABLEAUS
 
-__all__ = ["integrate_explicit_to_samples"]
-
 
 def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Return a run of the explicit method of the options, its estimated error within the tolerance.

@@ -20,8 +20,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 
-__all__ = ["integrate", "integrate_once"]
-
 # By the kind of method: one run, and runs whose error at the samples is controlled.
 ONCE = {
     "auto": integrate_auto,

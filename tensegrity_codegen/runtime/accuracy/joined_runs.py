@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["join_runs"]
-
 Progress = Callable[[float], None]
 
 FURTHER_AT_FIRST, FURTHER = 2.5, 1.0  # runs that are expected after the first one, and after any other

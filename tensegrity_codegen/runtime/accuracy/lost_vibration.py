@@ -20,9 +20,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.tableaus import TABLEAUS
 
-__all__ = ["LostVibration"]
-
-
 KEPT = 0.01  # change of the whole vibration, from which on two runs may agree on it
 DOUBTED = 3.0  # times that change: steps are not all of the same length
 SPACING = 2.0  # rad of the fastest vibration between the samples of the short run

@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Rounding"]
-
-
 EPS = float(np.finfo(np.float64).eps)
 SPREAD = 3.0  # measured: up to 1.5 times the root of the number of steps
 

@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["find_length", "scale_to_length", "scale_to_motion", "tolerance_of_options"]
-
 USUAL = 1e-9  # absolute tolerance over length and speed of the structure
 
 

@@ -18,8 +18,6 @@ from tensegrity_codegen.runtime.integrate.options import SMALLEST_SCIPY_RTOL, Ru
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 
-__all__ = ["integrate_scheduled", "integrate_scipy_to_samples"]
-
 WHY = "methods in C take values over time from a Profile of inputs only, so this schedule runs through SciPy"
 MANY_STEPS = 20_000  # of an explicit method, from which on SciPy's implicit one has its turn first
 

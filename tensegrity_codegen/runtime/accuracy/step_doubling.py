@@ -13,9 +13,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["check_batch_by_doubling", "check_by_doubling"]
-
-
 FACTORS = (2.0, 0.5)  # steps to compare with, over the step, until one says that the result is of use
 SHORT = (
     0.5,

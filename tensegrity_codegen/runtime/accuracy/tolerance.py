@@ -12,9 +12,6 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["Comparison", "Tolerance", "compare_runs", "tolerance_for"]
-
-
 BLOCK = 2**20  # numbers compared at a time
 
 

@@ -1,3 +1,1 @@
 """Which tensions a structure can have at a configuration, and which motions they leave free."""
-
-__all__: list[str] = []

@@ -31,9 +31,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["MODES", "Analysis", "analyse"]
-
-
 MODES = 10
 BALANCED = 1e-6  # residual, over the largest member force, up to which the present forces are in balance
 HELD = 1e-9  # part of the loads on rigid motions that nothing holds

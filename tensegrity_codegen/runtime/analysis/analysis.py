@@ -14,8 +14,6 @@ from tensegrity_codegen.structure.member_limits import MemberChecks
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["Analysis"]
-
 
 @dataclass(frozen=True, repr=False)
 class Analysis(Summarised):

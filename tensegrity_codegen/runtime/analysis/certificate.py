@@ -21,9 +21,6 @@ from tensegrity_codegen.runtime.analysis.rank import Rank, find_rank
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["VERIFIED", "Certificate", "check_balanced", "find_certificate"]
-
-
 VERIFIED = 1e-9  # largest change that is not allowed, over the largest shortening
 NULL = 1e-8  # singular values of the restricted self-stresses that count as zero
 # A cable counts as shortening from this part of a shortening of 1; the second where the first gives no proof.

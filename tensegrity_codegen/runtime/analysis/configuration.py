@@ -25,8 +25,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["BodyConfiguration", "Configuration", "read_configuration"]
-
 Subject = Structure | BodySystem
 
 EPSILON = float(np.finfo(float).eps)

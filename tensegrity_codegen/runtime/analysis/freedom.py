@@ -10,8 +10,6 @@ from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["Freedom", "count_freedom"]
-
 ZERO = 1e-6  # of the largest singular value: as the default tolerance of `analyse`
 MOST = 1500  # coordinates or members, of the smaller number, of a dense eigenvalue problem below a second
 

@@ -10,8 +10,6 @@ from tensegrity_codegen.runtime.analysis.analysis import Analysis
 from tensegrity_codegen.runtime.analysis.configuration import Configuration
 from tensegrity_codegen.scene.names import describe_pieces
 
-__all__ = ["judge"]
-
 
 def judge(found: Analysis, at: Configuration) -> Analysis:
     """Return the analysis with its status, message and warnings."""

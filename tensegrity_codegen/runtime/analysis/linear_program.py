@@ -10,9 +10,6 @@ from scipy.optimize import linprog, nnls
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["find_least_norm", "find_optimum"]
-
-
 ZOOM = 1e-6  # size of one refinement, next to that of the one before
 ROUNDS = 2
 ROUNDING = 1e-14  # violations that count as none

@@ -12,9 +12,6 @@ from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["FreeMotions", "build_part_motions", "find_free_motions", "find_parts"]
-
-
 RIGID = 1e-6  # part of a unit motion that counts as none
 
 

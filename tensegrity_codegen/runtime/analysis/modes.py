@@ -12,9 +12,6 @@ from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["Modes", "find_modes"]
-
-
 ZERO = 1e-13  # part of the largest square of a frequency that counts as none
 
 

@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["FEASIBLE", "Prestress", "find_prestress"]
-
-
 FEASIBLE = 1e-10  # least tension, over the largest member force, from which a cable counts as in tension
 LOADED = 2.0  # largest member force allowed under loads, over the least that carries them
 SAME = 1e-5  # difference of two optimal solutions, over the largest force, that counts as none

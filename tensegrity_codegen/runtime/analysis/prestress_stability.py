@@ -12,9 +12,6 @@ from tensegrity_codegen.runtime.analysis.mechanisms import FreeMotions
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["PrestressStability", "find_prestress_stability", "find_stabilising_prestress"]
-
-
 STIFF = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
 KEPT = 0.1  # part of the largest least tension that stabilising tensions keep
 MOST_CUTS = 60

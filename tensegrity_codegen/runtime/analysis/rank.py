@@ -10,9 +10,6 @@ from tensegrity_codegen.runtime.model.arrays import check_finite
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["MOST_ROWS", "RANK_TOLERANCE", "Rank", "find_rank"]
-
-
 MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
 RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
 CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear

@@ -1,3 +1,1 @@
 """Time integration: methods, run options, events and the calls into C."""
-
-__all__: list[str] = []

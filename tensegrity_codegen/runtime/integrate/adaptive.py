@@ -9,8 +9,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_w
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import IntegratorSpec
 
-__all__ = ["integrate_adaptive"]
-
 FORESIGHT = 10_000  # steps after which a run that would need ten times that many is given up
 
 

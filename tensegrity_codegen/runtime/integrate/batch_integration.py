@@ -31,8 +31,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec
 
-__all__ = ["choose_batch_control", "integrate_batch", "runs_side_by_side"]
-
 CountArray = NDArray[np.int64]
 
 OWN_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call

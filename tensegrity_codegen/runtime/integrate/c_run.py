@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 
-__all__ = ["CRun", "count_steps"]
-
 FIRST_CHUNK = 64  # steps of the first call into C
 CHUNK_SECONDS = 0.1  # a call lasts about this long
 ENDINGS = ("non_finite_result", "step_too_small", "too_many_events")  # that a result tells of

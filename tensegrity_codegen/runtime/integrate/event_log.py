@@ -13,8 +13,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, IntegratorSpec, Manifest
 
-__all__ = ["EMPTY_LOG", "MOST_LOGGED", "Condition", "EventLog", "Watch", "choose_watch"]
-
 # (time [s], coordinate, velocity) -> a number; where its sign changes is an event.
 Condition = Callable[[float, FloatArray, FloatArray], float]
 

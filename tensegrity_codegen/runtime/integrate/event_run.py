@@ -15,9 +15,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["EventRun"]
-
-
 EVENT_ROW = np.dtype(
     {"names": ["time", "kind", "which", "direction"], "formats": ["f8", "i4", "i4", "i4"], "itemsize": 24}
 )

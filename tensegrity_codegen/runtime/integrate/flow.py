@@ -17,9 +17,6 @@ from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["Flow", "build_derivative"]
-
-
 IN_C = ("rk54", "rk853")  # by preference
 LOOSENING = (1.0, 1e2, 1e4)  # factors on the tolerance, one after the other, where rounding is in the way
 ATOL_OF_STATE = 1e-2  # absolute tolerance over relative tolerance times the largest component

@@ -8,9 +8,8 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from tensegrity_codegen.system.errors import check_choice
-from tensegrity_codegen.tables.tableaus import EXPLICIT, Tableau
-
-__all__ = ["METHODS", "Method", "find_method", "list_methods"]
+from tensegrity_codegen.tables.tableaus import EXPLICIT
+from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
 Kind = Literal["auto", "adaptive", "fixed", "implicit", "scipy"]
 

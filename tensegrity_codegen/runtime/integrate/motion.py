@@ -10,8 +10,6 @@ from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Motion", "Progress", "Schedule"]
-
 Progress = Callable[[float], None]
 # Time [s] -> run-time parameters and inputs by name.
 Schedule = Callable[[float], Mapping[str, Any]]

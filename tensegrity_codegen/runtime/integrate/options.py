@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import MOST_STEPS
 from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = ["RunOptions", "check_options", "complete_run_options"]
-
 ATOL = 1e-9  # of a structure of a metre
 MOST_FIXED_STEPS = 100_000_000  # unless `max_steps` allows more: some seconds for a small structure
 MOST_LONG_STEPS = 100_000_000  # the same of a run that keeps the energy: such runs are long

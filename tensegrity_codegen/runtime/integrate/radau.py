@@ -11,8 +11,6 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_within_reach
 
-__all__ = ["RADAU_COUNTS", "integrate_radau", "listen_to_members"]
-
 # What the C function counts, in its order.
 RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
 FORESIGHT = 5_000  # steps after which a run that would need ten times that many is given up

@@ -13,16 +13,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.manifest import STATUS
 
-__all__ = [
-    "GIVEN_UP",
-    "MOST_STEPS",
-    "RawBatch",
-    "RawTrajectory",
-    "is_within_reach",
-    "judge_end",
-    "judge_ends",
-]
-
 CountArray = NDArray[np.int64]
 
 MOST_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members

@@ -9,8 +9,6 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
 
-__all__ = ["integrate_rk4"]
-
 
 def integrate_rk4(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Integrate a motion with a fixed step, the largest up to that of the options that divides the span.

@@ -18,9 +18,6 @@ from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
-__all__ = ["integrate_scipy"]
-
-
 LONGEST_STEP = 0.01  # of the time, where a function of time may change anything: steps must not pass over it
 
 

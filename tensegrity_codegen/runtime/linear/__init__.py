@@ -1,3 +1,1 @@
 """Linear models about a state, natural frequencies and damping ratios."""
-
-__all__: list[str] = []

@@ -11,9 +11,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.require import require_quantities
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["KINK_QUANTITIES", "find_kinks"]
-
-
 KINK_QUANTITIES = ("member_length", "member_extension")
 
 

@@ -33,9 +33,6 @@ from tensegrity_codegen.system.summaries import (
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["LINEARIZE_QUANTITIES", "LinearModel", "linearize", "linearize_quantities"]
-
-
 # What a linear model needs of every model, and of one with inputs too.
 LINEARIZE_QUANTITIES = ("state_derivative", "state_jacobian")
 INPUT_QUANTITY = "input_jacobian"

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["DENSE_STATES", "Spectrum", "find_spectrum"]
-
-
 DENSE_STATES = 1500  # states up to which all eigenvalues are found
 EPSILON = float(np.finfo(float).eps)
 

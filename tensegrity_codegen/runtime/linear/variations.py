@@ -13,8 +13,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.rigid_bars import RigidBars
 
-__all__ = ["SPANNING_QUANTITY", "Variations", "find_variations"]
-
 # What a model in redundant coordinates is asked for: its columns span the variations that can happen.
 SPANNING_QUANTITY = "distance_inertia_inverse"
 RANK_TOLERANCE = 1e-10  # of the largest eigenvalue

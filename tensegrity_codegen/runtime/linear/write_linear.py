@@ -13,8 +13,6 @@ from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import write_csv, write_mat
 
-__all__ = ["LINEAR_ENDINGS", "write_linear_model"]
-
 MATRICES = ("A", "B", "variation")
 VECTORS = ("c", "residual_rate", "state", "input")
 NAMES = ("state_name", "input_name")

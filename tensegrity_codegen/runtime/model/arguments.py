@@ -15,8 +15,6 @@ from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.quantities.arguments import ABOVE_ZERO, FROM_ZERO
 
-__all__ = ["apply_loads", "check_argument_names", "check_arguments", "check_parameter_values"]
-
 LOAD = "node_load"
 
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.files import check_ending, replaced
 
-__all__ = ["UNREADABLE", "read_arrays", "read_names", "write_arrays"]
-
 # Bytes of the arrays of a result file that are compressed: zlib takes about 1 s for 20 MB of them.
 MOST_COMPRESSED = 64 * 2**20
 

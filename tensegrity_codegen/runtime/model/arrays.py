@@ -12,17 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = [
-    "agree_on_rows",
-    "check_finite",
-    "check_shape",
-    "to_array",
-    "to_batch",
-    "to_doubles",
-    "to_each",
-    "to_sized",
-]
-
 
 def check_shape(array: NDArray[Any], shape: tuple[int, ...], where: str) -> None:
     """Raise InvalidValueError for an array of another shape."""

@@ -19,8 +19,6 @@ from tensegrity_codegen.system.checks import check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Pattern
 
-__all__ = ["BatchFunction", "SparseBatch", "check_threads"]
-
 FloatArray = NDArray[Any]
 StatusArray = NDArray[np.int32]
 

@@ -8,9 +8,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["NEAREST_POLE", "NEAR_POLE", "judge_charts", "name_charts"]
-
-
 # Sine of the angle to the pole of its chart below which a body's angles are not to be trusted.
 NEAR_POLE = 1e-3
 

@@ -11,8 +11,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["Described", "Model"]
-
 
 class Model(Protocol):
     """A model that computes quantities by name, with omitted arguments at the scene's values."""

@@ -13,8 +13,6 @@ from tensegrity_codegen.tables.manifest import ABI_VERSION, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.targets import TARGETS, find_host
 
-__all__ = ["LoadedLibrary"]
-
 # The same names for the types of every library.
 TYPES = {
     "run": "integrator_run",

@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.runtime.model.arrays import to_array
-from tensegrity_codegen.runtime.model.batch import BatchFunction, SparseBatch
+from tensegrity_codegen.runtime.model.batch import BatchFunction
 from tensegrity_codegen.runtime.model.library import LoadedLibrary
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.status import raise_for_status
@@ -28,15 +28,6 @@ from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 from tensegrity_codegen.tables.manifest import ArgumentSpec, FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import ARGUMENTS
-
-__all__ = [
-    "BatchFunction",
-    "CompiledFunction",
-    "CompiledModel",
-    "SparseBatch",
-    "raise_for_status",
-    "require_precision",
-]
 
 FloatArray = NDArray[Any]  # float64, or float32 where the library is of single precision
 

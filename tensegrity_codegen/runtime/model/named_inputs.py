@@ -13,8 +13,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
-__all__ = ["INPUT", "merge_inputs", "read_arguments", "unify_name"]
-
 DOUBLE: np.dtype[Any] = np.dtype(np.float64)
 INPUT = "input"  # the argument that holds all inputs
 

@@ -16,9 +16,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["put_own_tensions"]
-
-
 AMPLIFIED = 10.0  # change of a rigid member's tension over that of the elastic members beside it, at most
 
 

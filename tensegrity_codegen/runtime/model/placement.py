@@ -10,9 +10,6 @@ import numpy as np
 from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["NODE_QUANTITIES", "place_motion", "place_nodes", "place_velocities"]
-
-
 # What a model must compute whose coordinates are no node coordinates, so that its nodes can be placed.
 NODE_QUANTITIES = ("node_position", "node_velocity")
 

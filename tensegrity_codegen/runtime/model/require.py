@@ -9,8 +9,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["require_double", "require_model", "require_quantities"]
-
 
 def require_model(model: Any) -> None:
     """Raise InvalidValueError for what is no model, such as the path of a scene."""

@@ -14,9 +14,6 @@ import scipy
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["RigidBars"]
-
-
 DEPENDENT = 1e-9  # part of a bar's direction that the others leave free, below which it repeats them
 DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares
 MOST_CORRECTIONS = 25

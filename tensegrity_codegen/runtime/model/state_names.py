@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["name_states"]
-
 
 def name_states(manifest: Manifest) -> tuple[str, ...]:
     """Return names such as `b1.x` for node coordinates and `b1.x'` for their rates; others by their own."""

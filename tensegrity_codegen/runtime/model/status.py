@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import LibraryError, NonFiniteError
 from tensegrity_codegen.tables.manifest import STATUS
 
-__all__ = ["raise_for_status"]
-
 
 def raise_for_status(status: int, where: str, arguments: Mapping[str, NDArray[Any]]) -> None:
     """Raise the error that a non-zero status stands for, naming the argument and entry at fault."""

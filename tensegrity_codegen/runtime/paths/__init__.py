@@ -1,3 +1,1 @@
 """Load paths: continuation of equilibria through limit points and bifurcations."""
-
-__all__: list[str] = []

@@ -23,9 +23,6 @@ from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["BarPath", "build_path"]
-
-
 STIFF = 10.0  # sigma as a multiple of the largest stiffness, so that the eigenvalues told are the structure's
 
 

@@ -33,9 +33,6 @@ from tensegrity_codegen.system.checks import (
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.system.solver_progress import describe_pass
 
-__all__ = ["StepControl", "follow_path"]
-
-
 FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, above which it is shorter
 STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
 NEAR = 0.5  # largest correction of a predicted point, as part of the step

@@ -11,8 +11,6 @@ import numpy as np
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, Summarised, describe_range
 
-__all__ = ["LoadPath", "PathEvent"]
-
 
 @dataclass(frozen=True, repr=False)
 class PathEvent(Summarised):

@@ -11,9 +11,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 
-__all__ = ["MEMBER_WATCH_QUANTITIES", "watch_members"]
-
-
 MEMBER_WATCH_QUANTITIES = ("member_tension", "member_length")
 
 

@@ -22,9 +22,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_switch
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
-__all__ = ["LOAD_PATH_QUANTITIES", "ModelPath", "Pattern", "watch_contact", "watch_slack", "watch_switch"]
-
-
 # What a load path needs of a model in node coordinates; events need member_extension and bar_distance too.
 LOAD_PATH_QUANTITIES = ("node_residual", "tangent_stiffness")
 

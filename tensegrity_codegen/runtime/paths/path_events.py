@@ -16,9 +16,6 @@ from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["Crossing", "EventTracker", "LostError", "Step"]
-
-
 SAME = 1e-8  # of a value's change over the step: values this near zero cross at the same place
 FREE = 1e-7  # part of the load along a mode of zero stiffness, below which the mode is a bifurcation
 ROUGHLY_FREE = 1e-4  # the same where the mode is found by iteration

@@ -8,9 +8,6 @@ from typing import Any, Protocol
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["NeutralMotions", "PathProblem", "Watch"]
-
-
 # Motions that cost no force, as orthonormal columns (n, k), at coordinates q where the stiffness is K.
 NeutralMotions = Callable[[FloatArray, Any], FloatArray]
 

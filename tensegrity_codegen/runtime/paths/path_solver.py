@@ -23,9 +23,6 @@ from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT, find_lowes
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["MOST_EIGENVALUES", "PathSolver", "PathState"]
-
-
 MOST_ITERATIONS = 15
 CONVERGED = 1e-9  # correction in units of z; the error left is of the order of its square
 ROUGH = 1e-6  # largest correction that counts as rounding where it no longer shrinks

@@ -11,9 +11,6 @@ from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["PinnedPath", "pin_path"]
-
-
 ASIDE = 0.1  # of the structure's size: rigid motion under which its forces are looked at
 FORCELESS = 1e-7  # part of the forces along rigid motions that counts as none
 

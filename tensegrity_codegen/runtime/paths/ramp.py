@@ -22,9 +22,6 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.runtime.statics.step import SINGULAR
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["MOST_FOLLOWED", "Ramp", "Way", "find_pushed_start"]
-
-
 MOST_FOLLOWED = 3000  # coordinates up to which a path is followed
 MOST_STEPS = 300  # of small structures
 MOST_WORK = 30_000  # steps times coordinates of large ones

@@ -21,13 +21,11 @@ from tensegrity_codegen.runtime.model.named_inputs import read_arguments
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.paths.model_path import GROWING
 from tensegrity_codegen.runtime.paths.ramp import MOST_FOLLOWED, Ramp, Way
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, check_choice
-
-__all__ = ["MOST_FOLLOWED", "Snap", "find_load_snap", "find_snap", "join_snaps"]
-
 
 SAME = 1e-5  # of the longest member: difference of lengths up to which two equilibria are one
 NEAR = 1e-2  # of the structure's size: the same of positions, neutral motions taken out

@@ -1,3 +1,1 @@
 """Inputs over time: tables of knots, their piecewise polynomials, and the arguments that they change."""
-
-__all__: list[str] = []

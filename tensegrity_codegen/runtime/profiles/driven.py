@@ -17,9 +17,6 @@ from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["DrivenArguments", "bind_profile", "check_end", "check_not_constant"]
-
-
 SAME_TIME = 1e-12  # of t_end, by which rounding may have a profile end before it
 
 

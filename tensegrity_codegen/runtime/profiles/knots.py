@@ -9,8 +9,6 @@ import numpy as np
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["KnotsInC", "follows_in_c"]
-
 SLACK = 1e-12  # of the last time, by which n steps of a fixed length may end beyond it
 
 

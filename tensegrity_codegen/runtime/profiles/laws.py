@@ -10,8 +10,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["check_laws", "check_rigid", "find_changing"]
-
 
 def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
     """Return the members whose laws radau holds constant and this profile changes.

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Pieces", "build_cubic", "build_linear"]
-
-
 JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
 
 

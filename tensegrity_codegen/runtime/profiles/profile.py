@@ -19,9 +19,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 from tensegrity_codegen.system.pickling import reduce_fields
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["KINDS", "Profile"]
-
-
 KINDS = ("linear", "cubic")
 BUILD = {"linear": build_linear, "cubic": build_cubic}
 

@@ -11,8 +11,6 @@ from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.system.checks import check_names, check_path
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
-__all__ = ["read_profile"]
-
 TIME = "time"
 
 

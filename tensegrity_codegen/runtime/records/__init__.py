@@ -1,3 +1,1 @@
 """Results that several rooms read: plans and timed motions."""
-
-__all__: list[str] = []

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.checks import check_whole
 
-__all__ = ["choose_even_knots"]
-
 
 def choose_even_knots(total: int, count: Any) -> NDArray[np.int64] | None:
     """Return so many of `total` knots, evenly distributed, the first and the last among them.

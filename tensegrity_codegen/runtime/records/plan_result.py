@@ -21,9 +21,6 @@ from tensegrity_codegen.system.summaries import (
     describe_range,
 )
 
-__all__ = ["LIMIT_WORDS", "Binding", "Block", "PlanResult"]
-
-
 # Limits in words.
 LIMIT_WORDS = {
     "least_tension": "least tension",

@@ -28,9 +28,6 @@ from tensegrity_codegen.system.summaries import (
 )
 from tensegrity_codegen.system.table_files import write_csv
 
-__all__ = ["Motion", "MotionPoint"]
-
-
 # Fields with a row for each knot; `residual` too where it has rows.
 KNOT_FIELDS = (
     *("time", "coordinate", "velocity", "acceleration"),

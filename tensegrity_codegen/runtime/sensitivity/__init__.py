@@ -1,3 +1,1 @@
 """Sensitivities of equilibria: how nodes and tensions follow changes of rest lengths."""
-
-__all__: list[str] = []

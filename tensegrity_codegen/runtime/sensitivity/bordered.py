@@ -19,9 +19,6 @@ from scipy.sparse import linalg as sparse_linalg
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Bordered", "factorise"]
-
-
 LEAST_RAISE = float(np.finfo(np.float64).eps)  # [N/m], where a structure has no stiffness at all
 
 

@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, check_choice
 
-__all__ = ["Columns", "select_columns"]
-
 Columns = Sequence[str] | Mapping[str, Sequence[str]]
 
 

@@ -13,8 +13,6 @@ from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, St
 from tensegrity_codegen.runtime.statics.step import SINGULAR
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["find_gauge", "find_node_velocities", "name_gauge"]
-
 
 def find_gauge(problem: StaticProblem, point: Point, system: StaticSystem) -> tuple[FloatArray, float]:
     """Return the motions over the coordinates x, (n, k) orthonormal, and the rounding of eigenvalues [N/m].

@@ -11,8 +11,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["Sensitivity"]
-
 
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Summarised):

@@ -29,9 +29,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 
-__all__ = ["Sensitivity", "equilibrium_sensitivity"]
-
-
 AT_REST_LENGTH = 1e-9  # extension over length up to which a cable may go slack or taut
 NAMED = 3  # nodes of a motion without resistance that the error names
 

@@ -21,9 +21,6 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["REST_LENGTH_QUANTITIES", "StaticSystem", "build_system", "has_springs"]
-
-
 REST_LENGTH_QUANTITIES = (
     "residual_rest_length_jacobian",
     "tension_rest_length_derivative",

@@ -1,3 +1,1 @@
 """Simulation of one or many motions, with conditions that end them."""
-
-__all__: list[str] = []

@@ -30,8 +30,6 @@ from tensegrity_codegen.runtime.simulate.condition_text import (
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, NonFiniteError
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["Expression", "build_condition", "build_expression", "find_quantities", "is_comparison"]
-
 
 def find_quantities(text: str) -> tuple[str, ...]:
     """Return the quantities that an expression names; raises what parse_condition raises."""

@@ -25,8 +25,6 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["Part", "Values", "build_difference", "build_part"]
-
 # The names that the entries of a quantity can be asked for by.
 NAMED = {"n_members": "member_name", "n_coordinates": "coordinate_name", "n_bar_pairs": "bar_pair_name"}
 

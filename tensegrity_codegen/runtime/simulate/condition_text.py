@@ -19,8 +19,6 @@ import numpy as np
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["FUNCTIONS", "OPERATORS", "POSITION", "WHERE", "name_part", "parse_condition", "shorten_part"]
-
 WHERE = "condition"
 LONGEST = 500  # characters
 DEEPEST = 50  # levels of parts within parts

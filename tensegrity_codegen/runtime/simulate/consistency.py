@@ -12,9 +12,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["make_consistent"]
-
-
 TOLERANCE = 1e-9  # of the largest entry
 ROUNDS = 4  # lengths that follow the tension depend on the state that they correct
 

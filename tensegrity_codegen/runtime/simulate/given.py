@@ -25,8 +25,6 @@ from tensegrity_codegen.system.checks import check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.precision import PRECISIONS
 
-__all__ = ["find_start", "read_sample_times", "read_schedule"]
-
 
 def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:
     """Return the times of samples (n,) [s]: so many equally spaced ones, or those given, from 0 to t_end.

@@ -17,14 +17,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
-__all__ = [
-    "CONTACT_QUANTITIES",
-    "SLACK_QUANTITIES",
-    "Margins",
-    "build_contact_margins",
-    "build_slack_margins",
-]
-
 Evaluate = Callable[[float, FloatArray], FloatArray]
 
 # What contacts and slack cables need of a model besides what a simulation needs.

@@ -26,9 +26,6 @@ from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["find_contact", "find_slack", "stop_at_contact"]
-
-
 TIGHT = 1e-13  # relative tolerance of the states that events are located on
 BETWEEN = 1e-8  # relative tolerance of the states that split an interval
 EVALUATIONS = 24  # of the derivative, that a part of an interval is worth: four steps of rk54

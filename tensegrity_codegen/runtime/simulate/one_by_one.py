@@ -19,8 +19,6 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["simulate_one_by_one"]
-
 
 def simulate_one_by_one(
     motion: Motion,

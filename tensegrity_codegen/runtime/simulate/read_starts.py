@@ -13,9 +13,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError, suggest
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["read_starts"]
-
-
 OF_NODES = {"node_position": "coordinate", "node_velocity": "velocity"}
 HELD = 1e-9  # of the largest entry, by which what is held may differ from the scene
 

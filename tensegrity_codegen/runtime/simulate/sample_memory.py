@@ -5,8 +5,6 @@ from __future__ import annotations
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["MOST_BYTES", "check_sample_memory"]
-
 MOST_BYTES = 8 * 2**30  # of all arrays of a trajectory
 
 

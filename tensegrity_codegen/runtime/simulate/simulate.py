@@ -31,8 +31,6 @@ from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.checks import check_callback, check_switch
 
-__all__ = ["simulate"]
-
 
 def simulate(
     model: CompiledModel,

@@ -37,8 +37,6 @@ from tensegrity_codegen.runtime.trajectory.evaluate_batch import evaluate_batch
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
 
-__all__ = ["simulate_batch"]
-
 
 def simulate_batch(
     model: CompiledModel,

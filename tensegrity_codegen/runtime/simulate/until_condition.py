@@ -18,8 +18,6 @@ from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
-__all__ = ["stop_at_condition", "watch_condition"]
-
 
 def watch_condition(
     model: CompiledModel,

@@ -16,8 +16,6 @@ from tensegrity_codegen.runtime.simulate.margins import build_contact_margins
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
-__all__ = ["stop_at_watched_contact", "watches_contact"]
-
 SAME = 1e-9  # of the simulated time: contacts this near happen at once
 
 

@@ -24,9 +24,6 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["BAR_EQUILIBRIUM_QUANTITIES", "BarProblem"]
-
-
 BAR_EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
     "node_residual",

@@ -18,9 +18,6 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 
-__all__ = ["BODY_EQUILIBRIUM_QUANTITIES", "BodyProblem"]
-
-
 BODY_EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
     "coordinate_force",

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.runtime.model.arrays import to_sized
-from tensegrity_codegen.runtime.model.model import CompiledModel, raise_for_status
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double
+from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
@@ -27,9 +28,6 @@ from tensegrity_codegen.system.errors import (
 )
 from tensegrity_codegen.tables.manifest import SOLVER_STATUS, STATUS, SolverSpec
 from tensegrity_codegen.tables.quantities import ARGUMENTS
-
-__all__ = ["EquilibriumSolver", "SolvedPath"]
-
 
 WORDS = (*STATUS, *SOLVER_STATUS)
 HINTS = {

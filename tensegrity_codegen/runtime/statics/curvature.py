@@ -11,9 +11,6 @@ from tensegrity_codegen.runtime.statics.sparse_curvature import SparseCurvature,
 from tensegrity_codegen.runtime.statics.step import Curvature
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["DENSE_LIMIT", "build_curvature", "find_lowest_curvature"]
-
-
 DENSE_LIMIT = 200  # coordinates up to which the stiffness is diagonalised
 
 

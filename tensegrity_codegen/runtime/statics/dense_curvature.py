@@ -10,8 +10,6 @@ import scipy
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["DenseCurvature", "find_lowest_dense"]
-
 
 class DenseCurvature:
     """K = V diag(lambda) V^T; gradients below `noise` [N] along singular directions count as rounding."""

@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import (
 from tensegrity_codegen.runtime.statics.methods import METHODS, Method, follow_residual
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress, find_minimum
 from tensegrity_codegen.runtime.statics.relaxation import find_relaxed
-from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES, Point, StaticProblem
+from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback, check_switch, check_whole, is_number
 from tensegrity_codegen.system.errors import (
@@ -34,17 +34,6 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.system.solver_progress import SETTLING, work_pass
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.precision import PRECISIONS
-
-__all__ = [
-    "EQUILIBRIUM_QUANTITIES",
-    "METHODS",
-    "Equilibrium",
-    "Method",
-    "build_problem",
-    "check_search_options",
-    "equilibrium_quantities",
-    "find_equilibrium",
-]
 
 # By the kind of static problem of the formulation.
 PROBLEMS: Mapping[str, type[StaticProblem]] = {

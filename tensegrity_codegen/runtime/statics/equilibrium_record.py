@@ -25,9 +25,6 @@ from tensegrity_codegen.system.summaries import (
     describe_range,
 )
 
-__all__ = ["Equilibrium", "record_outcome", "record_without_forces"]
-
-
 NEARLY = 1e-3  # residual over largest force up to which a start counts as an equilibrium that is left
 FAR = 0.1  # motion, as part of the structure's size, that is warned of
 

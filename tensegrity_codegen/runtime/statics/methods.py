@@ -7,8 +7,6 @@ from typing import Literal, get_args
 
 from tensegrity_codegen.system.solver_progress import SETTLING, describe_pass
 
-__all__ = ["METHODS", "Method", "follow_residual"]
-
 Method = Literal["auto", "newton", "relaxation"]
 METHODS: tuple[str, ...] = get_args(Method)
 

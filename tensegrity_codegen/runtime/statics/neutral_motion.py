@@ -16,9 +16,6 @@ from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["NeutralMotions", "find_neutral"]
-
-
 ALIGNED = 1e-6  # sine of the angle up to which a direction counts as that of an axis
 RANK = 1e-8  # part of a unit motion that counts as none
 MOST_FITS = 60

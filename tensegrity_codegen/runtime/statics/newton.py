@@ -22,8 +22,6 @@ from tensegrity_codegen.runtime.statics.step import SINGULAR, Curvature, Step
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["Outcome", "Progress", "Stability", "find_minimum", "find_stability"]
-
 Progress = Callable[[int, float], None]
 
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces

@@ -15,9 +15,6 @@ from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProbl
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["find_relaxed"]
-
-
 MASS_FACTOR = 0.6
 REFRESH = 25  # steps between two looks at the stiffness
 FARTHEST = 1e5  # times the longest member: beyond, the motion counts as unbounded

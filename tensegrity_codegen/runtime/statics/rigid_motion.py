@@ -12,9 +12,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["build_all_motions", "build_rigid_motions", "find_neutral_motions"]
-
-
 RANK_TOLERANCE = 1e-10  # of motions scaled to unit size
 ROUNDING = 1e-13  # of the norm of the stiffness
 

@@ -14,9 +14,6 @@ import scipy
 from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["SparseCurvature", "find_lowest_sparse"]
-
-
 MOST_SHIFTS = 60
 SHORTEST, LENGTHIEST = 0.6, 1.4  # of the radius: how well a cut step has to meet it
 

@@ -17,9 +17,6 @@ from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["EQUILIBRIUM_QUANTITIES", "Point", "StaticProblem"]
-
-
 EQUILIBRIUM_QUANTITIES = (
     "potential_energy",
     "node_residual",

@@ -12,9 +12,6 @@ from typing import Protocol
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["SINGULAR", "Curvature", "Step"]
-
-
 SINGULAR = 1e-13  # of the norm of the stiffness: eigenvalues below are rounding
 
 

@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["EnergyBalance", "balance_energy", "find_energy_flow"]
-
-
 # Energy may change by this fraction of the largest kinetic energy before a run is called wrong.
 ENERGY_TOLERANCE = 0.1
 # Change of coordinates over the largest of them, below which nothing moves: a hundredth of the default

@@ -14,8 +14,6 @@ from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE, Sample
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["BatchTrajectory"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class BatchTrajectory(Sampled):

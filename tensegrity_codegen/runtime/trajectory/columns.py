@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
-__all__ = ["list_columns", "list_input_units"]
-
 FIRST_OF_BATCH = "motion"
 
 

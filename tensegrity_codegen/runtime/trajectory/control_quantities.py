@@ -1,7 +1,5 @@
 """What feedback needs of a library, besides a linear model."""
 
-__all__ = ["CONTROL_METHOD", "CONTROL_QUANTITIES"]
-
 CONTROL_METHOD = "rk853"  # integrator of the simulated plant
 CONTROL_QUANTITIES = (
     "acceleration",

@@ -15,8 +15,6 @@ from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_e
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["evaluate_batch"]
-
 
 def evaluate_batch(
     model: CompiledModel, raw: RawBatch, arguments: Mapping[str, tuple[FloatArray, bool]], threads: int

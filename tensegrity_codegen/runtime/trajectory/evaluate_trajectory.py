@@ -21,8 +21,6 @@ from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["evaluate_trajectory"]
-
 
 def evaluate_trajectory(
     model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None

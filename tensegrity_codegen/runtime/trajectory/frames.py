@@ -9,8 +9,6 @@ import numpy as np
 from tensegrity_codegen.runtime.trajectory.columns import FIRST_OF_BATCH, list_columns, list_input_units
 from tensegrity_codegen.system.extras import TABLES, import_extra
 
-__all__ = ["build_dataset", "build_frame"]
-
 # Arrays of a motion, their axes after the samples, units and meanings.
 VARIABLES = {
     "node_position": (("node", "axis"), "m", "position"),

@@ -7,8 +7,6 @@ from typing import Any
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["MotionEvent"]
-
 
 @dataclass(frozen=True)
 class MotionEvent:

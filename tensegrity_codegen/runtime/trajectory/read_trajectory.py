@@ -16,8 +16,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.checks import check_names
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, StructureError
 
-__all__ = ["read_trajectory"]
-
 DRIVEN = ("input", "node_load")  # what only files of motions with inputs or changeable loads hold
 
 

@@ -18,9 +18,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.results_by_name import ByName, find_row
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
-__all__ = ["SAMPLED", "STATE", "WORDS", "Sampled"]
-
-
 STATE = ("coordinate", "velocity")
 # What result files hold of every sample, besides its time.
 SAMPLED = ("node_position", "node_velocity", "member_tension", "kinetic_energy", "total_energy")

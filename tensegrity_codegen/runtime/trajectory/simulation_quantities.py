@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["SIMULATION_QUANTITIES", "simulation_quantities"]
-
 # In any formulation; the integrators come besides.
 SIMULATION_QUANTITIES = ("acceleration", "member_tension", "kinetic_energy", "total_energy")
 

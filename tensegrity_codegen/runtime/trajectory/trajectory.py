@@ -17,8 +17,6 @@ from tensegrity_codegen.system.summaries import Fact, count_names, describe_numb
 if TYPE_CHECKING:
     from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 
-__all__ = ["Trajectory"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Trajectory(Sampled):

@@ -11,8 +11,6 @@ from tensegrity_codegen.runtime.trajectory.columns import list_columns
 from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import require_packages, write_csv, write_mat, write_parquet
 
-__all__ = ["MOTION_ENDINGS", "check_motion_file", "write_motion"]
-
 
 def _write_npz(motion: Any, path: Path, overwrite: bool) -> None:
     write_arrays(path, motion.arrays(), overwrite=overwrite)

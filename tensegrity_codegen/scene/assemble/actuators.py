@@ -13,8 +13,6 @@ from tensegrity_codegen.scene.schema.control_schema import ActuatorTable, Member
 from tensegrity_codegen.structure.actuators import UNLIMITED, Actuator, Sensor
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
-__all__ = ["build_actuators", "build_sensors"]
-
 Place = tuple[str | int, ...]
 
 

@@ -25,8 +25,6 @@ from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueErr
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["DEFAULT_QUANTITIES", "MASSLESS_QUANTITIES", "assemble", "list_parts"]
-
 SCENE = "a Scene, as read_scene(...) returns it"
 # What a scene gets that asks for no quantities; the second where a free node has no mass.
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy")

@@ -44,8 +44,6 @@ from tensegrity_codegen.system.errors import (
 from tensegrity_codegen.tables.formulations import FORMULATIONS
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["DEFAULT_QUANTITIES", "assemble_bodies"]
-
 # What a scene of bodies gets that asks for no quantities.
 BODIES = next(item.name for item in FORMULATIONS.values() if item.of_bodies)
 DEFAULT_QUANTITIES = ("member_tension", "acceleration", "total_energy", "chart_margin")

@@ -22,8 +22,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["SMALLEST_MARGIN", "BuiltBodies", "build_bodies_of_scene"]
-
 Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).

@@ -30,8 +30,6 @@ from tensegrity_codegen.structure.bodies import (
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["BodyFinder", "build_body_inputs", "build_body_loads", "build_friction", "three_numbers"]
-
 
 class BodyFinder:
     """Finds bodies and points by name, and says where a name is wrong."""

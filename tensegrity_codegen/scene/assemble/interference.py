@@ -8,8 +8,6 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.scene.schema.part_schema import Interference
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["find_bar_pairs"]
-
 
 def find_bar_pairs(
     wanted: Interference,

@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["build_limits", "find_limited", "with_section"]
-
 Subject = Structure | BodySystem
 
 

@@ -19,8 +19,6 @@ from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.tables.laws import LAWS
 
-__all__ = ["STIFFNESS", "Columns", "resolve_values"]
-
 Columns = dict[str, FloatArray]  # one value a row, NaN where the scene gives none
 
 STIFFNESS = ("spring_constant", "axial_stiffness")

@@ -16,9 +16,8 @@ from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.scene.schema.part_schema import Member, MemberClass
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
-from tensegrity_codegen.tables.laws import LAWS, LINEAR, Law, compute_spring_constant
-
-__all__ = ["build_member_arrays", "compute_rest_length"]
+from tensegrity_codegen.tables.laws import LAWS, LINEAR
+from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
 
 def build_member_arrays(

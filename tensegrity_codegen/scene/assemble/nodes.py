@@ -13,8 +13,6 @@ from tensegrity_codegen.scene.schema.part_schema import Load, Node
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["build_node_arrays", "spread_vectors"]
-
 
 def build_node_arrays(
     nodes: Mapping[str, Node], loads: Sequence[Load], axes: tuple[int, ...], where: str

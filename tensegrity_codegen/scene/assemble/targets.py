@@ -18,8 +18,6 @@ from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["Targets", "build_inputs", "build_parameters", "normalise", "refuse_members"]
-
 
 class Targets:
     """Finds the indices that names stand for; a name has one meaning among members, groups and classes.

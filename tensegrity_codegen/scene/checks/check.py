@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 from tensegrity_codegen.scene.checks.check_control import check_control
 from tensegrity_codegen.scene.checks.check_laws import check_laws
 from tensegrity_codegen.scene.checks.geometry import check_connectivity, check_freedom
-from tensegrity_codegen.scene.checks.scene_warnings import find_warnings
 from tensegrity_codegen.scene.names import check_name, check_names, check_scene_name, key_path
 from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.structure.actuators import Actuator, Sensor
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, StructureError
-
-__all__ = ["check_structure", "find_warnings"]
 
 # A rigid bar's rest length may differ from its length by this part of it.
 RIGID_TOLERANCE = 1e-9

@@ -13,8 +13,6 @@ from tensegrity_codegen.structure.limits import MEMBER_LIMITS
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["check_control"]
-
 
 def check_control(structure: Structure, where: str) -> None:
     """Raise unless the actuators are the last inputs and have sound values, and so have sensors and limits.

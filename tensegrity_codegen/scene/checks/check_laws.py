@@ -11,8 +11,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
 
-__all__ = ["check_laws"]
-
 
 def check_laws(subject: Structure | BodySystem, where: str) -> None:
     """Check the parameters of member laws.

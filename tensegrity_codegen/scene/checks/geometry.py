@@ -10,8 +10,6 @@ from tensegrity_codegen.scene.refuse import refuse
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 
-__all__ = ["check_connectivity", "check_freedom", "compute_member_length", "find_fully_anchored"]
-
 IndexArray = NDArray[np.int64]
 
 # Nodes closer than this part of the structure's extent count as coincident.

@@ -14,8 +14,6 @@ from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.system.errors import InvalidValueError, SceneError, SceneSyntaxError, TensegrityError
 from tensegrity_codegen.system.files import find_kind
 
-__all__ = ["LARGEST_FILE", "MOST_ENTRIES", "check_document", "check_regular", "check_text", "too_large"]
-
 MOST_ENTRIES = 200_000  # entries of one section: nodes, members, loads
 MOST_TABLES = 2 * MOST_ENTRIES + 100_000  # tables of a whole file
 MOST_PAIRS = 3_000_000  # keys of a whole file

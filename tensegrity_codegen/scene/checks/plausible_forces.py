@@ -12,16 +12,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = [
-    "warn_of_falling_pieces",
-    "warn_of_forces",
-    "warn_of_jump",
-    "warn_of_strong_gravity",
-    "warn_of_unstressed_bars",
-    "warn_of_upward_gravity",
-]
-
-
 EARTH = 9.81  # [m/s2]
 STRONG = 200.0  # [m/s2]
 UNSTRESSED = 1e-3  # tension of a bar over the largest of a cable

@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["warn_of_limits", "warn_of_ranges"]
-
 ROUNDING = 1e-9  # relative excess that is no warning
 MOST_PAIRS = 200_000  # of bars whose distances are compared
 

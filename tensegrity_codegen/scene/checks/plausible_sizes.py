@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["warn_of_densities", "warn_of_far_nodes", "warn_of_lengths", "warn_of_radii", "warn_of_sizes"]
-
 LONG = 50.0  # [m], median member length from which on millimetres are suspected
 FAR = 100.0  # distance of a node from the middle over the median of all nodes
 THICK = 0.25  # radius over length of a member

@@ -15,9 +15,6 @@ from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["LARGE_STRAIN", "warn_of_crossing", "warn_of_members", "warn_of_outliers", "warn_of_slack"]
-
-
 FEWEST_CABLES = 3  # of which one should be in tension
 SAME_LENGTH = 1e-9  # of the length: difference from the rest length that counts as none
 CROSSING = 5e-4  # radius over length that is taken for bars without one

@@ -31,8 +31,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.checks import check_instance
 
-__all__ = ["LARGE_STRAIN", "find_body_warnings", "find_scene_warnings", "find_warnings"]
-
 
 def find_scene_warnings(subject: Structure | BodySystem, *, settles: bool = False) -> tuple[str, ...]:
     """Return what `find_warnings` or `find_body_warnings` says; settles: the equilibrium is found first."""

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["warn_of_side"]
-
 FEET = 3  # nodes that a structure stands on
 FLAT = 0.05  # extent along y over the largest, below which the structure stands upright in a plane
 LEVEL = 1e-6  # of the structure's size

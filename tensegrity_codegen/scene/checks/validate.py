@@ -9,8 +9,6 @@ from pydantic import ValidationError
 
 from tensegrity_codegen.scene.schema.schema import Scene
 
-__all__ = ["PART", "validate"]
-
 PART = 500  # entries of a section that are validated at once
 # Sections whose entries are valid or not one by one.
 _SECTIONS = ("nodes", "members", "classes", "groups", "bodies", "tendons")

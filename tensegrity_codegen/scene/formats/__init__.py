@@ -1,3 +1,1 @@
 """Files of other tools read as scenes: CSV tables and NTRT structures."""
-
-__all__: list[str] = []

@@ -13,8 +13,6 @@ from typing import Any
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = ["UP_AXES", "change_frame"]
-
 # The axis of the file that points up -> for each axis of the scene: axis of the file, and sign.
 UP_AXES: Mapping[str, tuple[tuple[int, float], ...]] = {
     "x": ((1, 1.0), (2, 1.0), (0, 1.0)),

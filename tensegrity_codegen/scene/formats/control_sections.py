@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["CONTROL_SECTIONS", "rename_control"]
-
 CONTROL_SECTIONS = ("actuators", "sensors", "limits")
 
 Names = Mapping[str, str]

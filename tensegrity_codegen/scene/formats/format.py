@@ -20,8 +20,6 @@ from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.system.checks import check_instance, check_path, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
-__all__ = ["Format", "find_format", "find_formats", "read_files"]
-
 
 @dataclass(frozen=True)
 class Format:

@@ -20,8 +20,6 @@ from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 
-__all__ = ["FORMAT", "import_ansys"]
-
 LARGEST = 32 * 2**20  # bytes
 LONGEST_INDEX = 15  # digits
 WHAT = "a text of APDL commands"

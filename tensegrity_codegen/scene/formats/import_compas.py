@@ -26,8 +26,6 @@ from tensegrity_codegen.scene.formats.network import Network, NetworkMember, bui
 from tensegrity_codegen.scene.names import key_path
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["FORMAT", "import_compas"]
-
 WHAT = "a network of COMPAS"
 SECTIONS = ("data", "value")  # the latter of the encoder of version 1
 _CLASS_KEY = re.compile(r'"d(?:ata)?type"\s*:\s*"(?:compas|[\w.]+/\w)')

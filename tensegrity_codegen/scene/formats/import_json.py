@@ -32,8 +32,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["FORMAT", "import_json"]
-
 SECTIONS = ("name", "gravity", "nodes", "members", "anchors", "loads", *CONTROL_SECTIONS)
 NODE_KEYS = ("name", "position", "velocity", "mass", "anchored")
 NUMBERS = (*POSITIVE, "damping", "prestress")

@@ -24,8 +24,6 @@ from tensegrity_codegen.scene.formats.mjcf.tendons import read_coupled_masses, r
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["FORMAT", "import_mjcf"]
-
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
 NEAR = 1e-9  # of lengths, and of masses

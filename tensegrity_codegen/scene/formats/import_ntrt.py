@@ -22,8 +22,6 @@ from tensegrity_codegen.scene.formats.ntrt.load import load_structure
 from tensegrity_codegen.scene.formats.ntrt.plan import make_plan
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["FORMAT", "import_ntrt"]
-
 
 def import_ntrt(
     path: str | Path,

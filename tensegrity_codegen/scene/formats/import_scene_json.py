@@ -14,8 +14,6 @@ from tensegrity_codegen.scene.names import check_scene_name, key_path
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["FORMAT", "SCENE_FORMAT", "import_scene_json"]
-
 SCENE_FORMAT = "tensegrity_codegen scene 1"
 WHAT = "a scene in JSON"
 _FORMAT_KEY = re.compile(r'"format"\s*:\s*"tensegrity_codegen scene')

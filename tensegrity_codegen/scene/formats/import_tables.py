@@ -24,8 +24,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["FORMAT", "MEMBER_COLUMNS", "NODE_COLUMNS", "import_tables"]
-
 NODE_COLUMNS = ("node", "x", "y", "z", "vx", "vy", "vz", "mass", "anchored", "fx", "fy", "fz")
 MEMBER_COLUMNS = (
     "member",

@@ -24,8 +24,6 @@ from tensegrity_codegen.scene.formats.imported import ImportResult
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["FORMAT", "import_tdf"]
-
 WHAT = "a tensegrity document (TDF)"
 KINDS = {"rod": "bar", "cable": "cable"}
 

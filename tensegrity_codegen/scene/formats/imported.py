@@ -12,8 +12,6 @@ from tensegrity_codegen.scene.checks.limits import check_regular
 from tensegrity_codegen.scene.names import check_scene_name, is_name, is_scene_name
 from tensegrity_codegen.system.errors import SceneError, SceneSyntaxError
 
-__all__ = ["ImportResult", "NameBook", "name_all", "read_text", "scene_name"]
-
 _LONGEST_NAME = 63
 
 

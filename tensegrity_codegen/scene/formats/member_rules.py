@@ -11,8 +11,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
-__all__ = ["POSITIVE", "STIFFNESSES", "check_ends", "check_member", "note_defaults"]
-
 Where = Callable[[str], str]
 STIFFNESSES = ("spring_constant", "axial_stiffness")
 # Numbers of a member that must be above zero.

@@ -11,8 +11,6 @@ from tensegrity_codegen.scene.formats.imported import ImportResult, name_all, sc
 from tensegrity_codegen.scene.formats.member_rules import check_ends, check_member, note_defaults
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError, UnknownNameError, suggest
 
-__all__ = ["Network", "NetworkMember", "build_result"]
-
 
 @dataclass(frozen=True)
 class NetworkMember:

@@ -1,3 +1,1 @@
 """What a scene file may say: the pydantic models of its keys."""
-
-__all__: list[str] = []

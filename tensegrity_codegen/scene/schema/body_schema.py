@@ -21,21 +21,6 @@ from tensegrity_codegen.scene.schema.schema_types import (
     Vector,
 )
 
-__all__ = [
-    "LOAD_TAGS",
-    "BarBody",
-    "BodyTable",
-    "BodyTorque",
-    "FixedPart",
-    "JointFrictionTable",
-    "PointForceInput",
-    "PointLoad",
-    "RigidPart",
-    "Tendon",
-    "TorqueInput",
-    "load_tag",
-]
-
 Vector3: TypeAlias = Annotated[tuple[Number, ...], Strict(False), Field(min_length=3, max_length=3)]
 Points: TypeAlias = dict[Name, Vector3]
 PointReferences: TypeAlias = Annotated[tuple[PointReference, ...], Strict(False), Field(min_length=1)]

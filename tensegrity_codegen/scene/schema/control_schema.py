@@ -17,8 +17,6 @@ from tensegrity_codegen.scene.schema.schema_types import (
     tag_by_type,
 )
 
-__all__ = ["ActuatorTable", "LimitsTable", "MemberLimits", "MemberSensor", "NodeSensor"]
-
 Names: TypeAlias = Annotated[
     Annotated[Reference, Tag("@name")] | Annotated[References, Tag("@names")],
     Discriminator(tag_by_type(str, "@name", "@names")),

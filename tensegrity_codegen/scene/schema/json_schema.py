@@ -9,8 +9,6 @@ from pydantic_core.core_schema import NullableSchema
 
 from tensegrity_codegen.scene.schema.schema import Scene
 
-__all__ = ["scene_json_schema"]
-
 
 class _WithoutNull(GenerateJsonSchema):
     """TOML has no null: an optional key is simply left out."""

@@ -26,18 +26,6 @@ from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import BATCH_WIDTHS, INTERFACES
 from tensegrity_codegen.tables.tableaus import EXPLICIT
 
-__all__ = [
-    "EMITTERS",
-    "EVENTS",
-    "FLAGS",
-    "FORMULATIONS",
-    "INTEGRATORS",
-    "SOLVERS",
-    "ModelOptions",
-    "Parameters",
-]
-
-
 # What a scene may ask for. A new emitter, integrator or solver adds its name here.
 EMITTERS = ("auto", "unrolled", "lanes", "table")
 FLAGS = ("reference", "native", "small")

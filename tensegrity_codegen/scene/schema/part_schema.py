@@ -23,8 +23,6 @@ from tensegrity_codegen.scene.schema.schema_types import (
     tag_by_type,
 )
 
-__all__ = ["ForceInput", "Interference", "Load", "Member", "MemberClass", "Node", "RestLengthInput"]
-
 
 class MemberClass(MemberValues):
     """Values that many members share."""

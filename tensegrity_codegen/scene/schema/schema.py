@@ -54,8 +54,6 @@ from tensegrity_codegen.scene.shapes import Shape
 from tensegrity_codegen.scene.toml_text import format_scene
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names
 
-__all__ = ["Scene", "SceneParts"]
-
 
 class SceneParts(Table):
     """Nodes, members and groups: what a shape stands for, and what a scene adds to it."""

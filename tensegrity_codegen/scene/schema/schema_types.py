@@ -19,24 +19,6 @@ from pydantic_core import PydanticCustomError
 
 from tensegrity_codegen.scene.names import FILE_NAME_PROBLEM, FILE_NAMES, KEYWORDS, NAME_PATTERN, NAME_RULE
 
-__all__ = [
-    "Anchored",
-    "Axes",
-    "MemberValues",
-    "Name",
-    "NotNegative",
-    "Number",
-    "PointReference",
-    "Positive",
-    "Reference",
-    "References",
-    "SceneName",
-    "Selection",
-    "Table",
-    "Vector",
-    "tag_by_type",
-]
-
 
 def _refuse_keyword(name: str) -> str:
     if name in KEYWORDS:

@@ -13,8 +13,6 @@ from tensegrity_codegen.scene.shapes.tower import TowerShape
 from tensegrity_codegen.scene.shapes.two_nodes import TwoNodeShape
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
-__all__ = ["IcosahedronShape", "PrismShape", "Shape", "TowerShape", "TwoNodeShape", "expand_shape"]
-
 Shape: TypeAlias = Annotated[
     PrismShape | TowerShape | IcosahedronShape | TwoNodeShape, Field(discriminator="kind")
 ]

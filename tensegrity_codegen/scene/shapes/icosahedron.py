@@ -14,8 +14,6 @@ from pydantic import Field
 
 from tensegrity_codegen.scene.shapes.parts import ClassName, Parts, Positive, ShapeModel
 
-__all__ = ["IcosahedronShape"]
-
 
 class IcosahedronShape(ShapeModel):
     """An icosahedron about the origin: nodes n1..n12; members bar1..bar6, cable1..cable24."""

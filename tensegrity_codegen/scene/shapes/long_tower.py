@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = ["Blocks", "find_bar_runs", "find_long_twist", "find_run_tensions"]
-
-
 # From a twist [deg] to the equations (24, 22) of four stages: three rows a ring, columns as runs are listed.
 Blocks = Callable[[float], FloatArray]
 

@@ -12,8 +12,6 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, StringConstrai
 from tensegrity_codegen.scene.names import NAME_PATTERN
 from tensegrity_codegen.scene.shapes.selfstress import find_selfstress
 
-__all__ = ["Anchored", "Angle", "ClassName", "Parts", "Positive", "ShapeModel", "ring"]
-
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Angle: TypeAlias = Annotated[float, Field(gt=-360, lt=360, allow_inf_nan=False)]
 ClassName: TypeAlias = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]

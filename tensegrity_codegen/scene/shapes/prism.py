@@ -34,8 +34,6 @@ from tensegrity_codegen.scene.shapes.parts import (
 )
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
-__all__ = ["PrismShape", "selfstress_twist"]
-
 
 def selfstress_twist(bars: int) -> float:
     """Return the twist [deg] at which a prism of `bars` bars has a self-stress: 90 + 180/p."""

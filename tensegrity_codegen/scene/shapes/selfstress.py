@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.system.errors import StructureError
 
-__all__ = ["MOST_MEMBERS", "equilibrium_matrix", "find_selfstress", "selfstress_modes"]
-
 MOST_MEMBERS = 1200  # a dense singular value decomposition stays within seconds
 _RANK_TOLERANCE = 1e-10  # of the largest singular value
 _TENSION_TOLERANCE = 1e-6  # of the largest tension

@@ -41,8 +41,6 @@ from tensegrity_codegen.scene.shapes.prism import selfstress_twist
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.system.errors import StructureError
 
-__all__ = ["MOST_STAGES_FOR_TWIST", "TowerShape", "find_tower_twist"]
-
 MOST_STAGES_FOR_TWIST = 30
 _KNOWN_STAGES = (8, 16)  # of the towers that a longer one's twist is followed from
 _SCAN_RANGE = 45.0  # deg above the prism's twist

@@ -8,8 +8,6 @@ from pydantic import Field
 
 from tensegrity_codegen.scene.shapes.parts import ClassName, Parts, Positive, ShapeModel
 
-__all__ = ["TwoNodeShape"]
-
 _DIRECTION = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 

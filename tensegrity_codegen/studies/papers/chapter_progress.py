@@ -11,8 +11,6 @@ from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
-__all__ = ["Step", "build_sections", "run_study"]
-
 Result = TypeVar("Result")
 # Name of the study, its share of the time, and what computes its section.
 Step = tuple[str, float, Callable[[], Section]]

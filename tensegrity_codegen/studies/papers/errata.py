@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.report.pages.page import Entry
 
-__all__ = ["ERRATA", "ERRATA_TITLE"]
-
 ERRATA_TITLE = "Errata: what was found in print"
 
 SK = (

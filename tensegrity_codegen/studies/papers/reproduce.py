@@ -27,17 +27,6 @@ from tensegrity_codegen.system.progress import ProgressFunction, part_of
 from tensegrity_codegen.system.provenance import describe_provenance
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = [
-    "ALL",
-    "DATA_NAME",
-    "PAGE_NAME",
-    "PAPERS",
-    "Reproduction",
-    "build_page",
-    "choose_papers",
-    "reproduce",
-]
-
 PAGE_NAME, DATA_NAME = "reproduce.html", "reproduce.json"
 JOURNAL_NAME = Path("journal", "reproduce.jsonl")
 ALL = "all"

@@ -17,8 +17,6 @@ from tensegrity_codegen.studies.work_precision.problem import set_problem
 from tensegrity_codegen.system.forked import count_workers, run_pieces
 from tensegrity_codegen.system.journal import Journal
 
-__all__ = ["run_cases"]
-
 Progress = Callable[[float], None]
 
 

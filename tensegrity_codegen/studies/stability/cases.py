@@ -19,9 +19,6 @@ from tensegrity_codegen.studies.stability.changes import (
 )
 from tensegrity_codegen.studies.stability.neighbours import find_snap
 
-__all__ = ["RTOL", "Case", "generate_cases", "is_essential"]
-
-
 RTOL = 1e-6
 STIFFNESS_RATIOS = tuple(10.0**k for k in range(1, 13))
 MASS_RATIOS = (1e3, 1e6, 1e9)

@@ -8,17 +8,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision.problem import without_stretch
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = [
-    "as_springs",
-    "move_node",
-    "push_node",
-    "put_at_ratio",
-    "settle_bars",
-    "with_rigid_bars",
-    "with_springs",
-]
-
-
 USUAL_RATIO = 1e3  # stiffness of bars that had none, over that of the median cable
 
 

@@ -13,8 +13,6 @@ from tensegrity_codegen.studies.stability.outcome import Outcome
 from tensegrity_codegen.system.errors import MissingExtraError
 from tensegrity_codegen.system.extras import require_plot
 
-__all__ = ["draw_errors"]
-
 LEAST = 1e-8  # errors over tolerance below are drawn here
 
 

@@ -22,10 +22,8 @@ from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
-from tensegrity_codegen.tables.laws import compute_spring_constant
+from tensegrity_codegen.tables.laws.law import compute_spring_constant
 from tensegrity_codegen.tables.tableaus import TABLEAUS
-
-__all__ = ["ExtendedMotion", "has_extended_precision"]
 
 LongArray = NDArray[np.longdouble]
 

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from tensegrity_codegen.studies.stability.outcome import NOT_RUN, Outcome
 
-__all__ = ["WORDS", "count_cases", "describe_counts", "describe_finding", "sort_worst"]
-
 Outcomes = Mapping[str, Sequence[Outcome]]
 
 # Verdict -> how a page writes it.

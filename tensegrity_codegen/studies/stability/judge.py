@@ -12,8 +12,6 @@ from tensegrity_codegen.studies.stability.own import Ending, tolerance_of
 from tensegrity_codegen.studies.stability.tension_rule import tension_tolerance
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["RULES", "VERDICTS", "Judgement", "Truth", "certify_case", "is_agreed", "judge", "judge_peer"]
-
 Runs = Sequence[Callable[[float], Ending]]
 
 # Verdict -> what it means.

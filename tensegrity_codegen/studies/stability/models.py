@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.choice import integrators_for
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
@@ -17,9 +17,6 @@ from tensegrity_codegen.studies.stability.changes import as_springs, with_rigid_
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["EXPLICIT", "FIXED", "FOR_STIFF_BARS", "CaseModels", "list_methods", "values_of"]
-
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")

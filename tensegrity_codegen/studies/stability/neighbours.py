@@ -7,9 +7,6 @@ import numpy as np
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["find_snap"]
-
-
 LEAST_HEIGHT = 1e-2  # off its neighbours, over the mean member length
 
 

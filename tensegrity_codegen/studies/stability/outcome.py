@@ -11,8 +11,6 @@ from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.journal import read_record
 
-__all__ = ["NOT_RUN", "Limits", "Outcome", "read_outcomes"]
-
 NOT_RUN = "not run"
 
 

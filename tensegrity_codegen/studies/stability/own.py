@@ -22,9 +22,6 @@ from tensegrity_codegen.studies.stability.models import values_of
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError
 
-__all__ = ["SAMPLES", "Ending", "run_own", "tolerance_of"]
-
-
 SAMPLES = 5
 ATOL_OF_RTOL = 1e-3
 

@@ -19,8 +19,6 @@ from tensegrity_codegen.studies.stability.page_tables import (
 )
 from tensegrity_codegen.system.provenance import describe_provenance
 
-__all__ = ["build_page"]
-
 LEAD = (
     "A result that a method reports as good is right if its certified error is at most ten times the "
     "tolerance, of other programs at most a hundredth of the mean member length where that is more. A "

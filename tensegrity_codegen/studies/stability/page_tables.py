@@ -11,8 +11,6 @@ from tensegrity_codegen.studies.stability.finding import WORDS, sort_worst
 from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
 from tensegrity_codegen.studies.stability.outcome import Outcome
 
-__all__ = ["RULE_WORDS", "build_grid", "build_messages", "build_verdicts", "build_worst"]
-
 # Rule -> how a page writes it.
 RULE_WORDS = {
     "plain": "positions and velocities",

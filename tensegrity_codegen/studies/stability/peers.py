@@ -25,8 +25,6 @@ from tensegrity_codegen.studies.work_precision.peers import peer_contenders
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.system.forked import can_fork
 
-__all__ = ["PEER_STEP", "import_peers", "list_peers", "run_peer"]
-
 PEER_STEP = 1e-3  # of the time span, for those who take a step and no tolerance
 STEPPING = "MuJoCo"
 WAITING = 5.0  # times its limit by the clock, for a peer that waits or shares its processor

@@ -24,8 +24,6 @@ from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = ["StabilityReport", "write_stability"]
-
 PAGE_NAME, DATA_NAME = "stability.html", "stability.json"
 JOURNAL_NAME = "journal"
 

@@ -23,8 +23,6 @@ from tensegrity_codegen.studies.stability.peers import list_peers, run_peer
 from tensegrity_codegen.studies.stability.second_opinion import certify_extended
 from tensegrity_codegen.system.errors import TensegrityError
 
-__all__ = ["Limits", "Outcome", "list_contenders", "run_case"]
-
 REFERENCES = (*EXPLICIT, FOR_STIFF_BARS)  # the quickest first; auto is one of them
 
 

@@ -13,8 +13,6 @@ from tensegrity_codegen.studies.stability.judge import Truth, is_agreed
 from tensegrity_codegen.studies.stability.own import SAMPLES
 from tensegrity_codegen.system.errors import TensegrityError
 
-__all__ = ["certify_extended"]
-
 RESOLVED = 0.6  # radians of the fastest vibration in a step, at first: some 1e-9 off a step
 DECAYED = 2.0  # decay times in a step: order 8 is stable up to 6
 SHORTER = 1.5  # times the steps in the next run, 25 times as exact where no cable goes slack or taut

@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["tension_tolerance"]
-
-
 ROUNDING = 1e-15  # of positions, in lengths of members and so in their tensions
 
 

@@ -14,8 +14,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 from tensegrity_codegen.system.journal import read_record
 
-__all__ = ["Reference", "certify"]
-
 
 @dataclass(frozen=True)
 class Reference:

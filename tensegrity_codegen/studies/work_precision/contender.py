@@ -10,9 +10,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Contender", "Measurement", "Run", "Unavailable", "measure"]
-
-
 REPEATS = 5
 LEAST = 0.02  # seconds over which short runs are repeated
 ENOUGH = 0.3  # seconds of measuring one setting, unless a single run takes longer

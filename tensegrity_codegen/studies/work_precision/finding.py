@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from tensegrity_codegen.studies.work_precision.row import Row
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 
-__all__ = ["Comparison", "compare_scene", "describe_finding", "describe_rows", "find_fastest_peer"]
-
 WANTED = 1e-6  # the error of the headline [m], where methods reach it
 MOST_SCENES = 2  # that a headline names one by one
 

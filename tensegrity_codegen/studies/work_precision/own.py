@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tensegrity_codegen.codegen.choose_emitter import MOST_STRAIGHT
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -26,19 +26,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = [
-    "ADAPTIVE",
-    "STEPS",
-    "TOLERANCES",
-    "CompiledMotion",
-    "compile_problem",
-    "describe_simulation",
-    "initial_state",
-    "own_contenders",
-    "place_samples",
-]
-
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span

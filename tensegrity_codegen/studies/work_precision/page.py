@@ -29,8 +29,6 @@ from tensegrity_codegen.studies.work_precision.row import Row, find_front
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tensegrity_codegen.system.provenance import describe_provenance
 
-__all__ = ["build_page", "say_recommendation"]
-
 MOST_BEST = 8  # runs of a long table that are always visible
 SHOWN = 1e1  # errors above are not drawn [m]
 LEAD = (

@@ -7,8 +7,6 @@ import numpy as np
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["find_length_error"]
-
 
 def find_length_error(structure: Structure, node_position: FloatArray) -> float | None:
     """Return the largest change of length of a rigid bar [m] over the samples, None without rigid bars."""

@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["MotionProblem", "set_problem", "without_stretch"]
-
-
 # Where a scene starts at rest in equilibrium nothing would be measured: its nodes are given speeds of this
 # part of the mean member length a second, that stretch no bar.
 KICK = 0.1

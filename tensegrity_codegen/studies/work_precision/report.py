@@ -28,8 +28,6 @@ from tensegrity_codegen.system.output_folder import check_folder, write_folder
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = ["WorkReport", "write_report"]
-
 PAGE_NAME, TABLE_NAME, DATA_NAME = "report.html", "report.csv", "report.json"
 MOST_SAMPLES = 100_000
 

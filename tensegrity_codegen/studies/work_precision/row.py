@@ -10,8 +10,6 @@ from typing import Any
 
 from tensegrity_codegen.system.journal import read_record
 
-__all__ = ["Row", "find_front", "is_clearly_slower", "recommend"]
-
 CLEARLY = 2.0  # times the time of another setting
 
 

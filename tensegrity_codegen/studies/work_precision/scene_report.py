@@ -21,8 +21,6 @@ from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption
 
-__all__ = ["Options", "SceneReport", "open_journal", "report_scene"]
-
 Progress = Callable[[float], None]
 WANTED = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 # A setting is skipped when looser ones of the same contender came to errors this close to the floor, or took

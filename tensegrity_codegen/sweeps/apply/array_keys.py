@@ -16,8 +16,6 @@ from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import Steps
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, suggest
 
-__all__ = ["ARRAYS", "INPUT", "ArrayKey", "find_array_key"]
-
 INPUT = "input"
 POSITIVE, NOT_NEGATIVE = Bounds(0.0, lower_is_open=True), Bounds(0.0)
 OF_MEMBERS = {

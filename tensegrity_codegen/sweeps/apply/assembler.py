@@ -25,8 +25,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError, UnknownKeyError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["AssembledCase", "CaseAssembler", "FileKey", "build_assembler"]
-
 
 @dataclass(frozen=True)
 class FileKey:

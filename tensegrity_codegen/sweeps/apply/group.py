@@ -12,8 +12,6 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["AppliedCases", "CaseGroup", "Mapper"]
-
 
 @dataclass(frozen=True)
 class AppliedCases:

@@ -17,9 +17,6 @@ from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
-__all__ = ["MOST_LIBRARIES", "find_groups"]
-
-
 MOST_LIBRARIES = 50  # without an express yes
 MOST_CONFIRMED = 1000  # with it
 MOST_TRIED = 300  # cases that are tried before a sweep without a good one is given up

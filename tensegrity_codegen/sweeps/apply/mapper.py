@@ -23,9 +23,6 @@ from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_sl
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import TensegrityError
 
-__all__ = ["CaseMapper"]
-
-
 BLOCK = 2_000_000  # numbers of slots that are computed together
 MOST_KEPT = 50_000  # assemblies that a process remembers
 OTHER_LIBRARY = "the values of this case need another library than those of its group; run it alone"

@@ -13,8 +13,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = ["Relations", "find_relations"]
-
 NEARLY = 1e-9  # part by which values are compared before they are compared bit by bit
 
 

@@ -29,9 +29,6 @@ from tensegrity_codegen.sweeps.apply.relations import Relations, find_relations
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.laws import LINEAR
 
-__all__ = ["SAME", "RestLengths", "find_rest_lengths", "read_stated"]
-
-
 SAME = 1e-12  # part by which a rest length may differ from that of the assembled scene
 ROUNDED = 3e-12  # part by which prestresses may differ, two of which are rounded to 13 digits
 STATED = ("prestress", "strain")

@@ -10,8 +10,6 @@ from tensegrity_codegen.scene.read import name_source, parse_scene, read_documen
 from tensegrity_codegen.scene.schema.schema import Scene
 from tensegrity_codegen.scene.shapes import expand_shape
 
-__all__ = ["expand_document", "read_scene_document"]
-
 
 def read_scene_document(scene: str | Path | Mapping[str, Any] | Scene) -> tuple[dict[str, Any], str]:
     """Return a scene as a plain dictionary, checked, and its source for messages; raises as `read_scene`."""

@@ -20,9 +20,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["STATE", "hash_constants", "list_slots", "name_changed"]
-
-
 STATE = ("coordinate", "velocity", "input")  # slots that are arguments of every library
 OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")
 # Parts by which lengths of rigid bars differ that are the same but for rounding.

@@ -1,3 +1,1 @@
 """The cases of a sweep: grids of ranges, samples of distributions, rows of a table."""
-
-__all__: list[str] = []

@@ -14,8 +14,6 @@ from tensegrity_codegen.sweeps.cases.table import columns_of
 from tensegrity_codegen.sweeps.keys import parse_path
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 
-__all__ = ["LARGEST_SAMPLE", "MOST_CASES", "build_cases"]
-
 MOST_CASES = 100_000  # without an express yes
 LARGEST_SAMPLE = 2**30  # rows, that a Sobol' sequence can have
 

@@ -14,8 +14,6 @@ from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.points import Points
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["MOST_LISTED", "Cases"]
-
 MOST_LISTED = 1000  # values of an axis that a description lists; of longer ones it has the hash
 
 

@@ -15,8 +15,6 @@ from scipy.special import ndtri
 from tensegrity_codegen.sweeps.cases.numbers import read_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, check_choice
 
-__all__ = ["DISTRIBUTIONS", "Distribution", "read_distribution"]
-
 _CALL = re.compile(r"\s*([A-Za-z_]\w*)\s*\((.*)\)\s*", re.DOTALL)
 
 # Name -> its two parameters.

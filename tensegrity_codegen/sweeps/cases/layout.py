@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["LANES", "CaseLayout"]
-
 LANES = 8  # a task is a whole number of these, which the batch functions compute side by side
 
 

@@ -8,8 +8,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 
-__all__ = ["read_count", "read_number"]
-
 _NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
 _NOT_FINITE = ("nan", "inf", "infinity")
 

@@ -7,8 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Points"]
-
 
 class Points(Protocol):
     """Rows of values of some keys, computed on demand."""

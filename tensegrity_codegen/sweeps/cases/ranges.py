@@ -11,8 +11,6 @@ from tensegrity_codegen.sweeps.cases.axis import Axis
 from tensegrity_codegen.sweeps.cases.numbers import read_count, read_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["MOST_VALUES", "RANGE_RULE", "read_axis"]
-
 RANGE_RULE = "start:stop:n, start:stop:n:log, or values with commas: 1,2,5"
 MOST_VALUES = 10_000_000  # of one axis
 

@@ -25,8 +25,6 @@ from tensegrity_codegen.sweeps.cases.numbers import read_count
 from tensegrity_codegen.sweeps.cases.unit_points import LatinHypercube, PlainRandom, SobolPoints, UnitPoints
 from tensegrity_codegen.system.errors import check_choice
 
-__all__ = ["METHODS", "Sample", "build_sample"]
-
 METHODS = ("random", "latin_hypercube", "sobol", "saltelli")
 SMALLEST = 2.0**-54  # probabilities are kept from 0 and 1, where a normal distribution has no value
 LARGEST = 1.0 - 2.0**-53

@@ -21,8 +21,6 @@ from tensegrity_codegen.system.errors import (
     StructureError,
 )
 
-__all__ = ["LARGEST_TABLE", "Table", "read_table"]
-
 LARGEST_TABLE = 512 * 2**20  # bytes
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-__all__ = ["LatinHypercube", "PlainRandom", "SobolPoints", "UnitPoints"]
-
 WORDS = 4  # numbers that Philox makes of one value of its counter
 BITS = 30  # of the coordinates of a Sobol' sequence
 

@@ -1,3 +1,1 @@
 """Where the tasks of a sweep run: processes on this machine, or a Dask cluster."""
-
-__all__: list[str] = []

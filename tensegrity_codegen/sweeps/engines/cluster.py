@@ -12,8 +12,6 @@ from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_
 from tensegrity_codegen.system.errors import ClusterError, InvalidValueError
 from tensegrity_codegen.system.extras import CLUSTER, import_extra
 
-__all__ = ["connect", "count_threads"]
-
 PORT = "8786"  # of a Dask scheduler, where an address has none
 LOOK = 0.2  # [s] between two looks for workers
 LEAST_WAIT = 1.0  # [s] for an answer of the scheduler

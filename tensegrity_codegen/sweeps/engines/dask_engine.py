@@ -21,8 +21,6 @@ from tensegrity_codegen.sweeps.engines.work import SweepWork, library_request, s
 from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.system.errors import ClusterError, TensegrityError
 
-__all__ = ["DaskEngine"]
-
 LOOK = 1.0  # [s] between two looks at the workers while no task ends
 AHEAD = 2  # tasks in flight for each thread of the workers: the next is there when one ends
 

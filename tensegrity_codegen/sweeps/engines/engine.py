@@ -11,8 +11,6 @@ from tensegrity_codegen.sweeps.engines.work import SweepWork
 from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 
-__all__ = ["MOST_ATTEMPTS", "Engine", "FinishedTask"]
-
 MOST_ATTEMPTS = 2  # a task whose process ended so many times is set aside
 
 

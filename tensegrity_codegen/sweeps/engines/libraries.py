@@ -10,8 +10,6 @@ from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.engines.work import library_request
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 
-__all__ = ["Libraries"]
-
 
 @dataclass(eq=False)
 class Libraries:

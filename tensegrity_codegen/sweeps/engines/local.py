@@ -22,8 +22,6 @@ from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.forked import DEFERRED, can_fork, deferred_signals, end_process
 
-__all__ = ["LocalEngine"]
-
 LOOK = 0.5  # [s] between two looks at signals
 AHEAD = 2  # tasks that a worker has at a time: the next is there when it has sent a result
 

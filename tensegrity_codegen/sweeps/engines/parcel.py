@@ -6,8 +6,8 @@ import platform
 import sys
 from dataclasses import dataclass, replace
 
-from tensegrity_codegen.codegen.compilation.cache import Cache, CacheEntry
-from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, read_contents
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.codegen.compilation.cache_entry import MANIFEST_FILE, CacheEntry, read_contents
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
@@ -18,8 +18,6 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import CompilerMissingError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.targets import find_target
-
-__all__ = ["SourceParcel", "load_parcel", "make_parcel"]
 
 LOG = "compile.log"
 

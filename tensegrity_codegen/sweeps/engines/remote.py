@@ -17,8 +17,6 @@ from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_
 from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task
 from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 
-__all__ = ["RemoteWork", "compute_remotely", "unpack"]
-
 _models: dict[str, CompiledModel] = {}  # libraries of this process by the hash of their source
 _lock = threading.Lock()
 

@@ -8,8 +8,6 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["limit_threads"]
-
 VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",

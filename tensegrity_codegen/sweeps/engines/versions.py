@@ -13,8 +13,6 @@ from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.system.errors import ClusterError
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["check_versions", "describe_versions"]
-
 PACKAGES = ("numpy", "scipy", "casadi")
 OWN = "tensegrity_codegen"
 SOURCE = "source of tensegrity_codegen"

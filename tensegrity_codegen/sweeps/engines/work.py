@@ -18,8 +18,6 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskRes
 from tensegrity_codegen.tables.quantities import PARAMETERS
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["LoadModel", "SweepWork", "compute_task", "library_request", "select_arguments", "set_task_aside"]
-
 ON_ANCHORS = "member_length"
 
 Places = tuple[NDArray[np.int64], ...] | None

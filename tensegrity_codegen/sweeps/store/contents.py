@@ -15,8 +15,6 @@ from tensegrity_codegen.sweeps.statuses import NOT_COMPUTED, STATUSES
 from tensegrity_codegen.sweeps.store.folder import ATTRIBUTE, FORMAT, MESSAGE, RECORD, STATUS
 from tensegrity_codegen.sweeps.tasks.operation import Output
 
-__all__ = ["NOT_COMPUTED_CODE", "StoreContents", "StoredArray"]
-
 TASK = "task"
 NOT_COMPUTED_CODE = -1  # status of a case whose task is not finished
 OWN_NAMES = (STATUS, MESSAGE, RECORD, TASK, "case", "sample")

@@ -24,8 +24,6 @@ from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import explain_unwritable
 from tensegrity_codegen.system.work_folder import work_folder
 
-__all__ = ["create_store", "restore_coordinates"]
-
 
 def create_store(path: str | Path, contents: StoreContents) -> None:
     """Make the folder of a sweep without results.

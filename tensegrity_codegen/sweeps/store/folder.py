@@ -21,25 +21,6 @@ from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.files import check_ending, explain_unwritable
 from tensegrity_codegen.system.output_folder import check_folder
 
-__all__ = [
-    "ATTRIBUTE",
-    "FORMAT",
-    "MESSAGE",
-    "METADATA",
-    "RECORD",
-    "STATUS",
-    "StoredSweep",
-    "check_not_damaged",
-    "check_store_folder",
-    "check_store_name",
-    "compute_checksum",
-    "find_damaged",
-    "find_finished",
-    "is_whole",
-    "locked_store",
-    "read_stored_sweep",
-]
-
 ATTRIBUTE = "tensegrity_codegen_sweep"
 FORMAT = 2
 METADATA = "zarr.json"

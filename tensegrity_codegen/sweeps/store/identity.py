@@ -9,8 +9,6 @@ from typing import Any
 
 from tensegrity_codegen.system.errors import OutputError
 
-__all__ = ["check_same_sweep", "find_differences"]
-
 MOST_NAMED = 8
 LONGEST = 60  # characters of a value in a message
 ABSENT = object()

@@ -8,8 +8,6 @@ from typing import Any
 from tensegrity_codegen.sweeps.store.folder import RECORD, check_not_damaged, read_stored_sweep
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
-__all__ = ["open_sweep"]
-
 
 def open_sweep(path: str | Path) -> Any:
     """Open the results of a sweep, finished or not; arrays are verified, and read when they are used.

@@ -27,8 +27,6 @@ from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 from tensegrity_codegen.system.forked import deferred_signals
 
-__all__ = ["SweepStore", "open_group", "writing_empty_chunks"]
-
 PARTIAL = ".partial"  # ending of the temporary files of Zarr's store
 
 

@@ -26,8 +26,6 @@ from tensegrity_codegen.system.errors import check_choice
 from tensegrity_codegen.system.extras import TABLES, import_extra
 from tensegrity_codegen.system.files import check_ending, check_output, replaced
 
-__all__ = ["TABLE_FORMATS", "check_table", "write_sweep_table"]
-
 TABLE_FORMATS = ("csv", "parquet")
 MOST_COLUMNS = 100  # of one quantity over the names of members, nodes or others
 GROUP_ROWS = 2**16  # rows of a row group of Parquet

@@ -6,9 +6,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["bin_means", "find_edges", "is_logarithmic", "make_bins"]
-
-
 WIDE = 50.0  # largest over least value from which on a positive range is shown on a logarithmic axis
 
 

@@ -15,8 +15,6 @@ from tensegrity_codegen.sweeps.store.folder import read_stored_sweep
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["build_case_scene", "check_case"]
-
 
 def check_case(results: SweepResults, case: int) -> None:
     """Raise InvalidValueError unless the sweep has a case with this number."""

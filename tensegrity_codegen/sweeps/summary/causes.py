@@ -13,8 +13,6 @@ from tensegrity_codegen.sweeps.summary.figures import draw_indices
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 
-__all__ = ["build_causes"]
-
 
 def build_causes(summary: SweepSummary) -> Iterator[Section]:
     """Return Sobol' indices where the cases allow them, and rank correlations."""

@@ -14,8 +14,6 @@ from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["REDUCTIONS", "ChosenResult", "choose_results"]
-
 
 def _compute_mean(values: FloatArray, axis: int) -> FloatArray:
     """Return the mean along an axis of what is there; NaN where nothing is."""

@@ -23,16 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Drawing
 
-__all__ = [
-    "MOST_POINTS",
-    "draw_curve",
-    "draw_failures",
-    "draw_heat_map",
-    "draw_histogram",
-    "draw_indices",
-    "draw_scatter",
-]
-
 
 MOST_POINTS = 5000  # of a scatter plot; more cases become a two-dimensional histogram
 BINS, MAP_BINS = 40, 60

@@ -14,8 +14,6 @@ from tensegrity_codegen.sweeps.summary.statistics import Distribution
 from tensegrity_codegen.sweeps.summary.summary import SweepSummary
 from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND, LIMIT_USE
 
-__all__ = ["describe_finding", "describe_lead", "describe_range"]
-
 MOST_STATUSES = 2
 MOST_NAMED = 3  # keys in the lead
 

@@ -11,9 +11,6 @@ from tensegrity_codegen.sweeps.summary.results import SweepResults
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import SWEEP, import_extra
 
-__all__ = ["Indices", "compute_grid_indices", "compute_indices", "compute_sobol_indices"]
-
-
 CONFIDENCE = 0.95
 RESAMPLES = 200
 MOST_DRAWN = 4_000_000  # numbers that the resampling holds at once

@@ -10,15 +10,6 @@ import numpy as np
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 
-__all__ = [
-    "Ending",
-    "KeyDifference",
-    "count_endings",
-    "describe_count",
-    "find_failing_keys",
-    "is_difference_clear",
-]
-
 VERBS = {
     "equilibrium": "converged",
     "evaluate": "were evaluated",

@@ -25,8 +25,6 @@ from tensegrity_codegen.sweeps.store.store import open_group
 from tensegrity_codegen.sweeps.summary.results import KeptQuantity, SweepResults
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["read_results"]
-
 
 def read_results(path: str | Path) -> SweepResults:
     """Return a stored sweep, finished or not.

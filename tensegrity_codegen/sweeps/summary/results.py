@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["KeptQuantity", "SweepResults"]
-
-
 MOST_LETTERS = 36  # of a key along an axis
 
 

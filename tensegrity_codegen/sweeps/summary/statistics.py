@@ -9,8 +9,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Distribution", "compute_rank_correlation", "describe_distribution"]
-
 
 @dataclass(frozen=True)
 class Distribution:

@@ -27,8 +27,6 @@ from tensegrity_codegen.sweeps.summary.worst import BuildCommands, WorstCase, fi
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 
-__all__ = ["ResultSummary", "SweepSummary", "summarize"]
-
 
 @dataclass(frozen=True)
 class ResultSummary:

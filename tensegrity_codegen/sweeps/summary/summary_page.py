@@ -31,8 +31,6 @@ from tensegrity_codegen.sweeps.summary.statistics import describe_distribution
 from tensegrity_codegen.sweeps.summary.summary import ResultSummary, SweepSummary
 from tensegrity_codegen.system.version import VERSION
 
-__all__ = ["build_summary_page"]
-
 MOST_KEYS = 2  # over which each result is drawn, unless keys are chosen
 METHODS = {
     "grid": "all points of a grid",

@@ -10,8 +10,6 @@ from rich.table import Table
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import SweepSummary
 
-__all__ = ["list_tables"]
-
 
 def list_tables(summary: SweepSummary) -> Iterator[Table | str]:
     """Yield endings, keys of failures, results, what these depend on, and worst cases."""

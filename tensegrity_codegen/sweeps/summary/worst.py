@@ -11,8 +11,6 @@ from tensegrity_codegen.sweeps.statuses import GOOD, NOT_COMPUTED
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.results import SweepResults
 
-__all__ = ["BuildCommands", "WorstCase", "find_worst_cases"]
-
 MOST_OF_A_KIND = 3
 
 

@@ -1,3 +1,1 @@
 """What is computed for a chunk of cases with one library: one file an operation."""
-
-__all__: list[str] = []

@@ -11,8 +11,6 @@ from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.sweeps.tasks.dimensions import AXES, describe_quantity
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 
-__all__ = ["Shaped", "find_axes"]
-
 Labels = dict[str, tuple[Any, ...]]
 
 

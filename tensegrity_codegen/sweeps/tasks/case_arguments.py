@@ -16,8 +16,6 @@ from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
-__all__ = ["CaseArguments", "read_case_arguments"]
-
 NOT_FINITE = "the value of {name} is not finite"
 
 

@@ -10,8 +10,6 @@ from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["AXES", "describe_quantity", "label_axis", "list_axis_names", "real_dtype"]
-
 AXES = ("x", "y", "z")
 
 

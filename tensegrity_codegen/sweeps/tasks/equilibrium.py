@@ -15,7 +15,8 @@ from tensegrity_codegen.runtime.model.require import require_double
 from tensegrity_codegen.runtime.simulate.condition_text import POSITION
 from tensegrity_codegen.runtime.statics.batch.equilibria import Equilibria
 from tensegrity_codegen.runtime.statics.batch.find_equilibria import find_equilibria
-from tensegrity_codegen.runtime.statics.equilibrium import Method, check_search_options
+from tensegrity_codegen.runtime.statics.equilibrium import check_search_options
+from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
@@ -27,8 +28,6 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskRes
 from tensegrity_codegen.sweeps.tasks.quantities import compute_values
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["FindEquilibrium", "find_each"]
 
 USUAL = (
     *("node_position", "member_tension", "smallest_eigenvalue", "displacement", "change", "residual"),

@@ -21,8 +21,6 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Evaluate"]
-
 
 @dataclass(frozen=True)
 class Evaluate(Operation):

@@ -28,8 +28,6 @@ from tensegrity_codegen.system.errors import (
 )
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["REDUCTIONS", "KeptText", "parse_kept"]
-
 REDUCTIONS = ("final", "max", "min", "mean", "rms")
 EVERY, FIRST = "every", "first"
 LABEL = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*(.*)", re.DOTALL)

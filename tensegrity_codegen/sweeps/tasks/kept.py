@@ -22,8 +22,6 @@ from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Kept", "bind_kept", "find_kept_quantities"]
-
 RealArray = NDArray[Any]
 
 

@@ -9,9 +9,6 @@ from tensegrity_codegen.structure.member_limits import check_members
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["BEYOND", "LIMIT_USE", "LIMIT_USE_RESULT", "compute_limit_use"]
-
-
 LIMIT_USE = "limit_use"
 OF_STIFFNESS = ("spring_constant", "axial_stiffness", "rest_length")
 BEYOND = "members buckle, are strained by more than 1 %, or exceed a limit"

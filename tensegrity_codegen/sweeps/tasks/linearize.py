@@ -24,8 +24,6 @@ from tensegrity_codegen.system.errors import DuplicateNameError, NonFiniteError,
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Linearize"]
-
 USUAL = ("natural_frequency", "damping_ratio", "A", "B")
 RESULTS = (*USUAL, "residual_rate", "zero_eigenvalues", "growing_eigenvalues")
 POINTS = ("start", "equilibrium")

@@ -17,8 +17,6 @@ from tensegrity_codegen.sweeps.statuses import is_good
 from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Operation", "Output", "TaskResult", "build_result"]
-
 
 @dataclass(frozen=True)
 class Output:

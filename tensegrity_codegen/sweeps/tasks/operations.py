@@ -15,8 +15,6 @@ from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.sweeps.tasks.simulate import Simulate
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownKeyError, check_choice, suggest
 
-__all__ = ["OPERATIONS", "build_operation"]
-
 OPERATIONS: Mapping[str, type[Operation]] = MappingProxyType(
     {kind.name: kind for kind in (Simulate, FindEquilibrium, Linearize, Evaluate)}
 )

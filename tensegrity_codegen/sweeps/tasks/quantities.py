@@ -14,8 +14,6 @@ from tensegrity_codegen.system.arrays import BoolArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.manifest import FunctionSpec
 
-__all__ = ["compute_rows", "compute_values", "place_rows"]
-
 RealArray = NDArray[Any]
 
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText
 from tensegrity_codegen.sweeps.tasks.operation import Output
 
-__all__ = ["find_first_time", "reduce_output", "reduce_values"]
-
 RealArray = NDArray[Any]
 
 WORDS = {

@@ -29,8 +29,6 @@ from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["Simulate"]
-
 USUAL = ("node_position.final", "member_tension.max", "member_tension.min", "energy_drift", LIMIT_USE)
 MOST_BYTES = 2**26  # of the samples of a block of motions
 VELOCITY = "node_velocity"

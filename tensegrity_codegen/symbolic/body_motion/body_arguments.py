@@ -14,8 +14,6 @@ from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.laws import LAW_PARAMETERS
 from tensegrity_codegen.tables.quantities import ARGUMENTS, PARAMETERS
 
-__all__ = ["BODY_PARAMETERS", "BodyArguments"]
-
 Scalar = Any
 
 _OF_MEMBERS = ("rest_length", "spring_constant", "axial_stiffness", "damping")

@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.kinematics import Kinematics
 from tensegrity_codegen.symbolic.body_motion.body_arguments import BodyArguments
 from tensegrity_codegen.symbolic.geometry import dot
 
-__all__ = ["BodyMotion"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -10,8 +10,6 @@ from functools import cached_property
 
 import casadi as ca
 
-__all__ = ["Lagrangian"]
-
 
 @dataclass(frozen=True)
 class Lagrangian:

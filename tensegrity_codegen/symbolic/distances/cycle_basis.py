@@ -14,8 +14,6 @@ import numpy as np
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["build_constraint_basis"]
-
 
 def build_constraint_basis(graph: AxisGraph, kind: str) -> FloatArray:
     """Return L (n_moving, n_constraints) of one axis; kind: "cycles" or "orthonormal"."""

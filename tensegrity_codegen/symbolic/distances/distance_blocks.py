@@ -14,8 +14,6 @@ from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinat
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 
-__all__ = ["DistanceBlocks"]
-
 Scalar = Any
 
 

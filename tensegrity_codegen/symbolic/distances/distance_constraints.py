@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.symbolic.distances.cycle_basis import build_constraint_basis
 from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
 
-__all__ = ["DistanceConstraints"]
-
 
 class DistanceConstraints:
     """Constraints L^T q = const of the coordinates q of `layout`; kind: "cycles" or "orthonormal" basis."""

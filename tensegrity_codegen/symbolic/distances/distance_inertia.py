@@ -18,8 +18,6 @@ import casadi as ca
 from tensegrity_codegen.symbolic.distances.pair_coordinates import PairCoordinates
 from tensegrity_codegen.symbolic.inertia import Inertia
 
-__all__ = ["build_distance_inertia", "build_inverse_inertia", "spread_force"]
-
 Scalar = Any
 Vector = list[Scalar]
 

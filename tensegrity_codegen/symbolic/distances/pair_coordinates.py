@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph, list_pairs
 
-__all__ = ["Centre", "PairCoordinates"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-__all__ = ["AxisGraph", "Pairs", "TreeStep", "list_pairs"]
-
 
 @dataclass(frozen=True)
 class Pairs:

@@ -29,8 +29,6 @@ from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["build_bodies"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -37,8 +37,6 @@ from tensegrity_codegen.symbolic.scatter import CoordinateMap
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["build_node_distance"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -21,8 +21,6 @@ from tensegrity_codegen.symbolic.node_coordinates import NodeCoordinates
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["NodePosition", "build_node_position"]
-
 Scalar = Any
 Vector = list[Scalar]
 

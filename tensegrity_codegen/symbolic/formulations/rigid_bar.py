@@ -32,8 +32,6 @@ from tensegrity_codegen.symbolic.rigid_bar_check import check_rigid_bars, find_r
 from tensegrity_codegen.symbolic.rigid_motion import RigidMotion
 from tensegrity_codegen.tables.request import ModelRequest, complete_options
 
-__all__ = ["build_rigid_bar"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -1,3 +1,1 @@
 """One member: its law, its forces and blocks, as expressions and kernels."""
-
-__all__: list[str] = []

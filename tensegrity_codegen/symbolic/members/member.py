@@ -13,8 +13,6 @@ from tensegrity_codegen.symbolic.geometry import member_length, member_rate
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks, stiffness_block, tangent_block
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw, build_law
 
-__all__ = ["Member"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -12,8 +12,6 @@ import casadi as ca
 
 from tensegrity_codegen.symbolic.geometry import dot
 
-__all__ = ["MemberBlocks", "stiffness_block", "tangent_block"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -12,8 +12,6 @@ import casadi as ca
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
 
-__all__ = ["HeldMember", "build_member_quantities"]
-
 Scalar = Any
 
 

@@ -23,8 +23,6 @@ from tensegrity_codegen.symbolic.operations import count_operations
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES
 
-__all__ = ["KERNELS", "MemberKernel", "build_member_kernel"]
-
 Scalar = Any
 
 # The symbols of a kernel: four vectors over the modelled axes, and what the law takes.

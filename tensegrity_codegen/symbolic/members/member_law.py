@@ -18,9 +18,8 @@ from typing import Any
 
 import casadi as ca
 
-from tensegrity_codegen.tables.laws import LAW_PARAMETERS, Law, compute_spring_constant, find_law
-
-__all__ = ["MemberLaw", "build_law"]
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, find_law
+from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
 Scalar = Any
 

@@ -18,8 +18,6 @@ import casadi as ca
 from tensegrity_codegen.symbolic.geometry import dot
 from tensegrity_codegen.symbolic.members.member import Member
 
-__all__ = ["MemberSeries", "half_square"]
-
 Scalar = Any
 Vector = list[Scalar]
 

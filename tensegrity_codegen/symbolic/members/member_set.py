@@ -19,8 +19,6 @@ from tensegrity_codegen.symbolic.arguments import SymbolicArguments
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 
-__all__ = ["MemberSet"]
-
 Scalar = Any
 Vector = list[Scalar]
 

@@ -8,8 +8,6 @@ from pkgutil import iter_modules
 from tensegrity_codegen.system.errors import FormulationError, suggest
 from tensegrity_codegen.tables.formulations.formulation import Formulation
 
-__all__ = ["FORMULATIONS", "Formulation", "choose_formulation", "find_formulation"]
-
 
 def _collect() -> dict[str, Formulation]:
     names = [item.name for item in iter_modules(__path__) if item.name != "formulation"]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.formulations.formulation import Formulation
 
-__all__ = ["FORMULATION"]
-
 FORMULATION = Formulation(
     name="rigid_bar",
     order=2,

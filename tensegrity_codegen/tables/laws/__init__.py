@@ -6,18 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tensegrity_codegen.tables.laws.bilinear import Bilinear
-from tensegrity_codegen.tables.laws.law import Law, LawParameter, compute_spring_constant
-
-__all__ = [
-    "LAWS",
-    "LAW_PARAMETERS",
-    "LINEAR",
-    "MEMBER_VALUES",
-    "Law",
-    "LawParameter",
-    "compute_spring_constant",
-    "find_law",
-]
+from tensegrity_codegen.tables.laws.law import Law
 
 LINEAR = Law()
 LAWS: tuple[Law, ...] = (LINEAR, Bilinear())

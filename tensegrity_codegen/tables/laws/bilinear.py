@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.laws.law import Columns, Law, LawCheck, LawParameter, Where
 
-__all__ = ["Bilinear"]
-
 Scalar = Any
 
 

@@ -19,8 +19,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
-__all__ = ["Columns", "Law", "LawCheck", "LawParameter", "Where", "compute_spring_constant"]
-
 Scalar = Any  # a number, an array or an expression
 Where = Callable[[Any, Any, Any], Any]
 Columns = Mapping[str, FloatArray]  # one value a member, NaN where none is given

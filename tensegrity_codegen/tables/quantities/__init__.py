@@ -22,8 +22,6 @@ from tensegrity_codegen.tables.quantities.members import MEMBERS
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.quantities.structures import STRUCTURES
 
-__all__ = ["ARGUMENTS", "PARAMETERS", "QUANTITIES", "Quantity", "find_quantity"]
-
 
 def _table(*rows: Quantity) -> Mapping[str, Quantity]:
     return MappingProxyType({row.name: row for row in rows})

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
-__all__ = ["ABOVE_ZERO", "ARGUMENT_ROWS", "FROM_ZERO", "INPUT_UNITS"]
-
 # Arguments that a scene allows only above zero, or from zero on.
 ABOVE_ZERO = ("rest_length", "spring_constant", "axial_stiffness")
 FROM_ZERO = ("damping", "node_mass")

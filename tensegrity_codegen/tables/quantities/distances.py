@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
-__all__ = ["DISTANCES"]
-
 DISTANCES = (
     Quantity(
         "distance_force",

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
-__all__ = ["MEMBERS", "MEMBER_QUANTITIES", "MemberQuantity", "check_values"]
-
 Scalar = Any  # an expression
 Mask = Callable[[Any], NDArray[np.bool_]]  # of the members of a structure or body system
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
-__all__ = ["STRUCTURES"]
-
 STRUCTURES = (
     Quantity("node_position", "r", "m", ("n_nodes", "n_axes"), "Positions of all nodes.", "S&K 3"),
     Quantity("node_velocity", "r'", "m/s", ("n_nodes", "n_axes"), "Velocities of all nodes.", "S&K 3"),

@@ -11,9 +11,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from types import MappingProxyType
 
-from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
-
-__all__ = ["ADAPTIVE", "EXPLICIT", "TABLEAUS", "Row", "Tableau"]
+from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
 
 def _find_tableaus() -> Mapping[str, Tableau]:

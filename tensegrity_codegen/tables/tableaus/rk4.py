@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
-__all__ = ["TABLEAU"]
-
 TABLEAU = Tableau(
     title="classical Runge-Kutta 4",
     source="W. Kutta, Zeitschrift fuer Mathematik und Physik 46 (1901)",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
-__all__ = ["TABLEAU"]
-
 TABLEAU = Tableau(
     title="Dormand and Prince's Runge-Kutta 5(4)",
     source="J. R. Dormand, P. J. Prince, J. Comp. Appl. Math. 6 (1980)",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
-__all__ = ["TABLEAU"]
-
 # fmt: off
 ROWS: tuple[Row, ...] = (
     {0: 0.05260015195876773},

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
-__all__ = ["TABLEAU"]
-
 TABLEAU = Tableau(
     title="Tsitouras' Runge-Kutta 5(4)",
     source="Ch. Tsitouras, Computers and Mathematics with Applications 62 (2011) 770",

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-__all__ = ["Interface", "find_breaks", "read_interface"]
-
 COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 DIRECTIVE = re.compile(r"^#[^\n]*|extern \"C\" \{", re.MULTILINE)
 ENUMERATION = re.compile(r"enum(?: \w+)? \{(.*?)\};", re.DOTALL)

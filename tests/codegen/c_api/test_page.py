@@ -12,7 +12,8 @@ from tensegrity_codegen.codegen.integrators.integrators import INTEGRATORS
 from tensegrity_codegen.codegen.integrators.solvers import SOLVERS
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.tables.manifest import ABI_VERSION, C_API_VERSION, SOLVER_STATUS, STATUS, STATUS_TEXT
-from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES, Quantity
+from tensegrity_codegen.tables.quantities import ARGUMENTS, QUANTITIES
+from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.tableaus import EXPLICIT
 from tests.codegen.c_api.header_rule import Interface, read_interface
 from tests.codegen.subjects import everything

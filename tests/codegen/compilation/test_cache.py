@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.codegen.compilation import cache as cache_module
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE, Cache, find_cache_root
+from tensegrity_codegen.codegen.compilation.cache import Cache
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE, find_cache_root
 from tensegrity_codegen.system.errors import CompileError, OutputError
 from tests.codegen.compilers import POSIX
 

@@ -20,7 +20,7 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS, Compiler, Fl
 from tensegrity_codegen.codegen.compilation.machine import INSTRUCTION_SETS, find_instruction_sets
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import CompileError, FormulationError, LibraryError
 from tensegrity_codegen.tables.manifest import STATUS, Manifest

@@ -10,8 +10,6 @@ from __future__ import annotations
 from decimal import Decimal, localcontext
 from typing import Any
 
-__all__ = ["radau_coefficients"]
-
 DIGITS = 50
 Row = list[Decimal]
 

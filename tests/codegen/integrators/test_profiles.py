@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.cli.live_page import request_play
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions

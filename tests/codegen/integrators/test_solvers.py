@@ -13,8 +13,8 @@ from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler, find_compilers
 from tensegrity_codegen.codegen.emit import GeneratedSource, emit
 from tensegrity_codegen.codegen.integrators.solvers import solver_spec
-from tensegrity_codegen.pipeline.compile_scene import equilibrium_quantities
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.symbolic.build import build_model

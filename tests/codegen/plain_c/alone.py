@@ -10,8 +10,6 @@ from tensegrity_codegen.codegen.print.render import template_folder
 from tests.codegen.build_c import STRICT, require_cpp, run
 from tests.codegen.compilers import require_compiler
 
-__all__ = ["CONTROL", "FILES", "FOLDER", "GROUPS", "STRICTER", "compile_alone", "options_for", "run_c"]
-
 FOLDER = plain_c_folder(template_folder())
 FILES = sorted(path.name for path in FOLDER.iterdir() if path.suffix in (".c", ".h"))
 # The controller has a sample configuration of its own. Files left out need DAQP, whose source comes from

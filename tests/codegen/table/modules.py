@@ -7,8 +7,6 @@ import numpy as np
 from tensegrity_codegen.structure.structure import Structure
 from tests.runtime.build import bar, cable, make_structure, spring
 
-__all__ = ["grid", "shuffled", "spine", "tower", "twisted"]
-
 
 def tower(levels: int, *, damping: float = 0.0, spread: float = 0.1) -> Structure:
     """Triangles on three anchors, nine members a level; spread: of stiffness, from member to member."""

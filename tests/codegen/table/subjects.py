@@ -8,14 +8,12 @@ import numpy as np
 
 from tensegrity_codegen.codegen.prune import PrunedFunction, prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, run_in_casadi
-
-__all__ = ["assert_equal_to_casadi", "build_table", "served", "some_of"]
 
 
 def served(structure: Structure, request: ModelRequest) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.prune import prune
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.table.members import mass_groups
-from tensegrity_codegen.pipeline.compile_scene import build_library, linearize_quantities
-from tensegrity_codegen.runtime.linear.linearize import linearize
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.symbolic.build import build_model

@@ -9,7 +9,7 @@ import pytest
 
 from tensegrity_codegen.codegen.choose_emitter import settle_emitter
 from tensegrity_codegen.codegen.table.emitter import TABLE
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError

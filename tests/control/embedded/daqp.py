@@ -9,8 +9,6 @@ import pytest
 from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
 from tensegrity_codegen.system.errors import MissingSourceError
 
-__all__ = ["require_daqp_archive"]
-
 
 @functools.cache
 def _find() -> bytes | str:

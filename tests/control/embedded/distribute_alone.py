@@ -24,7 +24,6 @@ from tests.codegen.compilers import require_compiler
 
 Array = NDArray[np.float64]
 
-__all__ = ["STATUS", "DistributionInC", "compile_unit", "write_source"]
 
 FOLDER = plain_c_folder(template_folder()) / "control"
 STATUS = ("ok", "rate_limited", "range_limited", "tension_limited", "least_tension", "not_solved")

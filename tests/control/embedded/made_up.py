@@ -26,8 +26,6 @@ from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.quickly import without_optimisation
 
-__all__ = ["MadeUp", "check_made_up", "make_up"]
-
 Array = NDArray[np.float64]
 
 QUANTITIES = ("acceleration", "mass_matrix", "equilibrium_matrix", "member_length", "member_tension")

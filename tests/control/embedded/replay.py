@@ -12,8 +12,6 @@ from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 
-__all__ = ["Replay", "check_same", "replay", "replay_states"]
-
 Array = NDArray[np.float64]
 
 

@@ -16,7 +16,7 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution, design_distribution
 from tensegrity_codegen.pipeline.analyses import want_analyses
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.errors import InvalidValueError, MissingSourceError

@@ -13,23 +13,14 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.disturbances import Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.analyses import want_analyses
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_nodes
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tests.body_scenes import assemble_document
 
 Array = NDArray[np.float64]
 
-__all__ = [
-    "BARS",
-    "build_prism",
-    "design_gains",
-    "draw_errors",
-    "move_prism",
-    "prism_document",
-    "quintic",
-    "solve_inputs",
-]
 
 ROOT = Path(__file__).resolve().parents[3]
 BARS = (1, 2, 3)

@@ -25,11 +25,6 @@ from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.control.planning.structures import actuate, assemble, limit, prestress
 
-__all__ = [
-    "CABLES", "FILE", "RATE", "SAMPLE", "bend", "build_spine", "design_estimator", "design_gains",
-    "draw_errors", "find_turns",
-]  # fmt: skip
-
 Array = NDArray[np.float64]
 
 FILE = Path(__file__).parents[4] / "shared" / "data" / "ntrt" / "Spines" / "TetrahedralSpine.yaml"

@@ -17,8 +17,6 @@ from tensegrity_codegen.tables.request import ModelRequest
 from tests.codegen.quickly import without_optimisation
 from tests.control.planning.structures import actuate, assemble, limit
 
-__all__ = ["build_prism", "compile_motion", "plan_prism"]
-
 
 @cache
 def build_prism(start: str = "", *, rate: float = 0.05, rigid: bool = False, free: bool = True) -> Structure:

@@ -21,16 +21,6 @@ from tensegrity_codegen.structure.actuators import Sensor
 from tests.body_scenes import assemble_document
 from tests.control.feedback.pinned_prism import quintic, solve_inputs
 
-__all__ = [
-    "TOWER_SAMPLE",
-    "build_tower",
-    "design_tower_estimator",
-    "design_tower_gains",
-    "draw_tower_errors",
-    "find_angles",
-    "move_tower",
-]
-
 SCENE = Path(__file__).resolve().parents[3] / "tensegrity_codegen" / "scene" / "examples" / "svd_tower.toml"
 DURATION = 5.0
 TOWER_SAMPLE = 0.01  # [s]

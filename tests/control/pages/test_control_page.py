@@ -14,11 +14,13 @@ from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, 
 from tensegrity_codegen.control.feedback.study.study import study_control
 from tensegrity_codegen.control.pages import control_figures
 from tensegrity_codegen.control.pages.control_page import STATUS, build_control_page
-from tensegrity_codegen.report.pages.page import Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.outline import outline_bodies
 from tests.control.feedback.pinned_prism import build_prism, move_prism
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 
 pytest.importorskip("matplotlib")
 COMMAND = "tensegrity-codegen control pinned_prism.toml --to '<twist>'"

@@ -10,10 +10,12 @@ import pytest
 
 from tensegrity_codegen.control.pages.plan_page import build_plan_page
 from tensegrity_codegen.control.planning.plan import plan
-from tensegrity_codegen.report.pages.page import Figure, Page, Table
+from tensegrity_codegen.report.pages.page import Figure, Page
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tests.control.planning.structures import CLASSES, actuate, assemble, build_prism, compile_plan, limit
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 
 pytest.importorskip("matplotlib")
 

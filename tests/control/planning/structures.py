@@ -20,20 +20,6 @@ from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = [
-    "actuate",
-    "assemble",
-    "build_icosahedron",
-    "build_mast",
-    "build_passing_bars",
-    "build_prism",
-    "build_tower",
-    "compile_plan",
-    "limit",
-    "prestress",
-    "transform",
-]
-
 CLASSES = {
     "bar": {"kind": "bar", "spring_constant": 1e6, "radius": 0.005},
     "cable": {"kind": "cable", "spring_constant": 1000.0},

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.scene_files import list_examples
-from tensegrity_codegen.control.planning.plan import PlanResult, plan
+from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.structure.actuate import actuate_members

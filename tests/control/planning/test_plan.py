@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.control.planning.plan import PlanResult, plan
+from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tests.cases import thorough

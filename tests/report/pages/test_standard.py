@@ -27,7 +27,8 @@ from tensegrity_codegen.report.pages.theme import THEME, find_dark_color, use_va
 from tensegrity_codegen.runtime.integrate.methods import METHODS
 from tensegrity_codegen.system.provenance import describe_provenance
 from tests.report.driver import running_browser
-from tests.report.page_checks import check_in_browser, check_static, in_browser, probe_page
+from tests.report.page_checks import check_in_browser, in_browser, probe_page
+from tests.report.page_html import check_static
 from tests.report.sample_page import make_section
 
 Float = NDArray[np.float64]

@@ -10,7 +10,8 @@ from PIL import Image
 from tensegrity_codegen.report.pictures.animate import MOST_FRAMES, find_frames, write_animation
 from tensegrity_codegen.report.pictures.choices import PictureChoices
 from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
-from tests.report.samples import frame, make_trajectory, prism
+from tests.report.samples import frame, make_trajectory
+from tests.runtime.build import prism
 
 needs_ffmpeg = pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 

@@ -4,7 +4,8 @@ import pytest
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.drawing import StructureDrawing, find_slack, find_tension_limit
 from tensegrity_codegen.report.pictures.view import find_box, fit_view
-from tests.report.samples import frame, prism, thread
+from tests.report.samples import frame, thread
+from tests.runtime.build import prism
 
 
 def make_drawing(structure, limit=None):

@@ -14,7 +14,8 @@ from tensegrity_codegen.report.pictures.shown import compute_colors, show_motion
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.cases import thorough
 from tests.report.pictures.test_animate import read_gif
-from tests.report.samples import frame, make_trajectory, png_size, prism
+from tests.report.samples import frame, make_trajectory, png_size
+from tests.runtime.build import prism
 
 
 def travel(structure, distance):

@@ -3,7 +3,8 @@ import pytest
 
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.panels import draw_drift, draw_energies, draw_tensions, group_members
-from tests.report.samples import make_trajectory, prism
+from tests.report.samples import make_trajectory
+from tests.runtime.build import prism
 
 
 def panel():

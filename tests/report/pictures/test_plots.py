@@ -10,7 +10,8 @@ from tensegrity_codegen.report.pictures import canvas, plots
 from tensegrity_codegen.report.pictures.plots import plot_structure, plot_trajectory
 from tensegrity_codegen.system.errors import InvalidValueError, MissingExtraError, NonFiniteError, OutputError
 from tests.cases import thorough
-from tests.report.samples import frame, make_trajectory, png_size, prism, thread
+from tests.report.samples import frame, make_trajectory, png_size, thread
+from tests.runtime.build import prism
 
 
 def pixels(path):

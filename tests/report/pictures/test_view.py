@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.report.pictures.view import PlanarView, find_box, fit_view, nice_step
-from tests.report.samples import frame, prism, thread
+from tests.report.samples import frame, thread
+from tests.runtime.build import prism
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, Trajectory, simulate, simulate_batch
-from tensegrity_codegen.pipeline.compile_scene import (
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     SIMULATION_QUANTITIES,
-    build_library,
     simulation_quantities,
 )
 from tensegrity_codegen.structure.structure import ActuatedInput

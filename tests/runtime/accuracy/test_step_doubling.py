@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.common_prism import POSITION, common_prism
 from tests.runtime.build import bar, make_structure

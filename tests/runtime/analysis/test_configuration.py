@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.analysis.analyse import analyse
 from tensegrity_codegen.runtime.analysis.configuration import read_configuration
 from tensegrity_codegen.runtime.model.model import CompiledModel

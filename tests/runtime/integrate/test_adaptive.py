@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy import error_control, tolerance
 from tensegrity_codegen.runtime.accuracy.error_control import tighten_until_converged
 from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance, compare_runs
@@ -19,6 +19,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure

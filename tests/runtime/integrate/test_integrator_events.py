@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.integrators import events
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate import c_run, event_log, event_run
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
@@ -18,6 +18,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest

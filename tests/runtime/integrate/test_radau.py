@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.codegen.compilation.cache import CACHE_VARIABLE
 from tensegrity_codegen.codegen.integrators import radau as generated
-from tensegrity_codegen.pipeline.compile_scene import SIMULATION_QUANTITIES, build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate import c_run
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -21,8 +20,10 @@ from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.cache_root import CACHE_VARIABLE
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.runtime.build import bar, cable, make_structure, spring

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, linearize_quantities
-from tensegrity_codegen.runtime.linear.linearize import linearize
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.equilibrium import equilibrium_quantities, find_equilibrium
 from tensegrity_codegen.structure.structure import Structure

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.pipeline.compile_scene import build_library
-from tensegrity_codegen.runtime.model.model import CompiledModel, SparseBatch
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.model.batch import SparseBatch
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import InvalidValueError, LibraryError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.cases import thorough

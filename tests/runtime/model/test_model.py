@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError
 from tensegrity_codegen.tables.request import ModelRequest

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from numpy.polynomial.legendre import leggauss
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities, load_scene
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
 from tensegrity_codegen.runtime.paths.load_path import LoadPath
 from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_contact, watch_slack
-from tensegrity_codegen.runtime.statics.equilibrium import EQUILIBRIUM_QUANTITIES, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, UnknownNameError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, simulate, simulate_batch
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.structure.structure import ActuatedInput

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
-
-__all__ = ["STEPS", "check_slopes", "find_remainders", "move_onto"]
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 
 Array = NDArray[np.float64]
 STEPS = 8e-3 / 80.0 ** (np.arange(5) / 4)  # of the rest lengths: 8e-3 to 1e-4

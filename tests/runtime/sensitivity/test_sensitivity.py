@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, find_needs, load_scene
+from tensegrity_codegen.pipeline.analyses import find_needs
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.sensitivity import bordered
 from tensegrity_codegen.runtime.sensitivity.record import Sensitivity
 from tensegrity_codegen.runtime.sensitivity.sensitivity import equilibrium_sensitivity

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tensegrity_codegen.pipeline.compile_scene import (
-    SIMULATION_QUANTITIES,
-    build_library,
-    simulation_quantities,
-)
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES, SLACK_QUANTITIES
 from tensegrity_codegen.runtime.simulate.motion_events import find_contact, find_slack
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
+    SIMULATION_QUANTITIES,
+    simulation_quantities,
+)
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import example

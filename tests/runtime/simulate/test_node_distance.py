@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import (
-    build_library,
-    linearize_quantities,
-    load_scene,
-    settle_structure,
-    simulation_quantities,
-)
-from tensegrity_codegen.runtime.linear.linearize import linearize
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.pipeline.settle import settle_structure
+from tensegrity_codegen.runtime.linear.linearize import linearize, linearize_quantities
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.request import ModelRequest

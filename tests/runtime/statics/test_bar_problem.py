@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tests.reference import ReferenceModel

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import (
-    build_library,
-    equilibrium_quantities,
-    simulation_quantities,
-)
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.system.errors import ConvergenceError, FormulationError
 from tensegrity_codegen.tables.request import ModelRequest

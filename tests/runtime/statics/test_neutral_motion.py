@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.runtime.statics.equilibrium import Equilibrium, find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tests.reference import ReferenceModel
 from tests.runtime.build import bar, make_structure, prism, spring
 

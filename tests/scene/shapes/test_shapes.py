@@ -8,7 +8,8 @@ import pytest
 
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
-from tensegrity_codegen.scene.shapes import PrismShape, expand_shape
+from tensegrity_codegen.scene.shapes import expand_shape
+from tensegrity_codegen.scene.shapes.prism import PrismShape
 from tensegrity_codegen.scene.shapes.selfstress import equilibrium_matrix
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, UnknownKeyError
 

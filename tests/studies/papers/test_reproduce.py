@@ -36,7 +36,8 @@ from tensegrity_codegen.studies.papers.sk import sk_inverse
 from tensegrity_codegen.studies.papers.sk.inverse_time import METHODS
 from tensegrity_codegen.system.errors import ConvergenceError, OutputError, UnknownNameError
 from tests.report.browser import find_browser, open_page
-from tests.report.page_checks import check_in_browser, check_static
+from tests.report.page_checks import check_in_browser
+from tests.report.page_html import check_static
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 in_browser = pytest.mark.skipif(find_browser() is None, reason="no chromium is installed")

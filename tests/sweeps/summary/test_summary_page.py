@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.sweep_commands import build_commands
-from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph, Table
+from tensegrity_codegen.report.pages.page import Command, Figure, Page, Paragraph
+from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.summary import summarize
 from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page
-from tests.report.page_checks import check_in_browser, check_static, in_browser
+from tests.report.page_checks import check_in_browser, in_browser
+from tests.report.page_html import check_static
 from tests.sweeps.summary.sweeps import keep, make_grid, make_saltelli, make_sample, make_sweep
 
 pytest.importorskip("matplotlib")

@@ -11,8 +11,6 @@ from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.tasks.operation import Operation, TaskResult
 
-__all__ = ["check_alike", "compile_for", "vary"]
-
 
 def compile_for(scene: dict[str, Any], operation: Operation) -> CompiledModel:
     structure, request = load_scene(scene)

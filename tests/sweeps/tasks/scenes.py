@@ -6,8 +6,6 @@ import tomllib
 from importlib.resources import files
 from typing import Any
 
-__all__ = ["BODIES", "PRISM", "SINGLE", "TRIANGLE"]
-
 EXAMPLES = files("tensegrity_codegen") / "scene" / "examples"
 
 

@@ -9,12 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.pipeline.compile_scene import (
-    EQUILIBRIUM_QUANTITIES,
-    SIMULATION_QUANTITIES,
-    build_library,
-    load_scene,
-)
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.linear.linearize import LINEARIZE_QUANTITIES, linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.continuation import follow_path
@@ -22,6 +18,8 @@ from tensegrity_codegen.runtime.paths.model_path import ModelPath, watch_switch
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.simulate.simulate_batch import simulate_batch
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
+from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import SIMULATION_QUANTITIES
 from tensegrity_codegen.scene.describe import describe_structure
 from tensegrity_codegen.scene.write import write_scene
 from tensegrity_codegen.structure.bodies import BodySystem

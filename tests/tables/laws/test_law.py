@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.tables.laws import (
-    LAW_PARAMETERS,
-    LAWS,
-    MEMBER_VALUES,
-    Law,
-    compute_spring_constant,
-    find_law,
-)
+from tensegrity_codegen.tables.laws import LAW_PARAMETERS, LAWS, MEMBER_VALUES, find_law
+from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 
 VALUES = {"rest_length": 0.9, "damping": 0.0} | dict.fromkeys(LAW_PARAMETERS, 0.4)
 STIFFNESS = (

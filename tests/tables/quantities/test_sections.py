@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from tensegrity_codegen.cli.app import app
-from tensegrity_codegen.pipeline.compile_scene import build_library, load_scene
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_tendons
 from tensegrity_codegen.structure.structure import Structure

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS, Row, Tableau
+from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
+from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 
 def dense(row: Row, size: int) -> np.ndarray:

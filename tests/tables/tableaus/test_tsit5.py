@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.cli.run_options import MethodOption
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.accuracy.integrate import integrate_once
 from tensegrity_codegen.runtime.integrate.batch_integration import integrate_batch
 from tensegrity_codegen.runtime.integrate.event_log import Watch

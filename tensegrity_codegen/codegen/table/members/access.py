@@ -6,12 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.assembly import ARGUMENT, MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-
-__all__ = ["MemberAccess"]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
 class MemberAccess:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import Pattern
-
-__all__ = ["BlockPattern", "make_pattern"]
 
 
 def make_pattern(shape: tuple[int, int], row: IntArray, column_start: IntArray) -> Pattern:

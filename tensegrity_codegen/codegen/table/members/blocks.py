@@ -9,12 +9,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import BlockPattern
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-
-__all__ = ["AddBlocks"]
+from tensegrity_codegen.system.arrays import IntArray
 
 Place = Callable[[int, int, int], str]  # from block, row and column to the C expression of an entry
 

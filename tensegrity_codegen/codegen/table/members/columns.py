@@ -13,12 +13,11 @@ from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.block_pattern import make_pattern
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.mass_groups import MassGroups
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-
-__all__ = ["MemberColumns", "SparseEntries", "StoreColumns", "store_recipe"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 class SparseEntries(Protocol):

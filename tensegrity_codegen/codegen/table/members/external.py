@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
-
-__all__ = ["ExternalForce"]
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -19,18 +19,6 @@ from tensegrity_codegen.tables.laws import MEMBER_VALUES
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
 
-__all__ = [
-    "LANES",
-    "PULLS",
-    "in_fours",
-    "is_served",
-    "kind_of",
-    "lane_counter",
-    "passed",
-    "read_values",
-    "read_vectors",
-    "write_fours",
-]
 
 PULLS = {"pull": False, "static_pull": True}  # kernel -> whether it is without damping
 LANES = range(4)

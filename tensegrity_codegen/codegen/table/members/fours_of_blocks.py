@@ -22,8 +22,6 @@ from tensegrity_codegen.codegen.table.members.fours import (
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.assembly import ABSENT
 
-__all__ = ["write_block_fours"]
-
 # Kernel of single members -> the same in lanes, see codegen.lanes.kernel.BLOCKS.
 IN_LANES = {
     "material_block": "material_stiffness",

@@ -10,9 +10,8 @@ from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.text import in_precision
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.tables.manifest import Pattern
-from tensegrity_codegen.tables.quantities import ARGUMENTS, Quantity
-
-__all__ = ["Recipe", "TableFunction"]
+from tensegrity_codegen.tables.quantities import ARGUMENTS
+from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 
 @dataclass(frozen=True)

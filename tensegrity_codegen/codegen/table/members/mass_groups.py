@@ -11,11 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.model import FloatArray, IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.structure.symmetric_factor import factorise
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError
-
-__all__ = ["MOST_ENTRIES", "MassGroups", "check_constant_masses", "check_entries", "find_groups"]
 
 # Of a matrix over large groups of coupled nodes, which is full: 30 MB of values, and as much C.
 MOST_ENTRIES = 4_000_000

@@ -17,8 +17,6 @@ from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.assembly import MemberGroup
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel, build_member_kernel
 
-__all__ = ["MemberLoop", "member_loops"]
-
 
 @dataclass(frozen=True)
 class MemberLoop:

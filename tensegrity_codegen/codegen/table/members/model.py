@@ -23,8 +23,6 @@ from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["FloatArray", "IntArray", "TableModel"]
-
 
 class TableModel:
     """What loops over the members of `structure` in node positions need to know.

@@ -8,12 +8,11 @@ from typing import Protocol
 import numpy as np
 
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import only_where
 from tensegrity_codegen.codegen.table.members.writer import Writer, index_text
 from tensegrity_codegen.symbolic.members.member_kernel import MemberKernel
-
-__all__ = ["AddToNodes", "AddUp", "Sink", "StoreForMembers", "StoreForSome"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 class Sink(Protocol):

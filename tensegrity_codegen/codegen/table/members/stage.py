@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.writer import Writer
-
-__all__ = ["Stage", "loop", "only_where"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 class Stage(Protocol):

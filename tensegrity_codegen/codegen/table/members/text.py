@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from tensegrity_codegen.codegen.table.members.stage import loop
 from tensegrity_codegen.codegen.table.members.writer import Writer
 
-__all__ = ["Statements", "in_precision"]
-
 
 @dataclass(frozen=True)
 class Statements:

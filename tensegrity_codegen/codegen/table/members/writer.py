@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.repeated_modules import NEAR
 from tensegrity_codegen.symbolic.members.member_kernel import VECTORS, MemberKernel, build_member_kernel
 from tensegrity_codegen.tables.precision import Precision
 
-__all__ = ["Writer", "index_text"]
-
 Array = NDArray[Any]
 
 

@@ -1,3 +1,1 @@
 """Loops over repeated modules, equal members side by side."""
-
-__all__: list[str] = []

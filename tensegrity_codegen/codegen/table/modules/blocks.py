@@ -8,13 +8,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.members.fours import kind_of
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.columns import BlockLoops
 from tensegrity_codegen.codegen.table.modules.loops import ModuleStage
 from tensegrity_codegen.codegen.table.modules.runs import TOGETHER
-
-__all__ = ["ModuleBlocks"]
+from tensegrity_codegen.system.arrays import IntArray
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.modules.loops import ShapeLoops, plus
 from tensegrity_codegen.codegen.table.modules.runs import BlockLines, ColumnRuns, find_runs, join_runs
 from tensegrity_codegen.codegen.table.modules.text import common_step
 from tensegrity_codegen.structure.repeated_modules import NEAR, Module
-
-__all__ = ["BlockLoops"]
+from tensegrity_codegen.system.arrays import IntArray
 
 LAST = 2**31 - 1  # behind all nodes
 

@@ -10,16 +10,14 @@ import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import AXES, DensityKernel
 from tensegrity_codegen.codegen.table.members.fours import PULLS, kind_of
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.loops import ModuleStage, ShapeLoops, plus
 from tensegrity_codegen.structure.repeated_modules import NEAR
+from tensegrity_codegen.system.arrays import IntArray
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.external import ExternalForce
     from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
-
-__all__ = ["ModuleForces"]
 
 
 @dataclass(frozen=True)

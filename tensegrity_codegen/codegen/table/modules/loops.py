@@ -25,8 +25,6 @@ from tensegrity_codegen.structure.repeated_modules import NEAR, Module
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop
 
-__all__ = ["ModuleStage", "ShapeLoops", "plus"]
-
 
 @dataclass(frozen=True)
 class ModuleStage:

@@ -11,11 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.modules.text import ModuleText
 from tensegrity_codegen.structure.repeated_modules import NEAR, Module
-
-__all__ = ["TOGETHER", "BlockLines", "ColumnRuns", "find_runs", "join_runs"]
+from tensegrity_codegen.system.arrays import IntArray
 
 SHORTEST = 8  # entries of a run: as many as are turned at once
 TOGETHER = (

@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.model import IntArray, TableModel
+from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.structure.repeated_modules import NEAR, Module
-
-__all__ = ["ModuleText", "common_step", "shapes_of"]
+from tensegrity_codegen.system.arrays import IntArray
 
 STEP = 8  # repetitions; chunks are made of so many
 FAST_BYTES = 40_000  # what lines of a chunk may take, to stay in the fastest memory

@@ -6,13 +6,11 @@ import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import DensityKernel
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
-from tensegrity_codegen.codegen.table.members.model import IntArray
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.text import ModuleText
 from tensegrity_codegen.structure.assembly import ARGUMENT, MemberGroup
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.laws import MEMBER_VALUES
-
-__all__ = ["RowValues"]
 
 
 class RowValues:

@@ -1,3 +1,1 @@
 """Parts of the design of feedback: linear models along a motion, Riccati equations, checks."""
-
-__all__: list[str] = []

@@ -17,9 +17,6 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["build_rest"]
-
-
 FOUND = ("converged", "rounding_limited")
 
 

@@ -7,9 +7,6 @@ from scipy.linalg import expm
 
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = ["compute_hold", "hold_delayed", "shift_commands", "split_delays"]
-
-
 SAME = 1e-9  # of a sample
 
 

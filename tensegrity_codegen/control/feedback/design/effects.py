@@ -14,9 +14,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["check_effects", "list_actuators"]
-
-
 NOTHING = 1e-12  # of the largest effect of any actuator
 
 

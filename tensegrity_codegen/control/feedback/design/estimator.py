@@ -12,8 +12,6 @@ from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["Estimator"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimator(Summarised):

@@ -13,9 +13,6 @@ from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["name_free_motions"]
-
-
 NOTHING = 1e-9  # of the largest effect of any actuator
 
 

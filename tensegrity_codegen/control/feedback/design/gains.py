@@ -14,9 +14,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["Gains"]
-
-
 MOST_KNOTS = 25  # of stored gains
 
 

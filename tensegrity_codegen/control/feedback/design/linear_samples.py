@@ -19,9 +19,6 @@ from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["LINEAR_QUANTITIES", "LinearSamples", "build_sample_time", "linearise", "sample_linear_models"]
-
-
 LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
 MOST_SAMPLES = 100_000
 SAME = 1e-9  # of a sample, by which rounding may have the duration exceed whole samples

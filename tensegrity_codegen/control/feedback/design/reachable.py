@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["HiddenMode", "describe_direction", "find_uncontrolled", "find_unobserved"]
-
-
 ZERO = 1e-9  # singular value over the largest, up to which a direction is lost
 UNSTABLE = 1.0 - 1e-7  # modulus from which on a mode does not decay by itself
 NEAR_ONE = 1e-5

@@ -8,9 +8,6 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_discrete_are
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["RESIDUAL", "compute_gain", "find_stationary", "step_back"]
-
-
 RESIDUAL = 1e-10  # of |P|
 MOST_POLISHING = 20
 MOST_DOUBLINGS, DOUBLED = 60, 1e-15

@@ -16,9 +16,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, is_number, is_whole
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError, check_choice
 
-__all__ = ["Sensing", "find_sensing"]
-
-
 MEMBER_KINDS = ("member_length", "member_tension")
 UNITS = {"member_length": "m", "member_tension": "N", "node_position": "m", "node_velocity": "m/s"}
 STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre, or angles

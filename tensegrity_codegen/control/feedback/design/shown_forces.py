@@ -8,9 +8,6 @@ from scipy.linalg import qr
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["find_shown_forces"]
-
-
 SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
 GROWTH = 1.0  # [1/s] of the forces: the time in which `disturbance` states their change
 

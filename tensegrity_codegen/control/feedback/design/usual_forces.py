@@ -12,9 +12,6 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["UNKNOWN", "find_usual_forces"]
-
-
 UNKNOWN = 0.1  # of the usual forces, by which disturbances change in a second
 
 

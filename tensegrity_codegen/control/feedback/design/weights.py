@@ -9,9 +9,6 @@ from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["read_weight"]
-
-
 SYMMETRIC = 1e-12  # of the largest entry
 SEMIDEFINITE = 1e-12  # of the largest eigenvalue
 

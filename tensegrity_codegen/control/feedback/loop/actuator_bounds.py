@@ -14,9 +14,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["ActuatorBounds", "find_bounds"]
-
-
 ROUNDING = 1e-9  # of a rate, by which a motion may exceed it
 
 

@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["build_run"]
-
 
 def build_run(
     manifest: Manifest,

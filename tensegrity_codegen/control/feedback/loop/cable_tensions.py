@@ -17,8 +17,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.laws import LINEAR
 
-__all__ = ["CableTensions", "find_cables"]
-
 
 @dataclass(frozen=True)
 class CableTensions:

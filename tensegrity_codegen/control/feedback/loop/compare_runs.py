@@ -13,9 +13,6 @@ from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compare_with_open_loop", "find_displacement"]
-
-
 LAST = 1.0 / 6.0  # of the simulated time, in which errors are compared
 WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
 

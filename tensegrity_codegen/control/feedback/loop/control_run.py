@@ -14,8 +14,6 @@ from tensegrity_codegen.system.checks import check_positive, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
 
-__all__ = ["ControlRun"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ControlRun(Summarised):

@@ -13,9 +13,6 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBou
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Controller"]
-
-
 SAME = 1e-12  # [m], by which a command may differ from what was wanted
 
 

@@ -8,8 +8,6 @@ from tensegrity_codegen.control.feedback.design.delays import split_delays
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["DelayedInputs"]
-
 
 class DelayedInputs:
     """The inputs of the model during a sample, where each actuator follows its commands after a delay.

@@ -13,9 +13,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["NODE_LOAD", "Gust", "GustLoad", "bind_gust"]
-
-
 NODE_LOAD = "node_load"
 
 

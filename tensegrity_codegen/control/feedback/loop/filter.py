@@ -13,9 +13,6 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Filter"]
-
-
 GATE = 6.0  # standard deviations, up to which measurements may differ from their predictions
 START, DECAY = 100.0, 0.7  # of the recent largest difference, which is not known at the start
 DOUBLINGS = 30  # of what is accepted after outliers, at most

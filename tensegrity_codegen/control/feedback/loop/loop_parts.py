@@ -16,8 +16,6 @@ from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 
-__all__ = ["check_parts", "describe_unknown_delays", "find_sample"]
-
 SAMPLE = 0.005  # [s], where no gains state another
 
 

@@ -17,9 +17,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["count_samples", "find_given", "find_start"]
-
-
 MOST_SAMPLES = 1_000_000
 
 

@@ -16,9 +16,6 @@ from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["SampledPlant"]
-
-
 RTOL, ATOL = 1e-9, 1e-11
 MOST_STEPS = 100_000  # of one interval
 ENDINGS = ("non_finite_result", "step_too_small", "too_many_events")

@@ -11,9 +11,6 @@ from tensegrity_codegen.control.feedback.loop.cable_tensions import CableTension
 from tensegrity_codegen.control.planning.quadratic_program import find_nearest
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["TensionLine", "TensionProgram"]
-
-
 LONGEST = 100.0  # rest length over length, up to which tensions are counted with
 SMALLEST = 1e-9  # part of the weight, for inputs that change no tension
 TOLERANCE = 1e-12  # of bounds, over the largest tension (1 N at least)

@@ -1,3 +1,1 @@
 """A study of feedback: weights from the scene, disturbances, loops over many draws, the record of it."""
-
-__all__: list[str] = []

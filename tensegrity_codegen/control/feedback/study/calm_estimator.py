@@ -18,8 +18,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 
-__all__ = ["design_calm_estimator", "predict_displacement"]
-
 MOST_ERROR = 0.005  # of the size of the structure: standard deviation of a displacement that is predicted
 MARGIN = 4.0  # where this is exceeded: by which the deviation is to be smaller, for errors beside noise
 MOST_REDUCTIONS = 3

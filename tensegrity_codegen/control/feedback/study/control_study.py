@@ -28,8 +28,6 @@ from tensegrity_codegen.control.feedback.tension_distribution import TensionDist
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.limits import Limits
 
-__all__ = ["ControlStudy"]
-
 
 @dataclass(frozen=True, eq=False)
 class ControlStudy:

@@ -20,9 +20,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["MOST_SAMPLES", "LinearLoop", "Margins", "build_linear_loop", "find_margins"]
-
-
 MOST_SAMPLES = 10  # of more delay that are tried
 FACTORS = tuple(1.5**k for k in range(1, 7))  # of the actuators' effect that are tried
 HALVINGS = 6

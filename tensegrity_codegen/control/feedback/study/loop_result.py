@@ -11,9 +11,6 @@ from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["LOOPS", "OPEN", "LoopResult"]
-
-
 OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")
 

@@ -14,9 +14,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError
 
-__all__ = ["read_path", "read_weights"]
-
-
 REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 
 

@@ -16,9 +16,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.limits import Limits
 from tensegrity_codegen.system.arrays import BoolArray
 
-__all__ = ["RunMeasures", "find_cables", "measure_run"]
-
-
 ROUNDING = 1e-6  # of a limit, by which it may be exceeded
 
 

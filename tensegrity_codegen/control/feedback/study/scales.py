@@ -15,9 +15,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
-__all__ = ["Scales", "find_angles", "find_scales"]
-
-
 STEP = 1e-6  # of an angle [rad], of a central difference
 ZERO = 1e-9  # of the largest squared frequency: below it a motion has no stiffness
 

@@ -18,9 +18,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, is_number
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["DrawnErrors", "RandomGust", "StatedErrors", "check_errors", "draw_errors"]
-
-
 STIFFNESSES = ("axial_stiffness", "spring_constant")
 NEARBY, STILL = 1e-3, 1e-8  # change of coordinates [m, rad], and of the position of a held node [m]
 

@@ -44,9 +44,6 @@ from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.system.checks import check_callback, check_instance, check_positive, check_whole
 from tensegrity_codegen.system.errors import check_choice
 
-__all__ = ["study_control"]
-
-
 SENSORS = "sensors"
 MOST_DRAWS = 10_000
 CHUNK = 32  # draws that are simulated at once

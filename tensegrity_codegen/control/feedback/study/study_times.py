@@ -10,15 +10,6 @@ from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = [
-    "HELD",
-    "check_gust_times",
-    "check_times",
-    "find_default_times",
-    "find_needed_time",
-    "read_times",
-]
-
 HELD = 2.0  # [s], of an equilibrium
 LONGER = 3.0  # simulated time over that of the motion
 CONSTANTS = 3.0  # time constants of the slowest error, from the end of the motion until errors are compared

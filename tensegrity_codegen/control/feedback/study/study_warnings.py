@@ -13,15 +13,6 @@ from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
 from tensegrity_codegen.structure.limits import Limits
 
-__all__ = [
-    "count_worse",
-    "find_low_tensions",
-    "find_margin_warnings",
-    "find_time_constants",
-    "find_warnings",
-    "judge_study",
-]
-
 WORSE = 0.1  # of the tolerance, by which a closed loop may end further away than the open loop
 LITTLE = 0.5  # of the error of the open loop: with more left, feedback gains little
 OFTEN = 0.1  # of the commands of a loop: more are cut often

@@ -21,9 +21,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["Tuning", "choose_weights"]
-
-
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length
 SUMMED = 1.0  # response times for which the displacement is accepted

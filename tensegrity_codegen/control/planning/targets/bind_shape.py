@@ -17,9 +17,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 
-__all__ = ["BoundShape", "bind_shape", "turn_near"]
-
-
 FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which it counts as a line
 
 

@@ -11,9 +11,6 @@ import numpy as np
 from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError, suggest
 
-__all__ = ["find_nodes", "find_rings"]
-
-
 RING = re.compile(r"([bt])(?:(\d+)_)?(\d+)")
 
 

@@ -14,15 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = [
-    "Shape",
-    "build_edge_distance",
-    "build_height",
-    "build_rotation",
-    "build_tilt",
-    "build_twist",
-]
-
 Shape = Callable[[FloatArray], FloatArray]
 
 TINY = 1e-9  # angle [rad] below which its series is used

@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.simulate.condition_text import FUNCTIONS, POSITI
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, UnknownNameError, suggest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
-__all__ = ["SHAPES", "ShapeCall", "TargetText", "parse_shape", "read_targets", "rewrite"]
-
 REST_LENGTH = re.compile(r"\s*rest_length\s*[(\[]\s*([\"']?)(\w+)\1\s*[)\]]\s*")
 VALUE = re.compile(r"\s*([-+0-9.eE,\s]+?)\s*(deg|rad|mm|cm|m|N)?\s*")
 ANGLES = {"": 1.0, "deg": 1.0, "rad": 180 / math.pi}

@@ -23,8 +23,6 @@ from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, TensegrityError
 
-__all__ = ["BoundTarget", "MovedBy", "Targets", "bind_targets", "find_target_quantities"]
-
 MovedBy = Callable[[int, float], tuple[StaticProblem, FloatArray]]
 
 Value = TypeVar("Value")

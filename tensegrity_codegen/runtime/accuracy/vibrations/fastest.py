@@ -11,9 +11,6 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-__all__ = ["find_decay", "find_fastest", "find_fastest_of_batch", "find_noise"]
-
-
 ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 ROUNDS = 12  # of two evaluations; a few percent from below where frequencies lie close together
 NEAR = 1e-6  # of the largest coordinate, by which coordinates are moved

@@ -16,8 +16,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["bound_jumps"]
-
 
 def bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], frequency: float) -> FloatArray:
     """Return bounds of amplitudes [m], speeds [m/s], tensions [N]: sums of c |l'| at a member, over its mu.

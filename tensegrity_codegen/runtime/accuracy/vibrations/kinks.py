@@ -10,9 +10,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["bound_kinks"]
-
-
 ROUGHLY = 2.0  # times what a member on two free masses does: others at its ends change it a little
 SPREAD = 3.0  # longest step over the mean one
 RESOLVED = 0.5  # rad of a vibration in one step, up to which radau follows it

@@ -22,8 +22,6 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["Rates", "find_rates"]
-
 
 @dataclass(frozen=True)
 class Rates:

@@ -23,9 +23,6 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-__all__ = ["Vibration", "find_vibration"]
-
-
 SOFTLY = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
 ROUGHLY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come
 BARELY = 2.0  # times an amplitude that radau damps out: it sees it a little differently

@@ -1,3 +1,1 @@
 """Equilibria of many cases of one structure: loads, parameters and starts."""
-
-__all__: list[str] = []

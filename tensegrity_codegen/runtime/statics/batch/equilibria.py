@@ -18,9 +18,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.results_by_name import ByName
 from tensegrity_codegen.system.summaries import Fact, Summarised, count_names, describe_range
 
-__all__ = ["NUMBERS", "WORDS", "Equilibria", "EquilibriaTable"]
-
-
 FOUND = ("converged", "rounding_limited")
 WORDS = ("status", "message", "method", "displaced_node", "changed_node")
 # Single numbers of each case, with what stands where there is none.

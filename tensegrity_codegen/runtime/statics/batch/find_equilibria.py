@@ -23,17 +23,15 @@ from tensegrity_codegen.runtime.statics.batch.side_by_side import (
     search_block,
 )
 from tensegrity_codegen.runtime.statics.equilibrium import (
-    Method,
     build_problem,
     check_search_options,
     find_equilibrium,
 )
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.runtime.statics.methods import Method
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_callback
 from tensegrity_codegen.system.errors import NonFiniteError
-
-__all__ = ["find_equilibria"]
 
 
 def find_equilibria(

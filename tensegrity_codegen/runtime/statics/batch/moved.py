@@ -11,9 +11,6 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["find_distances"]
-
-
 RANK = 1e-8  # part of a unit turn that counts as none
 ACROSS = 1e-6  # cosine of the angle up to which slides are across an axis
 

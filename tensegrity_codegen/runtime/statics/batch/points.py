@@ -12,8 +12,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, FAR
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["BatchProblem", "Points"]
-
 
 @dataclass(frozen=True)
 class Points:

@@ -20,9 +20,6 @@ from tensegrity_codegen.runtime.statics.newton import (
 )
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["BatchSearch"]
-
-
 MOVING, LEFT = "", "left"
 
 

@@ -19,9 +19,6 @@ from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTI
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
-__all__ = ["block_size", "can_go_side_by_side", "search_block"]
-
-
 BLOCK_BYTES = 2**24  # of the stiffnesses of a block
 MOST_CASES = 1024  # of a block
 

@@ -11,8 +11,6 @@ from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUN
 from tensegrity_codegen.runtime.statics.step import SINGULAR
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-__all__ = ["Stabilities", "find_stabilities"]
-
 
 @dataclass(frozen=True)
 class Stabilities:

@@ -9,9 +9,6 @@ import numpy as np
 from tensegrity_codegen.runtime.statics.step import SINGULAR
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
-__all__ = ["Steps", "find_steps"]
-
-
 MOST_TRIALS = 80  # of the search for a shift, which takes about six
 NEAR = 1e-9  # of the radius: how near a step ends to it
 

@@ -26,8 +26,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = ["LARGEST_TABLE", "Row", "make_row", "read_lines", "read_table"]
-
 LARGEST_TABLE = 64 * 2**20  # bytes
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(_NUMBER.pattern.replace("\\.", ","))

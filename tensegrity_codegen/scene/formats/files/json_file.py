@@ -9,8 +9,6 @@ from typing import Any
 from tensegrity_codegen.scene.formats.imported import read_text
 from tensegrity_codegen.system.errors import DuplicateNameError, NonFiniteError, SceneSyntaxError
 
-__all__ = ["LARGEST_JSON", "MOST_VALUES", "read_json"]
-
 LARGEST_JSON = 32 * 2**20  # bytes
 MOST_VALUES = 4_000_000  # of one file
 

@@ -16,8 +16,6 @@ from tensegrity_codegen.system.errors import (
     UnknownKeyError,
 )
 
-__all__ = ["LARGEST_XML", "find_root", "read_attribute", "read_number", "read_numbers", "read_xml"]
-
 LARGEST_XML = 32 * 2**20  # bytes
 MOST_ELEMENTS = 500_000
 DEEPEST = 200

@@ -1,3 +1,1 @@
 """Reading models of MuJoCo (MJCF)."""
-
-__all__: list[str] = []

@@ -11,8 +11,6 @@ import numpy as np
 from tensegrity_codegen.scene.formats.files.xml_file import read_numbers
 from tensegrity_codegen.scene.formats.network import Network
 
-__all__ = ["read_actuators"]
-
 NEAR = 1e-9
 
 

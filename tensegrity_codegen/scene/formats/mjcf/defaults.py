@@ -7,8 +7,6 @@ from xml.etree.ElementTree import Element
 
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
-__all__ = ["Defaults", "read_defaults"]
-
 MAIN = "main"
 # Elements that change what a file says and are not read.
 REFUSED = ("include", "attach", "replicate", "composite", "flexcomp", "frame", "extension", "model")

@@ -15,9 +15,6 @@ from tensegrity_codegen.scene.formats.mjcf.defaults import MAIN, Defaults
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["Link", "read_links"]
-
-
 WATER = 1000.0  # kg/m3, density of geoms in MuJoCo where none is given
 STRAIGHT = 1e-9  # of a direction along an axis
 

@@ -15,8 +15,6 @@ from tensegrity_codegen.scene.formats.mjcf.defaults import Defaults
 from tensegrity_codegen.scene.formats.network import NetworkMember
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["read_coupled_masses", "read_tendons"]
-
 
 def read_tendons(
     root: Element, defaults: Defaults, sites: Mapping[str, NDArray[np.float64]], file: str

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Position", "find_bodies", "find_dimension", "find_rigid_pairs", "is_flat"]
-
 Position = tuple[float, float, float]
 Pair = tuple[Position, Position]
 

@@ -16,8 +16,6 @@ from tensegrity_codegen.scene.formats.ntrt.file import check_keys, parse_number,
 from tensegrity_codegen.scene.formats.ntrt.structure import NtrtPair
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["BuilderBook", "NtrtBuilder"]
-
 _ROD = {"radius": 0.5, "density": 1.0, "friction": 1.0, "roll_friction": 0.0, "restitution": 0.2}
 _CABLE = {
     "stiffness": 1000.0,

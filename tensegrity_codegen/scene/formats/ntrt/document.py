@@ -17,8 +17,6 @@ from tensegrity_codegen.scene.formats.ntrt.structure import NtrtStructure
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["Conversion", "write_document"]
-
 _DEFAULT_STIFFNESS = 1000.0  # of a cable in the toolkit, where a structure has none
 _BRACE = ""  # key of the bracing bars among builder keys
 

@@ -21,8 +21,6 @@ from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, 
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 
-__all__ = ["IsRod", "bond_nodes_to_edges"]
-
 IsRod = Callable[[NtrtPair, str], bool]  # of a pair and the name of the structure that owns it
 
 _FEWEST = 3

@@ -22,16 +22,6 @@ from tensegrity_codegen.system.errors import (
     suggest,
 )
 
-__all__ = [
-    "LARGEST_YAML",
-    "check_keys",
-    "parse_number",
-    "parse_pair",
-    "parse_vector",
-    "read_table",
-    "read_yaml",
-]
-
 LARGEST_YAML = 2**20  # bytes
 LARGEST_NUMBER = 1e50  # products of several stay finite
 MOST_VALUES = 200_000  # of one file, each alias counted with all that it stands for

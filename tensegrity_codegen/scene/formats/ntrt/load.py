@@ -35,8 +35,6 @@ from tensegrity_codegen.system.errors import (
     StructureError,
 )
 
-__all__ = ["load_structure"]
-
 _MOST_STRUCTURES = 2_000
 _MOST_NODES = 20_000
 _MOST_PAIRS = 50_000

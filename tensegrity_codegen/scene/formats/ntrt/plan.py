@@ -11,8 +11,6 @@ from tensegrity_codegen.scene.formats.ntrt.structure import NtrtNode, NtrtPair, 
 from tensegrity_codegen.system.errors import DuplicateNameError, StructureError
 from tensegrity_codegen.system.summaries import describe_count
 
-__all__ = ["Built", "Plan", "Sphere", "find_position", "make_plan"]
-
 
 @dataclass(frozen=True)
 class Built:

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.errors import StructureError, UnknownNameError, suggest
 
-__all__ = ["NtrtNode", "NtrtPair", "NtrtStructure"]
-
 
 @dataclass(eq=False)
 class NtrtNode:

@@ -20,8 +20,6 @@ from tensegrity_codegen.studies.papers.lin.tables import compare_tables
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
-__all__ = ["build_lin_chapter"]
-
 QUICK_FACTORS = (0.5, 1.0, 2.0)
 
 

@@ -20,9 +20,6 @@ from tensegrity_codegen.studies.papers.lin.sensitivity import find_nearest_symme
 from tensegrity_codegen.studies.papers.lin.tables import compute_extensions, read_tables
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["check_column_order", "check_errata", "check_generalised_forces", "check_unloaded_row"]
-
-
 # The order that Appendix A and section 2 suggest: L_1..L_3 side springs (A.1-A.3), L_4..L_6 top springs.
 STATED = ("A1B2", "A2B3", "A3B1", "B1B2", "B2B3", "B3B1")
 RADIUS_ANGLE = np.radians([90.0, 210.0, 330.0])  # gamma_i

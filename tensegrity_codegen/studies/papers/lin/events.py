@@ -20,9 +20,6 @@ from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_loa
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["DIRECTIONS", "LAWS", "find_load_events", "follow_load", "reach_load", "survey_directions"]
-
-
 LAWS = {"linear": False, "tension_only": True}  # springs, and whether they go slack
 DIRECTIONS = {
     "+x": (1.0, 0.0, 0.0),

@@ -16,8 +16,6 @@ from tensegrity_codegen.studies.papers.lin.events import (
 )
 from tensegrity_codegen.studies.papers.lin.model import compile_prism
 
-__all__ = ["maximum_section"]
-
 LAW = {"linear": "linear springs", "tension_only": "springs that go slack"}
 SHORT_LAW = {"linear": "linear", "tension_only": "go slack"}
 KIND = {"contact": "bars touch", "limit": "limit point", "not reached": "not reached"}

@@ -10,8 +10,6 @@ from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, dia
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell
 from tensegrity_codegen.studies.papers.lin.stiffness import compare_stiffness
 
-__all__ = ["stiffness_section"]
-
 NAMES = {"all": "all springs", "side": "side springs", "top": "top springs"}
 
 

@@ -19,9 +19,6 @@ from tensegrity_codegen.report.pages.page_table import (
 from tensegrity_codegen.studies.papers.lin.sensitivity import compare_sensitivity
 from tensegrity_codegen.studies.papers.lin.tables import compare_unloaded
 
-__all__ = ["error_section", "extension_section", "figure_section", "measured_section", "unloaded_section"]
-
-
 SUBSCRIPT = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 MOST_STEADY = 20.0  # [%] of change with the load, beyond which a spring's difference counts as growing
 HOW_TO_READ = "In each field, from above: {above}, ours, ours minus {above}."

@@ -9,18 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, equilibrium_quantities
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver, SolvedPath
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.system.arrays import FloatArray
-
-__all__ = [
-    "COLUMNS", "LOADS", "PRINTED_LENGTH", "PRINTED_SIDE", "SPRINGS", "TOPS",
-    "compile_prism", "place_load", "settle",
-]  # fmt: skip
-
 
 SCENE = "lin_prism"
 PRINTED_SIDE = 0.41  # a [m]

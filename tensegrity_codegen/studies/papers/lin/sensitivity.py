@@ -23,9 +23,6 @@ from tensegrity_codegen.studies.papers.lin.model import (
 from tensegrity_codegen.studies.papers.lin.tables import compute_extensions, read_tables, relative_error
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["CHANGES", "compare_sensitivity", "find_nearest_symmetrical"]
-
-
 MM = 1e3
 CHANGES: dict[str, dict[str, float]] = {
     "printed": {},

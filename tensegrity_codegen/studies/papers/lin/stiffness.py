@@ -21,9 +21,6 @@ from tensegrity_codegen.studies.papers.lin.model import TOPS, compile_prism, pla
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["FACTORS", "SUBSETS", "compare_stiffness", "find_force"]
-
-
 SUBSETS = {"all": ("side", "top"), "side": ("side",), "top": ("top",)}
 FACTORS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 DESCENTS = (0.01, 0.03, 0.05)  # [m]

@@ -12,9 +12,6 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.studies.papers.lin.model import COLUMNS, SPRINGS, compile_prism, place_load, settle
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["compare_tables", "compare_unloaded", "compute_extensions", "read_tables"]
-
-
 MM = 1e3
 
 

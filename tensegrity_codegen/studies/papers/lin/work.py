@@ -18,9 +18,6 @@ from tensegrity_codegen.runtime.paths.path_solver import PathSolver
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-__all__ = ["compare_work"]
-
-
 NODES = 12  # of the quadrature on each stretch
 
 

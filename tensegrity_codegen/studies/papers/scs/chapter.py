@@ -14,8 +14,6 @@ from tensegrity_codegen.studies.papers.scs.scs_tracking import tracking_section
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
-__all__ = ["build_scs_chapter"]
-
 # Degrees between two points of the maps.
 FULL_STEP, QUICK_STEP = 0.5, 3.0
 

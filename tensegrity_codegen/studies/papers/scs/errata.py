@@ -17,8 +17,6 @@ from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["check_errata"]
-
 
 def check_errata(tower: SymmetricTower, *, samples: int = 50, seed: int = 1) -> list[dict[str, Any]]:
     """Return one row an erratum: name, equation, unit, error_as_printed, error_as_corrected."""

@@ -28,16 +28,6 @@ from tensegrity_codegen.studies.papers.scs.tracking import compile_tower, drive_
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import StructureError
 
-__all__ = [
-    "compare_equilibria",
-    "compare_tracking",
-    "compute_figures",
-    "compute_paper_maps",
-    "load_paper_tower",
-    "plan_paper_motions",
-]
-
-
 SYMBOLS = ("T_S", "T_V", "T_D")
 
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose
 
-__all__ = ["PAPER_DURATION", "PAPER_POSES", "PRINTED_SIDE", "PaperPose"]
-
 PAPER_DURATION = 5.0  # [s], tau
 PRINTED_SIDE = 0.67  # [m], b of (43); 2/3 m gives the printed tensions
 

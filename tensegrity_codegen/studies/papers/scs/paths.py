@@ -12,9 +12,6 @@ from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, Symmet
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InfeasibleError
 
-__all__ = ["Motion", "MotionPath", "QuinticPath", "TorqueFreePath", "blend"]
-
-
 SIXTY = math.radians(60.0)
 
 

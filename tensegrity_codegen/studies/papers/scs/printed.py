@@ -14,9 +14,6 @@ import numpy as np
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["PrintedTower"]
-
-
 THIRTY, SIXTY = math.radians(30.0), math.radians(60.0)
 
 

@@ -24,9 +24,6 @@ from tensegrity_codegen.symbolic.restriction import Control
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError
 
-__all__ = ["Reconfiguration", "ReconfigurationRecord", "plan_reconfiguration"]
-
-
 CHECKS = 501  # times at which a motion is looked at before roots are searched between them
 M3 = 2  # index among the inputs
 

@@ -19,9 +19,6 @@ from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, Symmet
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
-__all__ = ["PrestressablePose", "RegionMap", "find_prestressable", "map_regions"]
-
-
 OUTSIDE = -1
 MOST_CELLS = 1_000_000
 

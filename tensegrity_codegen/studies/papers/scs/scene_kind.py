@@ -5,8 +5,6 @@ from __future__ import annotations
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.system.errors import StructureError
 
-__all__ = ["BARS", "GROUPS", "check_kind", "find_top", "make_inputs"]
-
 BARS = ("bar11", "bar21", "bar31", "bar12", "bar22", "bar32")
 GROUPS = ("saddle", "vertical", "diagonal")
 INPUTS = ("M1", "M2", "M3", "F1", "F2", "F3")

@@ -19,8 +19,6 @@ from tensegrity_codegen.studies.papers.scs.figures import compare_equilibria
 from tensegrity_codegen.studies.papers.scs.paper_values import PAPER_POSES
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
 
-__all__ = ["NAMES", "equilibrium_section", "formula_section"]
-
 NAMES = {
     "T_S": "T_S, saddle",
     "T_V": "T_V, vertical",

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Patch
 
-__all__ = ["map_section"]
 
 # Code of a region -> its name and colour: 0 taut, else the sum of 1, 2, 4 for the tendons that would push.
 REGIONS = {

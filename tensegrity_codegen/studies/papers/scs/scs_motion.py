@@ -13,8 +13,6 @@ from tensegrity_codegen.report.pages.page import Remark, Section, Verdict, diagr
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.studies.papers.scs.scs_equilibria import NAMES, UNITS
 
-__all__ = ["motion_sections"]
-
 WITH, WITHOUT, PRESCRIBED = "with torque", "without torque", "with both angles prescribed"
 # Number -> motion, title, and what the paper's text says of the picture.
 TEXTS = {

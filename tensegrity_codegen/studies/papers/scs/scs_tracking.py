@@ -10,8 +10,6 @@ from tensegrity_codegen.report.pages.page_table import Column, Table, number_cel
 from tensegrity_codegen.studies.papers.scs.figures import compare_tracking
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 
-__all__ = ["tracking_section"]
-
 MOTIONS = {
     "with_torque": "(44) to (45), with torque",
     "zero_torque": "(52) to (53), without torque",

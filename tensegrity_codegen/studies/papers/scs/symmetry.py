@@ -30,9 +30,6 @@ from tensegrity_codegen.system.errors import (
     StructureError,
 )
 
-__all__ = ["SymmetricPose", "SymmetricTower"]
-
-
 AZIMUTH_OFFSET = (0, 240, 120, 120, 0, 240)  # [deg], of the bars in this order
 PSI = 300  # [deg]
 CROSSING = 30.0  # [deg], the azimuth at which bars intersect

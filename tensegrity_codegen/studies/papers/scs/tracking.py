@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.integrate.motion import Schedule
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration
@@ -23,8 +24,6 @@ from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import UnstableError
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["Tracking", "compile_tower", "drive", "drive_as_printed", "track"]
 
 
 @dataclass(frozen=True)

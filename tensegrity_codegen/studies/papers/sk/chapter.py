@@ -14,8 +14,6 @@ from tensegrity_codegen.studies.papers.sk.sk_storage import pattern_section, sto
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import ProgressFunction
 
-__all__ = ["FULL", "QUICK", "SkSizes", "build_sk_chapter"]
-
 
 @dataclass(frozen=True)
 class SkSizes:

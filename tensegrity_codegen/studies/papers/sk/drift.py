@@ -13,8 +13,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.models import compile_in
 from tensegrity_codegen.studies.papers.sk.sample import sample_prism
 
-__all__ = ["measure_constraint_drift"]
-
 
 def measure_constraint_drift(
     structure: Structure | None = None,

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-__all__ = ["METHODS", "compare_inverse_times"]
-
 METHODS = ("pseudo_inverse", "dense", "sparse", "factored")
 LEAST_SECONDS, LEAST_TIMES = 0.05, 9  # of repetitions of one measurement
 ASYMPTOTIC = 12  # growth exponents are fitted from this number of nodes on, if three sizes are left

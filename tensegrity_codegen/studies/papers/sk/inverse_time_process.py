@@ -19,8 +19,6 @@ import numpy as np
 from tensegrity_codegen.codegen.compilation.child import run_limited
 from tensegrity_codegen.system.errors import TensegrityError
 
-__all__ = ["StudyError", "measure_inverse_times"]
-
 THREAD_VARIABLES = (
     *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"),
     *("MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
@@ -58,7 +56,7 @@ def _plain(value: Any) -> Any:
 
 
 def _main(arguments: list[str]) -> None:
-    from tensegrity_codegen.studies.papers.sk import compare_inverse_times
+    from tensegrity_codegen.studies.papers.sk.inverse_time import compare_inverse_times
 
     sys.stdout.write(json.dumps(_plain(compare_inverse_times(int(word) for word in arguments))) + "\n")
 

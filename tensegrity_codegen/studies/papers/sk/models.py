@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from tensegrity_codegen.pipeline.compile_scene import build_library, simulation_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["compile_in"]
 
 
 def compile_in(structure: Structure, formulation: str, *quantities: str, **options: str) -> CompiledModel:

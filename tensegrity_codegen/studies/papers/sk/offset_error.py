@@ -22,8 +22,6 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["OFFSETS", "compare_offset_trajectories", "compare_offsets"]
-
 OFFSETS = (0.0, 1e3, 1e6, 1e9)
 PRECISIONS: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.float32}
 QUANTITIES = ("member_tension", "acceleration")

@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.codegen.prune import PrunedFunction
 from tensegrity_codegen.system.errors import FormulationError
 
-__all__ = ["evaluate_in"]
-
 OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: np.add,

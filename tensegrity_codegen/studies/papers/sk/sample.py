@@ -10,8 +10,6 @@ from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
 
-__all__ = ["sample_prism", "sample_structure"]
-
 # The three-link prism of S&K Fig. 1, free in space; the paper gives no data. Bars are 20 times as stiff as
 # cables.
 PRISM: dict[str, Any] = {

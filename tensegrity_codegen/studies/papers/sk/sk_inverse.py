@@ -11,8 +11,6 @@ from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, dia
 from tensegrity_codegen.report.pages.page_table import Column, Table, number_cell, text_cell
 from tensegrity_codegen.studies.papers.sk.inverse_time_process import measure_inverse_times
 
-__all__ = ["inverse_section"]
-
 # Method of the study -> its name here, its name in the paper's legend.
 METHODS = {
     "pseudo_inverse": ("pseudo-inverse", "pinv"),

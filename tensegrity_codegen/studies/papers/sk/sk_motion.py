@@ -11,9 +11,8 @@ from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.page import Figure, Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
-from tensegrity_codegen.studies.papers.sk import compare_trajectories, measure_constraint_drift
-
-__all__ = ["drift_section", "trajectory_section"]
+from tensegrity_codegen.studies.papers.sk.drift import measure_constraint_drift
+from tensegrity_codegen.studies.papers.sk.trajectory_difference import compare_trajectories
 
 PAPER_BOUND = 1e-5  # [m], "the error per coordinate is less than 10^-5"
 # Differences below the rounding of a coordinate are drawn there.

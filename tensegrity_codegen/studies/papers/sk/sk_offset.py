@@ -12,13 +12,8 @@ from tensegrity_codegen.report.pages.method_style import find_style
 from tensegrity_codegen.report.pages.page import Paragraph, Remark, Section, diagram_figure
 from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.papers.sk import (
-    compare_offset_trajectories,
-    compare_offsets,
-    sample_prism,
-)
-
-__all__ = ["offset_section"]
+from tensegrity_codegen.studies.papers.sk.offset_error import compare_offset_trajectories, compare_offsets
+from tensegrity_codegen.studies.papers.sk.sample import sample_prism
 
 # Nodes leave the equilibrium by about this much [m], so that the accelerations are not zero.
 DISPLACEMENT = 0.01

@@ -14,9 +14,10 @@ from tensegrity_codegen.report.pages.page_table import Column, Table, number_cel
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import INK, SEQUENCE
-from tensegrity_codegen.studies.papers.sk import compare_stored_numbers, find_difference_pattern
-
-__all__ = ["pattern_section", "storage_section"]
+from tensegrity_codegen.studies.papers.sk.stored_numbers import (
+    compare_stored_numbers,
+    find_difference_pattern,
+)
 
 # Way of storing -> name in legend and table, unit line of its column.
 WAYS = {

@@ -22,8 +22,6 @@ from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph
 from tensegrity_codegen.tables.request import ModelRequest
 
-__all__ = ["compare_stored_numbers", "count_stored_numbers", "find_difference_pattern"]
-
 
 def count_stored_numbers(structure: Structure) -> dict[str, int]:
     """Return way of storing -> numbers a time point for the linear model of `structure`.

@@ -17,8 +17,6 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.sk.models import compile_in
 from tensegrity_codegen.studies.papers.sk.sample import sample_prism
 
-__all__ = ["compare_trajectories"]
-
 FORMULATIONS = ("node_position", "node_distance")
 ADAPTIVE = "scipy_rk45"
 REFERENCE = {"method": "scipy_dop853", "rtol": 1e-12, "atol": 1e-13, "control": "steps"}

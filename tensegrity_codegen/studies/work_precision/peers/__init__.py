@@ -9,8 +9,6 @@ from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, scipy_ivp, sundials
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 
-__all__ = ["peer_contenders"]
-
 
 def peer_contenders(
     problem: MotionProblem,

@@ -13,9 +13,6 @@ from tensegrity_codegen.studies.work_precision.contender import Contender, Run, 
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
-__all__ = ["contenders", "write_model"]
-
-
 INTEGRATORS = ("RK4", "implicitfast", "Euler")
 STEPS = tuple(10.0 ** (-k / 2) for k in range(3, 11))  # of the time span
 THIN = 1e-6  # inertia of a rod about itself, over that across it: MuJoCo asks for one

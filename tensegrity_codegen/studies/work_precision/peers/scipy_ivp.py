@@ -24,8 +24,6 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import choose_formulation
 
-__all__ = ["contenders"]
-
 Derivative = Callable[[float, FloatArray], FloatArray]
 # Derivative, initial state, times, rtol -> times and states that are reached, message or "", evaluations.
 Solver = Callable[[Derivative, FloatArray, FloatArray, float], tuple[FloatArray, FloatArray, str, int]]

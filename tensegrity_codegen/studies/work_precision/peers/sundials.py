@@ -10,15 +10,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
 from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest
-
-__all__ = ["contenders", "usual_contenders"]
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
 MOST_WORK = 20_000_000  # members times steps between two samples: some ten seconds

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.pipeline.compile_scene import build_library
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.request import ModelRequest

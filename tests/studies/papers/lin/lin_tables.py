@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["COLUMNS", "COMPUTED", "LOADS", "MEASURED"]
-
 # The scene's tendons in the order of the columns.
 COLUMNS = ("top1", "top3", "top2", "side1", "side3", "side2")
 LOADS = -np.arange(11.0)

@@ -12,8 +12,6 @@ from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower, plan
 from tensegrity_codegen.studies.papers.scs.reconfiguration import Reconfiguration
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
 
-__all__ = ["angles", "motions", "paper_motion", "pose", "rates", "tower"]
-
 pose = SymmetricPose.from_degrees
 
 

@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tensegrity_codegen import CompiledModel, ModelRequest, Profile, build_library, simulate
-from tensegrity_codegen.pipeline.compile_scene import simulation_quantities
 from tensegrity_codegen.runtime.integrate.flow import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.papers.scs.tracking import drive
 from tests.codegen.quickly import without_optimisation
 from tests.studies.papers.scs.subjects import paper_motion, tower

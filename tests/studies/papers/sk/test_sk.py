@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.studies.papers.sk import (
-    compare_inverse_times,
-    compare_offset_trajectories,
-    compare_offsets,
+from tensegrity_codegen.studies.papers.sk.drift import measure_constraint_drift
+from tensegrity_codegen.studies.papers.sk.inverse_time import compare_inverse_times
+from tensegrity_codegen.studies.papers.sk.offset_error import compare_offset_trajectories, compare_offsets
+from tensegrity_codegen.studies.papers.sk.sample import sample_prism, sample_structure
+from tensegrity_codegen.studies.papers.sk.stored_numbers import (
     compare_stored_numbers,
-    compare_trajectories,
     count_stored_numbers,
     find_difference_pattern,
-    measure_constraint_drift,
-    sample_prism,
-    sample_structure,
 )
+from tensegrity_codegen.studies.papers.sk.trajectory_difference import compare_trajectories
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, run_in_casadi
