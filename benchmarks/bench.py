@@ -8,8 +8,6 @@ them. --quick: small structures, few rounds; --full: more quantities at the larg
 --scripts: the other scripts of this folder too, as tables of the same report.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

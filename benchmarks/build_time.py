@@ -6,8 +6,6 @@ Cold is the wall time of the verb `build`. Cached is process time (user + system
 the same packages and does nothing; medians of several runs.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import statistics

@@ -3,8 +3,6 @@
 python benchmarks/call_overhead.py
 """
 
-from __future__ import annotations
-
 import statistics
 import timeit
 

@@ -9,8 +9,6 @@ with the whole problem as one graph (`expand`). The total time is that of buildi
 compilation of the library, which happens once for a scene, is listed apart.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Callable, Mapping

@@ -7,8 +7,6 @@ Times are medians of CPU time over rounds that take turns, of whole runs: ours w
 MuJoCo's one call of mj_step.
 """
 
-from __future__ import annotations
-
 import statistics
 import sys
 import time

@@ -6,8 +6,6 @@ Wall time a draw from lengths with noise, one thread; medians over rounds that t
 compiling the loop is timed apart, for it happens once for all draws.
 """
 
-from __future__ import annotations
-
 import statistics
 import sys
 import time

@@ -7,8 +7,6 @@ the CPU time of its thread, less the time of reading that clock. Of five rounds 
 other programs disturbed least: with the smallest ratio of the 99 % to the median. Parts are timed in loops.
 """
 
-from __future__ import annotations
-
 import argparse
 import subprocess
 import sys

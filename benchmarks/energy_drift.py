@@ -7,8 +7,6 @@ ones; cables go slack and taut. Drifts are the largest at any sample: of the ene
 bar's length over that length.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -10,8 +10,6 @@ shown. rigid_bar takes bars as rigid, or corrects that by how far their forces s
 the motions, one after the other, and count as if the others took as long. CPU seconds of one core.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import itertools

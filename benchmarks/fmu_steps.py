@@ -7,8 +7,6 @@ known. The loop is one call into C; the unit is called once for each communicati
 share is in the times (about 0.5 us a call). Medians of rounds that take turns.
 """
 
-from __future__ import annotations
-
 import argparse
 import ctypes as c
 import statistics

@@ -9,8 +9,6 @@ draws it again, and with what was drawn. A count of verdicts comes at the end. E
 finding.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -7,8 +7,6 @@ cases and so stays small; largest resident memory, time and exit code of each ar
 one of them fails.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -8,8 +8,6 @@ own with an empty cache; "memory" is the largest sum over it and its compilers, 
 Where other programs run too, "all, of the cores" says more than the seconds of a clock.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

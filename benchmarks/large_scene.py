@@ -7,8 +7,6 @@ compiles and loads it with an empty cache, and prints one line of JSON: what was
 Wanted are force, energy and stiffness; where the emitter has no stiffness, the line names the other two.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import tempfile

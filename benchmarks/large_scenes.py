@@ -1,7 +1,5 @@
 """Scenes of any size for measurements: the shape `tower`, and imported tables of random points."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

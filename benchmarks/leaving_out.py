@@ -3,8 +3,6 @@
 python benchmarks/leaving_out.py
 """
 
-from __future__ import annotations
-
 import statistics
 from contextlib import suppress
 from dataclasses import replace

@@ -17,8 +17,6 @@ columns    file         size of the page
            pixels       of the moving picture, a pixel of the page; 1 is all, slow pictures have fewer
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

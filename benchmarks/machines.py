@@ -7,8 +7,6 @@ qemu-user, wasmtime and wine. Printed is the largest difference over the largest
 many results have the same bits.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 python benchmarks/node_distance.py
 """
 
-from __future__ import annotations
-
 from build_time import PRISM
 
 from tensegrity_codegen.codegen.compilation.flags import FLAG_SETS

@@ -8,8 +8,6 @@ event do not count: the glide over it, and half of the step that it cuts. A soft
 between four cables; in the smooth case these are so short that they stay taut.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -9,8 +9,6 @@ in rounds that take turns. SciPy runs as it did before there were profiles, with
 controls the error at the samples, methods by name that of each step.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

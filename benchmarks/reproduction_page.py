@@ -4,8 +4,6 @@ tensegrity-codegen reproduce all --out output/reproduction --json > output/repro
 python benchmarks/reproduction_page.py output/reproduction.json
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections import Counter

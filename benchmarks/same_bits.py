@@ -8,8 +8,6 @@ models. The random scenes are written as TOML by this script, the same for both.
 how much; exit code 1 if anything does.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

@@ -7,8 +7,6 @@ against one of doubles: at the same deformed state, whose coordinates are floats
 rounding of the coordinates makes of the exact one.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

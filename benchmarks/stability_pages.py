@@ -8,8 +8,6 @@ resumes: it keeps finished cases and runs the others. The common prism is import
 script writes, and structures of the NASA Tensegrity Robotics Toolkit from the files that --ntrt names.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import json

@@ -5,8 +5,6 @@
 Process time (user and system, of all processes that a command starts) [s]: median and least of several runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -12,8 +12,6 @@ loose to tight, eight a decade; of four that reach the error the fastest counts.
 the patience at four settings is given up, and what is printed is a lower bound.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import statistics

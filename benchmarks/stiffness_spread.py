@@ -7,8 +7,6 @@ cheapest counts. Times are medians of CPU time in rounds that take turns over th
 longest over the shortest.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 

@@ -11,8 +11,6 @@ come before and are shown apart. `sweep` writes its results to disk; the bare fu
 Other ways compute a few of the cases (--peers), and count as if the others took as long.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

@@ -9,8 +9,6 @@ has a queue for the scheduler, one for the writing of results, and any number of
 overhead of each batch size, and the least batch size whose overhead is below 5 %. Written for docs/sweep.md.
 """
 
-from __future__ import annotations
-
 import heapq
 import os
 import statistics

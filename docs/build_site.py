@@ -3,8 +3,6 @@
 Needs the extra `[docs]`. A warning of Sphinx is an error: exit code 1.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import os

@@ -4,8 +4,6 @@ The pages are the Markdown files of this folder. What they take from elsewhere (
 command line, the keys of scene files, the public names) `site_pages` puts in when Sphinx reads them.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

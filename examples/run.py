@@ -7,8 +7,6 @@ Exit code 0 where every example that could run printed the same numbers, 1 where
 2 for a wrong argument. Examples whose tools are missing are listed with what to install.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -7,8 +7,6 @@
 Names are loaded when first used, so that importing the package costs nothing.
 """
 
-from __future__ import annotations
-
 from tensegrity_codegen.system.version import VERSION as __version__
 
 TYPE_CHECKING = False  # `typing` is loaded with the first name
@@ -189,7 +187,7 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     import importlib
 
     if name not in __all__:

@@ -1,7 +1,5 @@
 """Body systems for tests: one that has everything, the shipped ones, and their quantities in CasADi."""
 
-from __future__ import annotations
-
 import copy
 from functools import cache
 from importlib.resources import files

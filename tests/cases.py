@@ -1,7 +1,5 @@
 """Cases of parametrized tests that only `make test-all` runs, since others run the same lines."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -5,8 +5,6 @@ damping, no gravity, at rest at t = 0. The positions are those of a reference by
 rtol = atol = 1e-12, of which a second integration, cut at each of the 72 events, met the end to 1.0e-12 m.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure

@@ -1,7 +1,5 @@
 """Comparing results entry by entry, at a scale that belongs to the quantity."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """What all tests share: the cache of compiled libraries, compilation without optimisation, examples drawn."""
 
-from __future__ import annotations
-
 import gc
 import os
 import shutil

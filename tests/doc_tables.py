@@ -1,7 +1,5 @@
 """Tables of the documentation that are written from records of the code."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path

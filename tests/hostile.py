@@ -4,8 +4,6 @@
 Each case is a list of (file name, bytes) and the words of the command line, or the text of a condition.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

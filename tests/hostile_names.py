@@ -1,7 +1,5 @@
 """Names that try to leave their place in C, comments, shells, make, CMake, XML, JSON, paths and Python."""
 
-from __future__ import annotations
-
 import json
 import keyword
 

@@ -1,7 +1,5 @@
 """Random structures for property tests: valid, connected and well-conditioned, of every flavour."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@ code with the package apart from the frozen data classes. `ReferenceModel` has t
 model, so the runtime can be tested with it, without a compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

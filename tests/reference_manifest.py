@@ -1,7 +1,5 @@
 """The manifest of the reference model: which arguments and functions it has, in which sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ rational arithmetic, so that nothing is lost but the last square root. `searched
 |P(s) - Q(t)|.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The fixtures that all tests share."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

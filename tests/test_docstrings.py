@@ -1,7 +1,5 @@
 """Docstrings of public names: numpydoc sections that match the signatures, and examples that run."""
 
-from __future__ import annotations
-
 import dataclasses
 import doctest
 import importlib

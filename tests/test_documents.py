@@ -1,7 +1,5 @@
 """Documents agree with the code: glossary, changelog, contributing guide, numbers in docs/."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Read are the string literals of the package, README, guides, docs and comments o
 headers. Each word is listed with what to write instead, or why it is unclear.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -4,8 +4,6 @@
 numbers may differ in the last digits, since sines and square roots may on another machine.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 benchmarks/hostile.py runs hundreds of them under limits of time and memory.
 """
 
-from __future__ import annotations
-
 import tempfile
 from contextlib import suppress
 from pathlib import Path

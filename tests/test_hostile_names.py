@@ -1,7 +1,5 @@
 """Names of scenes are plain identifiers or are refused: none of them leaves the place where it is written."""
 
-from __future__ import annotations
-
 import ast
 import io
 import json

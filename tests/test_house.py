@@ -1,7 +1,5 @@
 """The house itself: verbs, checks, floors, and documents that say what the code does."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

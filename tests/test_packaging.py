@@ -1,7 +1,5 @@
 """The sdist and the wheel hold what is needed, and an installed wheel works away from the checkout."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

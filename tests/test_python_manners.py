@@ -1,7 +1,5 @@
 """The package in a user's hands: names, short texts, notebooks, and a typed script that uses everything."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

@@ -1,7 +1,5 @@
 """The reference itself, against finite differences and balances that hold for every structure."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

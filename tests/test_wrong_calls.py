@@ -1,7 +1,5 @@
 """Public functions given wrong values, each argument in turn: named errors or results, no bare errors."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import pickle

@@ -1,7 +1,5 @@
 """A user's script with every public name, typed; tests/test_python_manners.py runs it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

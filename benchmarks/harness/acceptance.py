@@ -1,7 +1,5 @@
 """Targets of speed and size: what was required, what was measured, and whether the target is met."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """How far results of the same force are apart, in units that rounding explains."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

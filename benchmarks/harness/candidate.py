@@ -5,8 +5,6 @@ all. Ratios are taken round by round, and their median is what is reported. Time
 process, all its threads, so that others on the same core do not count.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -64,7 +62,7 @@ class Timing:
         low, high = np.percentile(self.rounds, (25, 75))
         return float((high - low) / self.median)
 
-    def times_faster_than(self, other: Timing) -> float:
+    def times_faster_than(self, other: "Timing") -> float:
         """Return the median over rounds of other / self."""
         return float(np.median(other.rounds / self.rounds))
 

@@ -1,7 +1,5 @@
 """The fastest of our functions against the fastest other way, at each structure and quantity."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Compiling with time and memory measured, and kept: a text is compiled once, its figures stay with it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """The committed page docs/benchmarks.md: a run in tables, with what the words mean."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

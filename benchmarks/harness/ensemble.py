@@ -1,7 +1,5 @@
 """Many states of one structure in one go: the rate of 10,000 prisms on one core, from Python and from C."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 

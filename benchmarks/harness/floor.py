@@ -1,7 +1,5 @@
 """The floor of this core: what the arithmetic of a member takes at least, from small C programs."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How times grow with the structure: the exponent p of ns ~ members^p, fitted on logarithms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

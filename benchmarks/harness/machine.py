@@ -1,7 +1,5 @@
 """The machine by what matters to a reader: CPU model and compilers; and one core to stay on."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

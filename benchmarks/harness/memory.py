@@ -1,7 +1,5 @@
 """The peak memory of a process and all of its descendants together, looked at while they run."""
 
-from __future__ import annotations
-
 import subprocess
 import threading
 import time

@@ -1,7 +1,5 @@
 """Our own candidates: every emitter that the package has, found by name, with several compilers and flags."""
 
-from __future__ import annotations
-
 import re
 import time
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The page of a run: the comparison with other ways, times, sizes, rates, all rows, machine."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

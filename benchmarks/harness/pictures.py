@@ -1,7 +1,5 @@
 """Pictures of a run: time a member over size, code and compile time over size, rates of many states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -33,7 +31,7 @@ class Drawing:
     """A figure with the name of its file and its caption."""
 
     name: str
-    figure: Figure
+    figure: "Figure"
     caption: str
 
 
@@ -134,7 +132,7 @@ def _lines(rows: Sequence[Row], value: Value) -> dict[str, list[tuple[int, float
 
 def _over_members(
     lines: Mapping[str, Sequence[tuple[int, float]]], unit: str, marks: Sequence[tuple[float, str]] = ()
-) -> Figure:
+) -> "Figure":
     """Return one line a candidate over the number of members, both axes logarithmic."""
     styles = style_candidates(lines)
     series = [

@@ -7,8 +7,6 @@ U = sum mu (l - rho)^2 / 2 of taut members
 K = sum of mu d d^T / l^2 + t/l (I - d d^T / l^2) of taut members, on the free coordinates
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """What a run leaves behind: Markdown, JSON, CSV, pictures, and one page that holds all of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """What a run has finished, kept so that the same command goes on from there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

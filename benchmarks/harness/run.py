@@ -1,7 +1,5 @@
 """One whole run: floor, sizes, many states, the largest scene, other scripts, report."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

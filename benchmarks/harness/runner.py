@@ -1,7 +1,5 @@
 """The loops of runner.c from Python: seconds that many calls of a C function take."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path

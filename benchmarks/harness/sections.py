@@ -1,7 +1,5 @@
 """How many bytes of a library are instructions and how many are tables, from its ELF section headers."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

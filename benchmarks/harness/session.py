@@ -1,7 +1,5 @@
 """One run: makes candidates, checks them against each other, times them in turns, keeps a row for each."""
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """From a small structure to a large one: every candidate at every size and quantity."""
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import groupby
 

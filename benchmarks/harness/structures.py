@@ -4,8 +4,6 @@ The tower is a stack of three-bar prisms whose levels share their rings of nodes
 9 members a level (a ring of three cables, three bars, three more cables) and 3 more for the last ring.
 """
 
-from __future__ import annotations
-
 from importlib.resources import as_file, files
 
 import numpy as np

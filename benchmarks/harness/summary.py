@@ -1,7 +1,5 @@
 """A run on one screen: candidates down, structures across."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rows as text: rich tables on the terminal, Markdown and CSV in files."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence

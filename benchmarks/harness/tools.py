@@ -1,7 +1,5 @@
 """What peers need to make a candidate: compilers, a folder for what is compiled, the timing loops."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

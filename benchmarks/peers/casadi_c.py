@@ -1,7 +1,5 @@
 """CasADi's own C: the unrolled SX expression, or the MX map, by gcc -O3 -march=native."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 

@@ -1,7 +1,5 @@
 """The physics as a CasADi user writes it: SX member by member, or MX with a map over the members."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

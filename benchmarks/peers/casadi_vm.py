@@ -1,7 +1,5 @@
 """CasADi's virtual machine: no C, the expression is interpreted; called through its buffers from Python."""
 
-from __future__ import annotations
-
 import time
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """JAX: whole arrays in double precision, jit-compiled by XLA for one core; called from Python."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -5,8 +5,6 @@ factors, passive forces, accelerations; contacts are off, there are no constrain
 computes less than that for the same force, and none for the stiffness.
 """
 
-from __future__ import annotations
-
 import ctypes
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """numba: one loop over the members, compiled with fast math; called from Python."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """NumPy: whole arrays, contributions added up by a sparse incidence matrix or by numpy.add.at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

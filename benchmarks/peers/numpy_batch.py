@@ -1,7 +1,5 @@
 """NumPy over many states at once: a leading axis for the states in every array."""
 
-from __future__ import annotations
-
 import numpy as np
 from harness.candidate import Candidate, repeat_python
 from harness.problem import Problem

@@ -4,8 +4,6 @@ Every line states a claim of docs/errata.md and the number that decides it. Deri
 exact to rounding; second derivatives are central differences of them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 RNG = np.random.default_rng(3)

@@ -3,8 +3,6 @@
 Every line states a claim of docs/errata.md and the number that decides it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 N = 6

@@ -4,8 +4,6 @@ Every line states a claim of docs/errata.md and the numbers that decide it. Need
 tensegrity_codegen/studies/papers/data/lin_tables.csv.
 """
 
-from __future__ import annotations
-
 from itertools import permutations
 from pathlib import Path
 

@@ -13,8 +13,6 @@ Wanner 1996, VII.4); the derivatives of the bars' equation, l' = t'/mu and l'' =
 order of the positions, in one linear solve after the step that does not enter the next one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 MASS = np.diag([1.0, 1.0, 0.7, 0.7])

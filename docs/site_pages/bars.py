@@ -1,7 +1,5 @@
 """Bars beside each other for the rows of a table in a page."""
 
-from __future__ import annotations
-
 from html import escape
 
 # Colours of the columns, from the first; a column beyond them is grey.

@@ -1,7 +1,5 @@
 """The command line as one page, made from the verbs themselves."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Any
 

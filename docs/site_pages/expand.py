@@ -15,8 +15,6 @@
 In a view of the repository a mark is not shown; a page says beside it where to read the same there.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Scenes of the gallery: cards with pictures, and for each scene its live page and the text of its file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from itertools import takewhile

@@ -4,8 +4,6 @@ In the repository a link leads to any file. The site has pages: a link to a file
 name of the file, and one to a folder with a README.md leads to its page.
 """
 
-from __future__ import annotations
-
 import posixpath
 import re
 from pathlib import Path

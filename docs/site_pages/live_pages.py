@@ -1,7 +1,5 @@
 """Live pages of the gallery's scenes, and copies of the scene files, written beside the pages of the site."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

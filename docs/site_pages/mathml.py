@@ -1,7 +1,5 @@
 """Formulas of pages as MathML, which browsers show by themselves: no script, no font, no request."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from docutils.utils.math import MathError

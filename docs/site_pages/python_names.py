@@ -1,7 +1,5 @@
 """Public names of Python, as directives of Sphinx's autodoc."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Sequence
 

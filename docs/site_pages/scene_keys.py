@@ -1,7 +1,5 @@
 """Keys of scene files, made from the JSON schema."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

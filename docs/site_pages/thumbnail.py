@@ -1,7 +1,5 @@
 """A small picture of a structure, SVG whose colours follow the page from light to dark."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.report.pictures.view import find_box, fit_view

@@ -3,8 +3,6 @@
 Prints the lines of the page; exit code 1 where the page shows an error, which goes to stderr.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import html

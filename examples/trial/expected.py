@@ -4,8 +4,6 @@ Python uses solvers of its own: Newton's method in a trust region for equilibria
 bounds the error of the samples. Only the functions of the library are the same.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen import find_equilibrium, simulate

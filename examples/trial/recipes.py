@@ -5,8 +5,6 @@ wrote, {out} is the folder of what the example builds, {motor} the argument of t
 with the package ament_package, if there is one, {runner} the Python that runs the examples.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Lines that the examples print: a quantity, the name of what it belongs to, a value and its unit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

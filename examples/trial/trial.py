@@ -1,7 +1,5 @@
 """Building and running the examples, one after the other."""
 
-from __future__ import annotations
-
 import functools
 import os
 import re
@@ -40,7 +38,7 @@ class FailedError(Exception):
     """A command of an example failed, or printed other numbers than Python."""
 
 
-def run_examples(recipes: Iterable[Recipe], libraries: Libraries) -> Iterator[Outcome]:
+def run_examples(recipes: Iterable[Recipe], libraries: "Libraries") -> Iterator[Outcome]:
     """Build the libraries that are needed, build and run each example, and compare its numbers."""
     for recipe in recipes:
         missing = tuple(tool for tool in recipe.tools if find_missing(tool))

@@ -1,7 +1,5 @@
 """All verbs in one application, and how it ends: 0 good, 2 bad input, 3 no convergence or unstable."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn

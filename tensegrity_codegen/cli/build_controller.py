@@ -1,7 +1,5 @@
 """The option `--build` of `control`: the controller in C, written where feedback holds."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +22,8 @@ def check_build(folder: Path | None, precision: str, scene: Path, overwrite: boo
 
 def write_controller(
     output: Output,
-    study: ControlStudy,
-    model: CompiledModel,
+    study: "ControlStudy",
+    model: "CompiledModel",
     folder: Path | None,
     *,
     scene: Path,

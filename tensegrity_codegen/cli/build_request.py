@@ -1,7 +1,5 @@
 """What the options of `build` change of a scene's request."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

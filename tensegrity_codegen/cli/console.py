@@ -1,7 +1,5 @@
 """The console that verbs print on, in a module of its own: Rich is imported where something is printed."""
 
-from __future__ import annotations
-
 from rich.console import Console
 
 from tensegrity_codegen.cli.streams import drop_output

@@ -1,7 +1,5 @@
 """The controller that the options of `control` state: weights, gains, estimator, distribution."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,8 +20,8 @@ if TYPE_CHECKING:
 class ControlDesign:
     """What the options state of the controller."""
 
-    model: CompiledModel
-    motion: Motion
+    model: "CompiledModel"
+    motion: "Motion"
     sample: float
     tolerance: float | None
     effort: float | None
@@ -69,7 +67,7 @@ class ControlDesign:
             spread = design_distribution(model, motion, least_tension=least, arguments=given)
         return {"tuning": tuning, "gains": gains, "estimator": senses, "distribution": spread}
 
-    def _design_estimator(self, tuning: Tuning, gains: Gains) -> Estimator:
+    def _design_estimator(self, tuning: "Tuning", gains: "Gains") -> "Estimator":
         """Return the estimator; disturbances that are not stated are as large as noise permits."""
         from tensegrity_codegen.control.feedback.kalman import design_kalman
         from tensegrity_codegen.control.feedback.study.calm_estimator import design_calm_estimator
@@ -87,7 +85,7 @@ class ControlDesign:
             self.warn(warning)
         return estimator
 
-    def _design_gains(self, tuning: Tuning) -> Gains:
+    def _design_gains(self, tuning: "Tuning") -> "Gains":
         """Return the gains; an error of the weights names their file."""
         from tensegrity_codegen.control.feedback.lqr import design_lqr
 

@@ -1,7 +1,5 @@
 """Options of the verb `control`, and how their texts are read."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -159,7 +157,7 @@ ANGLES = {"deg": math.pi / 180, "rad": 1.0}
 
 def read_errors(
     start: Sequence[str] | None, stiffness: float, gusts: Sequence[str] | None, axes: Sequence[int]
-) -> StatedErrors:
+) -> "StatedErrors":
     """Return the disturbances that the options state; raises InvalidValueError for texts that state none."""
     from tensegrity_codegen.control.feedback.study.stated_errors import StatedErrors
 
@@ -183,7 +181,7 @@ def read_errors(
     return StatedErrors(length, angle, stiffness, drawn)
 
 
-def _read_gust(text: str, axes: Sequence[int]) -> RandomGust:
+def _read_gust(text: str, axes: Sequence[int]) -> "RandomGust":
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
 
     node, equals, rest = text.partition("=")

@@ -1,7 +1,5 @@
 """The motion that `control` holds: planned, read from a file, or an equilibrium."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -46,7 +44,7 @@ def check_motion_times(
     check_times(sample, duration=length, t_end=t_end, last=last)
 
 
-def check_motion_gusts(gusts: Sequence[Gust | RandomGust], t_end: float | None) -> None:
+def check_motion_gusts(gusts: "Sequence[Gust | RandomGust]", t_end: float | None) -> None:
     """Raise InvalidValueError for a gust after the simulated time, where that is known before the motion."""
     from tensegrity_codegen.control.feedback.study.study_times import check_gust_times
 
@@ -61,7 +59,7 @@ def compile_control(
     plan: Path | None,
     actuate: Sequence[str] | None,
     compiler: str | None,
-) -> tuple[Subject, CompiledModel, tuple[str, ...] | None]:
+) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.targets.target_text import read_targets
@@ -94,7 +92,7 @@ def compile_control(
     return subject, build_library(subject, wanted, compiler=compiler).load(), chosen
 
 
-def _check_formulation(subject: Subject, request: ModelRequest) -> None:
+def _check_formulation(subject: "Subject", request: "ModelRequest") -> None:
     """Raise FormulationError where coordinates depend on each other: rigid bars between nodes."""
     from tensegrity_codegen.tables.formulations import find_formulation
 
@@ -112,7 +110,7 @@ def _check_formulation(subject: Subject, request: ModelRequest) -> None:
 
 def find_motion(
     output: Output,
-    model: CompiledModel,
+    model: "CompiledModel",
     to: Sequence[str] | None,
     plan: Path | None,
     chosen: tuple[str, ...] | None,
@@ -120,7 +118,7 @@ def find_motion(
     duration: float | None,
     arguments: Mapping[str, Any],
     t_end: float | None,
-) -> Motion:
+) -> "Motion":
     """Return the motion: of a new plan, of a plan in a file, or at rest in the equilibrium."""
     from tensegrity_codegen.control.feedback.design.at_rest import build_rest
     from tensegrity_codegen.control.feedback.study.read_files import read_path
@@ -152,11 +150,11 @@ def find_motion(
 
 def _find_plan(
     output: Output,
-    model: CompiledModel,
+    model: "CompiledModel",
     to: Sequence[str],
     chosen: tuple[str, ...] | None,
     arguments: Mapping[str, Any],
-) -> PlanResult:
+) -> "PlanResult":
     """Return a plan that was found; raises InfeasibleError or ConvergenceError where there is none."""
     from tensegrity_codegen.control.planning.plan import plan
 

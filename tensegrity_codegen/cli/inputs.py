@@ -1,7 +1,5 @@
 """`--input NAME=VALUE`: constant values of inputs and actuators."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
@@ -36,7 +34,7 @@ InputOption = Annotated[
 ]
 
 
-def read_inputs(texts: list[str] | None, subject: Subject, output: Output) -> dict[str, float]:
+def read_inputs(texts: list[str] | None, subject: "Subject", output: "Output") -> dict[str, float]:
     """Return the values of inputs by name, and warn of rest lengths outside the ranges of actuators.
 
     Raises UnknownNameError, DuplicateNameError, NonFiniteError, or InvalidValueError for a text that is no
@@ -60,7 +58,7 @@ def read_inputs(texts: list[str] | None, subject: Subject, output: Output) -> di
     return values
 
 
-def _read_input(text: str, subject: Subject) -> tuple[str, float]:
+def _read_input(text: str, subject: "Subject") -> tuple[str, float]:
     name, equals, number = (part.strip() for part in text.partition("="))
     known = [item.name for item in subject.inputs]
     if not known:
@@ -101,7 +99,7 @@ def _read_input(text: str, subject: Subject) -> tuple[str, float]:
     return name, value
 
 
-def _check_rest_lengths(values: Mapping[str, float], subject: Subject) -> None:
+def _check_rest_lengths(values: Mapping[str, float], subject: "Subject") -> None:
     """Raise InvalidValueError where inputs leave a member without a positive rest length."""
     from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
@@ -121,7 +119,7 @@ def _check_rest_lengths(values: Mapping[str, float], subject: Subject) -> None:
     )
 
 
-def _find_outside(values: Mapping[str, float], subject: Subject) -> list[str]:
+def _find_outside(values: Mapping[str, float], subject: "Subject") -> list[str]:
     """Return warnings of members that these values bring outside the range of their actuator."""
     from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_length
 
@@ -139,7 +137,7 @@ def _find_outside(values: Mapping[str, float], subject: Subject) -> list[str]:
     return found
 
 
-def warn_of_profile(profile: Profile | None, subject: Subject, output: Output) -> None:
+def warn_of_profile(profile: "Profile | None", subject: "Subject", output: "Output") -> None:
     """Warn of actuators whose range or rate a profile exceeds: the model has no such limits."""
     if profile is None:
         return
@@ -149,7 +147,7 @@ def warn_of_profile(profile: Profile | None, subject: Subject, output: Output) -
                 output.warn(f"the profile of {item.name} {sentence}, which the simulation does not limit")
 
 
-def _find_excess(profile: Profile, item: Actuator, subject: Subject) -> list[str]:
+def _find_excess(profile: "Profile", item: "Actuator", subject: "Subject") -> list[str]:
     """Return how a profile exceeds an actuator: the rest length farthest outside, the largest rate."""
     import numpy as np
 

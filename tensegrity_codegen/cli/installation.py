@@ -1,7 +1,5 @@
 """What is installed, which C compilers there are, and whether they work."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

@@ -1,7 +1,5 @@
 """The option --labels, whose value may be omitted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

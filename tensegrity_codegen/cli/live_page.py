@@ -1,7 +1,5 @@
 """Live pages for verbs: three.js, motion, modes, and the file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,7 +32,7 @@ def show_live(
     scene: Path,
     out: Path,
     trajectory: Path | None,
-    options: ShowOptions,
+    options: "ShowOptions",
 ) -> tuple[dict[str, Any], str]:
     """Write a live page of a scene; return the result of the verb as data and as text."""
     from tensegrity_codegen.cli.picture import describe_left_out
@@ -120,7 +118,7 @@ def play_live(
     return data, f"wrote {out} ({size / 1e6:.2g} MB)"
 
 
-def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> Subject:
+def settle_subject(output: Output, subject: "Subject", request: "ModelRequest") -> "Subject":
     """Return the structure at its equilibrium, at rest; raises ConvergenceError where none is found."""
     from tensegrity_codegen.pipeline.settle import find_settled
 
@@ -128,7 +126,7 @@ def settle_subject(output: Output, subject: Subject, request: ModelRequest) -> S
     return settled
 
 
-def request_play(subject: Subject, request: ModelRequest, method: str = "auto") -> ModelRequest:
+def request_play(subject: "Subject", request: "ModelRequest", method: str = "auto") -> "ModelRequest":
     """Return the request for a model that runs in a page: loads, gravity and damping change at run time.
 
     method: integrator with which the page starts; the stiff one is offered besides where there is one.
@@ -158,7 +156,7 @@ def request_play(subject: Subject, request: ModelRequest, method: str = "auto") 
     return wanted
 
 
-def _offers_stiff(subject: Subject) -> bool:
+def _offers_stiff(subject: "Subject") -> bool:
     """Return whether a page offers the implicit method: of many members only where they call for it."""
     from tensegrity_codegen.live.engine import EXPLICIT, STIFF, choose_method
     from tensegrity_codegen.structure.outline import outline_bodies

@@ -1,7 +1,5 @@
 """What grows along a load path: added loads, the loads of the scene, gravity, or all of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -23,11 +21,11 @@ RampKind = Literal["load", "loads", "gravity", "all"]
 class LoadRamp:
     """Loads base + load factor x pattern, by the names of the run-time arguments."""
 
-    base: dict[str, NDArray[np.float64]]
-    pattern: dict[str, NDArray[np.float64]]
+    base: "dict[str, NDArray[np.float64]]"
+    pattern: "dict[str, NDArray[np.float64]]"
     parameters: dict[str, tuple[int, ...]]
 
-    def check_moves(self, path: ModelPath, words: list[str]) -> None:
+    def check_moves(self, path: "ModelPath", words: list[str]) -> None:
         """Raise InvalidValueError where a growing load acts on what is held only."""
         held = path.find_held() if words else ()
         if held:
@@ -40,7 +38,7 @@ class LoadRamp:
             )
 
 
-def build_ramp(subject: Subject, kind: RampKind | None, words: list[str]) -> LoadRamp:
+def build_ramp(subject: "Subject", kind: RampKind | None, words: list[str]) -> LoadRamp:
     """Return what grows and what stays; words: the values of --load. Raises InvalidValueError for no load.
 
     kind: "load": the added loads; "loads": these and the scene's own; "gravity": gravity alone, while all

@@ -4,8 +4,6 @@ Below the command line, messages name arguments as Python has them: `rtol`, `ove
 become --rtol, --overwrite.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Mapping

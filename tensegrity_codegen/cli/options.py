@@ -1,7 +1,5 @@
 """Arguments and options that several verbs share, and how their text is read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -85,7 +83,7 @@ def _own_form(axes: Sequence[int]) -> str:
     return "" if len(axes) == 3 else f", or NODE={','.join('f' + 'xyz'[axis] for axis in axes)}"
 
 
-def parse_loads(texts: list[str], structure: Structure | BodySystem) -> NDArray[np.float64]:
+def parse_loads(texts: list[str], structure: "Structure | BodySystem") -> "NDArray[np.float64]":
     """Return loads (n_nodes, 3) [N] of "NODE=fx,fy,fz" texts; several on one node add up.
 
     A scene of one or two axes takes one number for each of its axes too, as its file does.

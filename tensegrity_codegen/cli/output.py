@@ -1,7 +1,5 @@
 """What a verb says: one JSON object or readable text on stdout, progress and errors on stderr, exit codes."""
 
-from __future__ import annotations
-
 import json
 import math
 import time
@@ -44,17 +42,17 @@ class Output:
         self.resumed: list[dict[str, Any]] = []
 
     @cached_property
-    def human(self) -> Console:
+    def human(self) -> "Console":
         """Standard output, for text."""
         return _open_console(stderr=False)
 
     @cached_property
-    def aside(self) -> Console:
+    def aside(self) -> "Console":
         """Standard error."""
         return _open_console(stderr=True)
 
     def result(
-        self, data: Mapping[str, Any], *readable: RenderableType | Callable[[], RenderableType]
+        self, data: Mapping[str, Any], *readable: "RenderableType | Callable[[], RenderableType]"
     ) -> None:
         """Print the verb's result: `data` as JSON with the time that the verb took, or `readable`.
 
@@ -85,7 +83,7 @@ class Output:
         """Print a sentence on stderr that is neither a result nor a warning."""
         self.aside.print(name_options(text), markup=False, soft_wrap=True)
 
-    def load(self, scene: Path, *, settles: bool = False) -> tuple[Structure | BodySystem, ModelRequest]:
+    def load(self, scene: Path, *, settles: bool = False) -> "tuple[Structure | BodySystem, ModelRequest]":
         """Read a scene and print what looks like a slip in it.
 
         settles: whether the verb looks for the equilibrium first. Raises what `load_scene` raises.
@@ -96,7 +94,7 @@ class Output:
         self.warn_of(subject, settles=settles)
         return subject, request
 
-    def warn_of(self, subject: Structure | BodySystem, *, settles: bool = False) -> None:
+    def warn_of(self, subject: "Structure | BodySystem", *, settles: bool = False) -> None:
         """Print what looks like a slip in a scene."""
         from tensegrity_codegen.scene.checks.scene_warnings import find_scene_warnings
 
@@ -177,7 +175,7 @@ class Output:
             yield move
 
     @contextmanager
-    def resumable(self, folder: Path) -> Iterator[Callable[[Resumption], None]]:
+    def resumable(self, folder: Path) -> "Iterator[Callable[[Resumption], None]]":
         """Yield what is called with the results that are taken from an earlier run, kept in `folder`.
 
         They are named on stderr, and with --json in `resumed`. Ctrl-C says how to go on.
@@ -193,7 +191,7 @@ class Output:
             raise
         announce_advice("")
 
-    def _resume(self, taken: Resumption) -> None:
+    def _resume(self, taken: "Resumption") -> None:
         self.resumed.append(taken.as_dict())
         self.aside.print(name_options(taken.describe(time.time())), markup=False, soft_wrap=True)
 
@@ -207,7 +205,7 @@ class Output:
             self._bar.stop()
 
 
-def _open_console(*, stderr: bool) -> Console:
+def _open_console(*, stderr: bool) -> "Console":
     from tensegrity_codegen.cli.console import PatientConsole  # imports Rich
 
     return PatientConsole(stderr=stderr, highlight=False)

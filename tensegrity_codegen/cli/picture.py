@@ -1,7 +1,5 @@
 """Pictures and films for verbs: what is drawn, in which file, and what is said of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +23,7 @@ USUAL_FPS = 25.0
 class ShowOptions:
     """Options of `show`; None: not given."""
 
-    choices: PictureChoices
+    choices: "PictureChoices"
     fps: float | None = None
     slow_down: float | None = None
     settle: bool = False
@@ -111,8 +109,8 @@ def show_picture(
 
 
 def _write_motion(
-    output: Output, subject: Subject, out: Path, trajectory: Path, options: ShowOptions
-) -> Trajectory:
+    output: Output, subject: "Subject", out: Path, trajectory: Path, options: ShowOptions
+) -> "Trajectory":
     """Write a film, or a page with the first and last shape and diagrams; return the motion."""
     from tensegrity_codegen.report.pictures.animate import write_animation
     from tensegrity_codegen.report.pictures.draw import outline_motion
@@ -137,7 +135,7 @@ def _write_motion(
 
 
 def _write_scene(
-    output: Output, subject: Subject, request: ModelRequest, out: Path, options: ShowOptions
+    output: Output, subject: "Subject", request: "ModelRequest", out: Path, options: ShowOptions
 ) -> int:
     """Write a picture of the stated positions or the equilibrium; return how many tensions are unknown."""
     import numpy as np
@@ -160,7 +158,7 @@ def _write_scene(
 
 
 def describe_left_out(
-    output: Output, subject: Subject, labels: tuple[str, ...], most: int | None = None
+    output: Output, subject: "Subject", labels: tuple[str, ...], most: int | None = None
 ) -> dict[str, Any]:
     """Warn of names that are left out since they are too many; return the key of the JSON that says so."""
     from tensegrity_codegen.report.pictures.labels import choose_names

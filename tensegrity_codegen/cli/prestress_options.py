@@ -1,7 +1,5 @@
 """The options of `analyse` that write a scene with prestress."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

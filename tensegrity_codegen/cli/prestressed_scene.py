@@ -1,7 +1,5 @@
 """`analyse --prestress`: the scene with the self-stress that was found, at the size that the user states."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,9 +41,9 @@ class Prestressed:
 
 
 def write_prestressed(
-    subject: Subject,
-    request: ModelRequest,
-    found: Analysis,
+    subject: "Subject",
+    request: "ModelRequest",
+    found: "Analysis",
     coordinate: FloatArray | None,
     text: str,
     out: Path,
@@ -95,7 +93,7 @@ def write_prestressed(
     return Prestressed(stored, residual, _describe_choice(found, subject))
 
 
-def _read_size(text: str, subject: Subject) -> tuple[str, float]:
+def _read_size(text: str, subject: "Subject") -> tuple[str, float]:
     """Return what the force belongs to, "" for the cable with most tension, and the force [N]."""
     name, _, number = text.rpartition("=")
     if name and name != LEAST and name not in subject.member_name:
@@ -130,7 +128,7 @@ def _read_size(text: str, subject: Subject) -> tuple[str, float]:
     return name, force
 
 
-def _find_scale(subject: Subject, shape: FloatArray, name: str, force: float) -> float:
+def _find_scale(subject: "Subject", shape: FloatArray, name: str, force: float) -> float:
     """Return the factor by which the self-stress has the force that was stated."""
     if name in subject.member_name:
         own = float(shape[subject.member_name.index(name)])
@@ -164,7 +162,7 @@ def _find_scale(subject: Subject, shape: FloatArray, name: str, force: float) ->
     return force / size
 
 
-def _move(subject: Subject, found: Analysis, coordinate: FloatArray | None) -> Subject:
+def _move(subject: "Subject", found: "Analysis", coordinate: FloatArray | None) -> "Subject":
     """Return the structure in the configuration that was analysed."""
     if coordinate is None:
         return subject
@@ -173,7 +171,7 @@ def _move(subject: Subject, found: Analysis, coordinate: FloatArray | None) -> S
     return subject.with_changes(node_position=found.node_position, node_velocity=0 * subject.node_velocity)
 
 
-def _find_length(subject: Subject, found: Analysis) -> FloatArray:
+def _find_length(subject: "Subject", found: "Analysis") -> FloatArray:
     """Return the member lengths [m]; those of nodes by the positions that are written."""
     if isinstance(subject, Structure):
         i, j = np.asarray(subject.connectivity).T
@@ -181,13 +179,13 @@ def _find_length(subject: Subject, found: Analysis) -> FloatArray:
     return found.member_length
 
 
-def _find_rigid(subject: Subject) -> NDArray[np.bool_]:
+def _find_rigid(subject: "Subject") -> NDArray[np.bool_]:
     """Return which members are rigid bars, whose force does not follow from their length."""
     rigid: NDArray[np.bool_] = (subject.spring_constant == 0) & (subject.axial_stiffness == 0)
     return rigid
 
 
-def _find_rest_length(subject: Subject, length: FloatArray, tension: FloatArray) -> FloatArray:
+def _find_rest_length(subject: "Subject", length: FloatArray, tension: FloatArray) -> FloatArray:
     """Return the rest lengths [m] with these tensions; rigid bars keep theirs."""
     rest = subject.find_rest_length(length, tension)
     bad = ~(np.isfinite(rest) & (rest > 0)) & ~_find_rigid(subject)
@@ -203,7 +201,7 @@ def _find_rest_length(subject: Subject, length: FloatArray, tension: FloatArray)
     return np.where(_find_rigid(subject), subject.rest_length, rest)
 
 
-def _find_residual(found: Analysis, tension: FloatArray) -> float:
+def _find_residual(found: "Analysis", tension: FloatArray) -> float:
     """Return the largest component of A t [N], by the whole singular value decomposition of A."""
     rank = found.rank
     n = rank.largest_rank
@@ -212,7 +210,7 @@ def _find_residual(found: Analysis, tension: FloatArray) -> float:
     return float(np.abs(left @ (rank.singular_value * (right @ tension))).max(initial=0.0))
 
 
-def _describe(subject: Subject, request: ModelRequest) -> dict[str, Any]:
+def _describe(subject: "Subject", request: "ModelRequest") -> dict[str, Any]:
     from tensegrity_codegen.scene.describe import describe_structure
     from tensegrity_codegen.scene.describe_bodies import describe_bodies
 
@@ -221,7 +219,7 @@ def _describe(subject: Subject, request: ModelRequest) -> dict[str, Any]:
     return describe_structure(subject, request)
 
 
-def _describe_choice(found: Analysis, subject: Subject) -> str:
+def _describe_choice(found: "Analysis", subject: "Subject") -> str:
     """Return which of several self-stresses was written, and what loads do."""
     count = found.n_selfstress
     if count == 1:

@@ -1,7 +1,5 @@
 """How far a command has come: a bar on a terminal, else a plain line every ten seconds."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading
@@ -38,7 +36,7 @@ class ProgressBar:
     REFRESH = 0.1  # [s]
     IDLE = "working"  # title where no pass runs
 
-    def __init__(self, console: Callable[[], Console], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, console: "Callable[[], Console]", clock: Callable[[], float] = time.monotonic) -> None:
         self.title = self.IDLE
         self._console, self._clock = console, clock
         self._fraction, self._began, self._depth = 0.0, clock(), 0
@@ -92,7 +90,7 @@ class ProgressBar:
             print_aside(self.describe())
             wait = self.INTERVAL
 
-    def _show_bar(self, console: Console, wait: float) -> None:
+    def _show_bar(self, console: "Console", wait: float) -> None:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
         from rich.table import Column
 

@@ -1,7 +1,5 @@
 """Options of a simulation, as `simulate` takes them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Scenes that ship with the package, and texts that verbs write."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 

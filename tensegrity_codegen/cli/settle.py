@@ -1,7 +1,5 @@
 """The work of the verb `equilibrium`: a scene settles under loads and inputs, and what is said of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +31,7 @@ def settle_scene(
     *,
     overwrite: bool,
     **options: Any,
-) -> Equilibrium:
+) -> "Equilibrium":
     """Find, write and report the equilibrium of a scene with the values of --load and --input.
 
     options: compiler, tolerance and method.
@@ -58,13 +56,13 @@ def settle_scene(
 
 def _settle(
     output: Output,
-    structure: Structure | BodySystem,
-    request: ModelRequest,
-    loads: _Loads,
+    structure: "Structure | BodySystem",
+    request: "ModelRequest",
+    loads: "_Loads",
     *,
     compiler: str | None,
     **options: Any,
-) -> tuple[Equilibrium, dict[str, Any]]:
+) -> "tuple[Equilibrium, dict[str, Any]]":
     """Return the equilibrium under these loads and inputs, and what the JSON says of it."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -86,7 +84,7 @@ def _settle(
 
 
 def _report(
-    output: Output, structure: Structure | BodySystem, found: Equilibrium, data: dict[str, Any]
+    output: Output, structure: "Structure | BodySystem", found: "Equilibrium", data: dict[str, Any]
 ) -> None:
     """Print the equilibrium: nodes, members, residual, motion."""
     from tensegrity_codegen.report.tables import members_table, nodes_table
@@ -116,7 +114,7 @@ class _Loads:
     """The loads of a scene, those added to them, and values of inputs, as run-time arguments of its model."""
 
     def __init__(
-        self, structure: Structure | BodySystem, added: NDArray[np.float64], inputs: Mapping[str, float]
+        self, structure: "Structure | BodySystem", added: NDArray[np.float64], inputs: Mapping[str, float]
     ) -> None:
         axes = list(structure.axes)
         self.inputs = dict(inputs)
@@ -148,7 +146,7 @@ class _Loads:
         """Return what a load path needs besides, to find its kinks."""
         return (*(("member_extension",) if self.cables else ()), *self.switches)
 
-    def find_snap(self, model: CompiledModel, found: Equilibrium) -> Snap:
+    def find_snap(self, model: "CompiledModel", found: "Equilibrium") -> "Snap":
         from tensegrity_codegen.runtime.paths.snap import Snap, find_load_snap, find_snap, join_snaps
 
         if not found.is_found:
@@ -162,11 +160,11 @@ class _Loads:
 
 
 def _move_back(
-    found: Equilibrium,
-    structure: Structure | BodySystem,
+    found: "Equilibrium",
+    structure: "Structure | BodySystem",
     loads: _Loads,
     offset: NDArray[np.float64],
-) -> Equilibrium:
+) -> "Equilibrium":
     """Return the equilibrium of a structure that was moved, at its place; energies count from the origin."""
     if isinstance(structure, BodySystem) or not offset.any():
         return found
@@ -177,7 +175,7 @@ def _move_back(
     return replace(found, node_position=found.node_position + offset, energy=found.energy - force @ offset)
 
 
-def _find_held(structure: Structure | BodySystem, added: NDArray[np.float64]) -> list[str]:
+def _find_held(structure: "Structure | BodySystem", added: NDArray[np.float64]) -> list[str]:
     """Return "NODE.axis" of the added loads (n_nodes, 3) [N] that go straight into a support."""
     if isinstance(structure, BodySystem):
         return []
@@ -185,7 +183,7 @@ def _find_held(structure: Structure | BodySystem, added: NDArray[np.float64]) ->
     return [f"{structure.node_name[node]}.{'xyz'[axis]}" for node, axis in where]
 
 
-def _describe_motion(found: Equilibrium) -> list[str]:
+def _describe_motion(found: "Equilibrium") -> list[str]:
     """Return how far nodes moved, and which motions cost nothing, a line each."""
     lines = ["no node moved"]
     if found.displacement:
@@ -214,7 +212,7 @@ def _join_motions(names: Sequence[str]) -> str:
     return "; ".join(words)
 
 
-def _describe_snap(snap: Snap) -> list[str]:
+def _describe_snap(snap: "Snap") -> list[str]:
     """Return the warnings that the equilibrium was reached by a jump, or that nobody knows."""
     if snap.snapped is None:
         return [f"whether the structure snapped is unknown: {snap.reason}"] if snap.reason else []
@@ -228,7 +226,7 @@ def _describe_snap(snap: Snap) -> list[str]:
 
 
 def _describe_settled(
-    structure: Structure | BodySystem, request: ModelRequest, found: Equilibrium
+    structure: "Structure | BodySystem", request: "ModelRequest", found: "Equilibrium"
 ) -> dict[str, Any]:
     """Return the scene document of the settled structure, at rest."""
     from tensegrity_codegen.scene.describe import describe_structure
@@ -241,7 +239,7 @@ def _describe_settled(
     return describe_structure(structure.with_changes(**at_rest), request)
 
 
-def equilibrium_data(model: CompiledModel, found: Equilibrium) -> dict[str, Any]:
+def equilibrium_data(model: "CompiledModel", found: "Equilibrium") -> dict[str, Any]:
     """Return the equilibrium as one JSON-ready object, nodes and members by name."""
     manifest = model.manifest
     position = np.asarray(found.node_position)

@@ -1,7 +1,5 @@
 """`tensegrity-codegen simulate --batch`: many motions of one scene."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -26,11 +24,11 @@ if TYPE_CHECKING:
 
 def simulate_starts(
     output: Output,
-    built: BuiltLibrary,
+    built: "BuiltLibrary",
     starts: Path,
     out: Path | None,
     overwrite: bool,
-    options: RunOptions,
+    options: "RunOptions",
     values: Mapping[str, float],
     **asked: Any,
 ) -> None:
@@ -75,7 +73,7 @@ def simulate_starts(
         raise typer.Exit(3)
 
 
-def describe_extremes(data: Mapping[str, Any], flaws: MemberFlaws) -> str:
+def describe_extremes(data: Mapping[str, Any], flaws: "MemberFlaws") -> str:
     """Return the largest displacement of a motion, or of many, its tensions, and exceeded limits."""
     from tensegrity_codegen.structure.member_limits import describe_tensions
 
@@ -89,7 +87,7 @@ def describe_extremes(data: Mapping[str, Any], flaws: MemberFlaws) -> str:
     return "; but ".join(["; ".join([text, *tensions]), *flaws.describe()])
 
 
-def build_run_table(data: Mapping[str, Any]) -> Table:
+def build_run_table(data: Mapping[str, Any]) -> "Table":
     """Return what is said of one or many motions, as a table."""
     from tensegrity_codegen.report.tables import run_table  # imports Rich
 
@@ -122,8 +120,8 @@ def check_no_other(**options: Any) -> None:
 
 
 def read_schedule(
-    path: Path | None, kind: str, structure: Subject, t_end: float, values: Mapping[str, float]
-) -> Profile | None:
+    path: Path | None, kind: str, structure: "Subject", t_end: float, values: Mapping[str, float]
+) -> "Profile | None":
     """Return the inputs over time of --profile, None without it.
 
     t_end [s]: of the motion; values: constant values of inputs. Raises InvalidValueError for a profile that
@@ -146,14 +144,14 @@ def read_schedule(
 def build_for_batch(
     output: Output,
     scene: Path,
-    options: RunOptions,
+    options: "RunOptions",
     compiler: str | None,
     flags: str | None,
     inputs: list[str] | None,
     profile: Path | None,
     profile_kind: str,
     t_end: float,
-) -> tuple[BuiltLibrary, dict[str, float], Profile | None]:
+) -> "tuple[BuiltLibrary, dict[str, float], Profile | None]":
     """Return the library that a batch of motions of a scene needs, constant inputs, and inputs over time."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library

@@ -1,7 +1,5 @@
 """What is written to standard output and standard error as it is."""
 
-from __future__ import annotations
-
 import os
 import sys
 from contextlib import suppress

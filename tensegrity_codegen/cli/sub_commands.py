@@ -1,7 +1,5 @@
 """A verb that has sub-commands beside its own work: `sweep SCENE ...`, and `sweep summary FILE.zarr`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, ClassVar
 

@@ -13,8 +13,6 @@ only waits:
 Systems without fork, and calls in which Ctrl-C is ignored, do the work in this process.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -1,7 +1,5 @@
 """`tensegrity-codegen sweep case`: one case of a sweep, and its scene as a file of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Commands that write the scene of one case of a sweep and run it alone."""
 
-from __future__ import annotations
-
 import shlex
 from typing import TYPE_CHECKING
 
@@ -19,7 +17,7 @@ VERBS = {
 PROGRAM, INPUT = "tensegrity-codegen", "input."
 
 
-def build_commands(results: SweepResults, case: int) -> tuple[str, ...]:
+def build_commands(results: "SweepResults", case: int) -> tuple[str, ...]:
     """Return the commands that write the scene of a case and run it alone."""
     file = f"case{case}.toml"
     write = [PROGRAM, "sweep", "case", str(results.path), str(case), "--out", file]
@@ -41,7 +39,7 @@ def build_commands(results: SweepResults, case: int) -> tuple[str, ...]:
     return (shlex.join(write), shlex.join(words))
 
 
-def _list_options(results: SweepResults) -> list[str]:
+def _list_options(results: "SweepResults") -> list[str]:
     """Return the options of the operation as words of its verb."""
     options = dict(results.options) | {"settle": results.options.get("about") == "equilibrium"}
     words = []

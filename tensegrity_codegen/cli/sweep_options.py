@@ -1,7 +1,5 @@
 """Options of `sweep`: what varies, what is done and kept, where it runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

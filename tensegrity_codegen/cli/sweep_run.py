@@ -1,7 +1,5 @@
 """What `sweep` does with its options: plan, run, report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,7 +117,7 @@ class SweepCall:
         """The file of --format: the folder's name with another ending, beside it."""
         return (self.out or Path("sweep.zarr")).with_suffix(f".{self.format}")
 
-    def _prepare(self, cases: Cases, operation: Operation) -> PreparedSweep:
+    def _prepare(self, cases: "Cases", operation: "Operation") -> "PreparedSweep":
         from tensegrity_codegen.sweeps.sweep import prepare_sweep
 
         return prepare_sweep(
@@ -127,7 +125,9 @@ class SweepCall:
             yes=self.yes, option="--yes",
         )  # fmt: skip
 
-    def _run(self, output: Output, prepared: PreparedSweep, move: Callable[[float], None]) -> SweepOutcome:
+    def _run(
+        self, output: Output, prepared: "PreparedSweep", move: Callable[[float], None]
+    ) -> "SweepOutcome":
         assert self.out is not None
         try:
             return prepared.run(
@@ -154,10 +154,10 @@ def _name_option(argument: str) -> str:
     return "--settle" if argument == "about" else "--" + argument.replace("_", "-")
 
 
-def _follow(output: Output, move: Callable[[float], None]) -> Callable[[SweepProgress], None]:
+def _follow(output: Output, move: Callable[[float], None]) -> "Callable[[SweepProgress], None]":
     """Return a function that shows how far a sweep has come, with its rate and the cases that failed."""
 
-    def show(state: SweepProgress) -> None:
+    def show(state: "SweepProgress") -> None:
         failed = f", {state.failed:,} not good" if state.failed else ""
         rate = f", {state.rate:,.0f} cases/s" if state.computed else ""
         output.entitle(f"{state.finished:,} of {state.cases:,} cases{failed}{rate}")
@@ -166,7 +166,7 @@ def _follow(output: Output, move: Callable[[float], None]) -> Callable[[SweepPro
     return show
 
 
-def _describe_outcome(prepared: PreparedSweep, outcome: SweepOutcome) -> dict[str, Any]:
+def _describe_outcome(prepared: "PreparedSweep", outcome: "SweepOutcome") -> dict[str, Any]:
     """Return how a sweep ended, for JSON."""
     return {
         "status": "ok" if outcome.good else "failed",
@@ -186,7 +186,7 @@ def _describe_outcome(prepared: PreparedSweep, outcome: SweepOutcome) -> dict[st
     }
 
 
-def _list_lines(outcome: SweepOutcome, operation: str, table: Path | None) -> list[str]:
+def _list_lines(outcome: "SweepOutcome", operation: str, table: Path | None) -> list[str]:
     """Return how a sweep ended, for people."""
     from tensegrity_codegen.sweeps.tasks.limit_use import BEYOND
 
@@ -213,6 +213,6 @@ def _list_lines(outcome: SweepOutcome, operation: str, table: Path | None) -> li
     return lines
 
 
-def _first(outcome: SweepOutcome, word: str) -> str:
+def _first(outcome: "SweepOutcome", word: str) -> str:
     message = outcome.first_message.get(word)
     return f", first: {message}" if message else ""

@@ -1,7 +1,5 @@
 """`tensegrity-codegen sweep summary`: what came out of a sweep, as text, JSON and one page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -76,7 +74,7 @@ def summary(
         )
 
 
-def _write_page(found: SweepSummary, path: Path, overwrite: bool) -> None:
+def _write_page(found: "SweepSummary", path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.pages.render_page import render_page
     from tensegrity_codegen.sweeps.summary.summary_page import build_summary_page

@@ -1,7 +1,5 @@
 """A plan put in time: the option `--motion` of `plan`, its file and its part of the JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,13 +36,13 @@ def check_motion_file(path: Path | None, scene: Path, overwrite: bool) -> None:
 def time_plan(
     output: Output,
     model: Any,
-    found: PlanResult,
+    found: "PlanResult",
     path: Path | None,
     *,
     duration: float | None,
     arguments: Mapping[str, Any],
     overwrite: bool,
-) -> Motion | None:
+) -> "Motion | None":
     """Return the motion of a plan that was found, after it is written; None where there is none."""
     from tensegrity_codegen.control.feedback.time_motion import time_motion
 
@@ -62,7 +60,7 @@ def time_plan(
     return motion
 
 
-def describe_motion(motion: Motion | None, path: Path | None) -> dict[str, Any] | None:
+def describe_motion(motion: "Motion | None", path: Path | None) -> dict[str, Any] | None:
     """Return the facts of a motion as one JSON-ready object."""
     if motion is None:
         return None

@@ -1,7 +1,5 @@
 """What `--until` names: the first contact of two bars, or a condition over quantities."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -37,7 +35,7 @@ def read_until(text: str | None) -> tuple[bool, str | None]:
     return False, text
 
 
-def watching(structure: Subject, request: ModelRequest, kind: str, condition: str = "") -> ModelRequest:
+def watching(structure: "Subject", request: "ModelRequest", kind: str, condition: str = "") -> "ModelRequest":
     """Return the request with integrators that watch a kind of event, and the quantities of a condition."""
     from tensegrity_codegen.codegen.integrators.events import choose_events
     from tensegrity_codegen.runtime.simulate.condition import find_quantities

@@ -1,7 +1,5 @@
 """What the command line knows of a verb."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module

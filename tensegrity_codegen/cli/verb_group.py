@@ -1,7 +1,5 @@
 """All verbs as one command; each is imported and built when it is needed."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import itertools

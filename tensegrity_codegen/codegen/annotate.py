@@ -4,8 +4,6 @@ A value is found by what it is computed of: two instructions of different functi
 operations to the same entries of arguments have the same key.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

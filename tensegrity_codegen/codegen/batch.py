@@ -1,7 +1,5 @@
 """Batch functions: which quantities get a body over lanes, and what their templates read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

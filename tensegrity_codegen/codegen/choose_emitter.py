@@ -3,8 +3,6 @@
 The rule is a function of a few facts; where its numbers come from: docs/decisions/0014-auto-emitter.md.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from tensegrity_codegen.codegen.integrators.events import EVENT_QUANTITIES, choose_events

@@ -1,7 +1,5 @@
 """What a foreign-function interface has to know of a library: types and functions, from its own header."""
 
-from __future__ import annotations
-
 import re
 
 SPANS = re.compile(r"/\*.*?\*/|#ifdef __cplusplus\n.*?#endif|^#[^\n]*", re.DOTALL | re.MULTILINE)

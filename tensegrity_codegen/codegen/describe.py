@@ -1,7 +1,5 @@
 """From pruned functions to the manifest: sizes, shapes, nominal values, patterns."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 

@@ -1,7 +1,5 @@
 """From a symbolic model to C text: one function an emitter, chosen by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

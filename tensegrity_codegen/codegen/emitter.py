@@ -1,7 +1,5 @@
 """What every emitter offers: models, their functions with only what matters, and C bodies for these."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

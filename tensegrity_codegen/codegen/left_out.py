@@ -5,8 +5,6 @@ damping and loads as run-time arguments, tension-only cables, anchored nodes kep
 axes, constants as arguments; and with the functions that nobody wanted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ The text of the driver is made of names that the generator chose, and of the sce
 identifier; nothing else of a scene gets into it.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

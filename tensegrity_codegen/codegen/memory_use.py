@@ -1,7 +1,5 @@
 """How much program memory and stack a generated library takes, as its compiler says."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

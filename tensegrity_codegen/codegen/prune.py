@@ -1,7 +1,5 @@
 """Only what is wanted: each wanted quantity as a function of just the arguments that matter to it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

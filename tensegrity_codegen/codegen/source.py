@@ -1,7 +1,5 @@
 """From a manifest and C bodies to files: header, source, example, Makefile, for every emitter the same."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Which parts a C source has besides its functions: those that were asked for, or that the scene needs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tensegrity_codegen.codegen.compilation.flags import find_flags

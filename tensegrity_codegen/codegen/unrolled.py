@@ -3,8 +3,6 @@
 For scenes of up to about a hundred members: code and compile time grow with the structure.
 """
 
-from __future__ import annotations
-
 from tensegrity_codegen.codegen.annotate import Landmarks
 from tensegrity_codegen.codegen.batch import write_lanes
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter

@@ -3,8 +3,6 @@
 A hint that leads to another refusal is worse than none, so that nothing is named here that was not tried.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Elements of XML files with numbers in them; the library quotes names and texts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 

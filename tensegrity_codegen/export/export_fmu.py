@@ -1,7 +1,5 @@
 """Export to functional mock-up units (FMI 2.0 and 3.0), with C sources, derivatives and an integrator."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Export to JSON: the whole scene, with every key that the scene file has."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Export to MJCF, the models of MuJoCo: bodies for nodes and rigid bars, spatial tendons for members."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element
 

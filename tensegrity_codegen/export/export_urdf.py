@@ -1,7 +1,5 @@
 """Export to URDF: the rigid parts of a structure as links and joints; tendons have no place in the format."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element

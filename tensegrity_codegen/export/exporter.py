@@ -3,8 +3,6 @@
 A format is a module `export_*.py` of this folder that defines its `Exporter` as `EXPORTER`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module

@@ -6,8 +6,6 @@ has the kinetic energy m/6 (vi.vi + vi.vj + vj.vj): point masses m/6 at its ends
 tendon over vi + vj with the armature m/6. A rigid bar is a body with the masses of its ends.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 

@@ -5,8 +5,6 @@ couples its two ends. So the nodes of such bars stand on one branch: the child's
 displacement relative to its parent. An axis that is held at the child must be held at the parent too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What of a structure is rigid, as parts with poses, masses and joints: rigid bars, bodies, point masses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

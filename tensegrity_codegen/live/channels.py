@@ -1,7 +1,5 @@
 """Arrays inside a page: compressed, in base64, in the shortest type that keeps the stated rounding."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One function that draws what there is, as a figure of matplotlib."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +31,7 @@ def draw(
     forces: bool = True,
     settle: bool = False,
     follow: bool | None = None,
-) -> Figure:
+) -> "Figure":
     """Draw a structure as a figure of matplotlib, its members coloured by their tensions.
 
     Parameters

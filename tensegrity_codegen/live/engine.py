@@ -1,7 +1,5 @@
 """The compiled model inside a page: a WebAssembly module, and what calls it needs to know."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Live pages in notebooks."""
 
-from __future__ import annotations
-
 import html
 import warnings
 from dataclasses import dataclass

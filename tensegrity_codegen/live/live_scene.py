@@ -1,7 +1,5 @@
 """What a live page shows: a structure, and a motion, modes and reactions where they are known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Natural modes and mechanisms for live pages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from tensegrity_codegen.pipeline.analyses import find_needs

@@ -1,7 +1,5 @@
 """A live page as one HTML file: data, modules and three.js inside, nothing from outside."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Structures at their equilibrium, for pictures and pages."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

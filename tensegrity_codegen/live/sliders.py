@@ -1,7 +1,5 @@
 """Sliders of a running model: inputs, run-time parameters, gravity, damping, with ranges that suit them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

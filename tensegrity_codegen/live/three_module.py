@@ -5,8 +5,6 @@ minified module: all of three.js with its controls of the camera. `make wheel` p
 wheels of this package (`write_three`); elsewhere it is downloaded once.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """The part of its limits that each member uses, over a motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.bodies import BodySystem

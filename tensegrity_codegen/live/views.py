@@ -1,7 +1,5 @@
 """From where a structure is looked at first: space from above one corner, a plane along its normal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

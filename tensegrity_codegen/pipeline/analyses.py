@@ -1,7 +1,5 @@
 """What each analysis needs of a library: quantities, integrators, parameters, batch functions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Build the library for a request, or find it in the cache."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -167,7 +165,7 @@ class _Identity:
     wanted: frozenset[str]
 
     @classmethod
-    def of(cls, structure: Subject, request: ModelRequest) -> _Identity:
+    def of(cls, structure: Subject, request: ModelRequest) -> "_Identity":
         shape = hash_structure(structure)
         settled = replace(request, emitter="", quantities=(), events=())
         scene = hash_text(shape, hash_request(settled))
@@ -205,7 +203,7 @@ def _emit(
     flags: FlagSet,
     target: Target,
     measure: bool,
-) -> GeneratedSource:
+) -> "GeneratedSource":
     # Imported here, so that a library from the cache costs no import of CasADi.
     from tensegrity_codegen.codegen.emit import emit
 
@@ -217,7 +215,7 @@ def _emit(
 
 
 def _compile(
-    source: GeneratedSource,
+    source: "GeneratedSource",
     compiler: Compiler,
     flags: FlagSet,
     target: Target,

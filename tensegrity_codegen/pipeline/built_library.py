@@ -1,7 +1,5 @@
 """A compiled library in the cache: load it, or copy its files into a folder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -51,7 +49,7 @@ class BuiltLibrary:
     seconds: float
     why_emitter: str = ""
     structure: Subject | None = field(default=None, repr=False, compare=False)
-    build_again: Callable[[], BuiltLibrary] | None = field(default=None, repr=False, compare=False)
+    build_again: "Callable[[], BuiltLibrary] | None" = field(default=None, repr=False, compare=False)
 
     @property
     def path(self) -> Path:

@@ -4,8 +4,6 @@ scene.toml --read_scene--> Scene --assemble_scene--> Structure or BodySystem, Mo
   --emit--> C source, manifest --compile--> library in the cache --load--> CompiledModel --> results
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Compile generated files into a library in the cache, or find it there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The functions of a scene as CasADi functions, for users who build optimal control problems without C."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Structures at their equilibrium, in a formulation that supports the search for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

@@ -5,8 +5,6 @@ compiled with a driver that times the wanted functions at nominal values (codege
 wins. The decision is kept in the cache, beside the library that it led to.
 """
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """An analysis as JSON-ready data and as arrays, with the names of nodes and members."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What an analysis found, in one sentence of numbers: the headline of its page."""
 
-from __future__ import annotations
-
 import math
 
 from tensegrity_codegen.report.number_text import format_short

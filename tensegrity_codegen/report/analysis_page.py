@@ -1,7 +1,5 @@
 """An analysis as a page: verdict, singular values, prestress, proof, mechanisms, modes, members."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """An analysis in tables for the terminal."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

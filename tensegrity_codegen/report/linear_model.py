@@ -1,7 +1,5 @@
 """The modes of a linear model, for the terminal."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Load paths as tables: points with all that the model computes there, and events."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loads on nodes during a motion: of the scene, of run-time arguments, of inputs that are forces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

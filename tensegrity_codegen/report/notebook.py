@@ -1,7 +1,5 @@
 """What notebooks show of a result: a table of facts and, where matplotlib is installed, a picture."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

@@ -1,7 +1,5 @@
 """Numbers and symbols as people read them: true minus signs, raised exponents, lowered indices."""
 
-from __future__ import annotations
-
 import math
 import re
 

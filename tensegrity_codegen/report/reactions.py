@@ -1,7 +1,5 @@
 """Reactions at anchored nodes: what balances members, loads and weight there."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

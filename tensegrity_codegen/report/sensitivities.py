@@ -1,7 +1,5 @@
 """Sensitivities as tables: what each change of a rest length does, and which changes do most."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

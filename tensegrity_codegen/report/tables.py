@@ -1,7 +1,5 @@
 """Tables for the terminal: what a library holds and leaves out, nodes, members, how a run went."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """From a structure back to a scene document: every node and member in full, nothing implied."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

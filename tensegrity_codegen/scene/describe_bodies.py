@@ -1,7 +1,5 @@
 """From a body system back to a scene document: every body and tendon in full, nothing implied."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

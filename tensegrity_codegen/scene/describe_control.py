@@ -1,7 +1,5 @@
 """From a structure or body system back to the scene's actuators, sensors and limits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

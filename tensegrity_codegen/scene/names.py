@@ -1,7 +1,5 @@
 """Names that are safe in C, C++, file names and shells, and the way places in a scene are written."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -5,8 +5,6 @@ TOML and JSON write alike: numbers, true, false, short texts without escapes, li
 write the nodes and members of a scene. All else, and every doubt, is left to the TOML reader.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Reading a scene: file -> TOML document -> checked Scene."""
 
-from __future__ import annotations
-
 import os
 import re
 import tomllib

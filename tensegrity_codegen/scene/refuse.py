@@ -1,7 +1,5 @@
 """One way to refuse rows of a table: the first bad row in full, the others counted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a scene describes: nodes and members, or bodies and tendons."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 from tensegrity_codegen.scene.assemble.assemble import SCENE, assemble

@@ -3,8 +3,6 @@
 Numbers are written so that they read back bit-equal; one node, member, load or input takes one line.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """From the validator's list of errors to one error of this package that names file, key, value and range."""
 
-from __future__ import annotations
-
 import functools
 import math
 import reprlib

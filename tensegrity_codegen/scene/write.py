@@ -1,7 +1,5 @@
 """Writing a scene: plain document -> TOML file, and structure -> plain document."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

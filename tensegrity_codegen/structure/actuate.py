@@ -1,7 +1,5 @@
 """Actuators for structures that have none: one for each of some members."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What moves and what measures a structure: actuators with rate, range and delay; sensors with noise."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

@@ -1,7 +1,5 @@
 """What the values of inputs do to a structure: rest lengths and loads with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -9,8 +9,6 @@ kernel. Within a class, members whose nodes are all free come apart from those t
 of repeated modules come first: they are added up node by node, the others member by member.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

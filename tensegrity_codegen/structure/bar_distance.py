@@ -1,7 +1,5 @@
 """Distances between the bars of a structure where it is stated, in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.bodies import Bar, BodySystem

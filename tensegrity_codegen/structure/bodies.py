@@ -9,8 +9,6 @@ is free, or held with one end at a point of another body. Coordinates are minima
 Sign conventions are those of `structure.py`: tensions are positive, the member vector is first minus second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -273,6 +271,6 @@ class BodySystem(WithMemberLaws, Summarised):
         """Return the index of a coordinate by its name, as `bar1_azimuth`; ValueError if there is none."""
         return self.coordinate_name.index(name)
 
-    def with_changes(self, **changes: Any) -> BodySystem:
+    def with_changes(self, **changes: Any) -> "BodySystem":
         """Return a copy with some fields replaced."""
         return replace(self, **changes)

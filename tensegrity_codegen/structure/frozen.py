@@ -1,7 +1,5 @@
 """Freezing: dataclasses whose arrays nobody can write to."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any

@@ -3,8 +3,6 @@
 H = diag(m_i) + sum over bars (m_e / 6) [2 1; 1 2], the same for every axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any

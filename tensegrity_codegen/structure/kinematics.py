@@ -4,8 +4,6 @@
 another body finds that one first, whatever the order in which the scene names them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cache

@@ -1,7 +1,5 @@
 """Limits of a structure: tensions, stresses, buckling, clearance between bars, stiffness."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, fields
 
@@ -77,7 +75,7 @@ class Limits:
         of_members = any(np.any(getattr(self, key) != none) for key, none in MEMBER_LIMITS.items())
         return bool(of_members or self.clearance > -math.inf or self.least_stiffness > -math.inf)
 
-    def for_members(self, count: int) -> Limits:
+    def for_members(self, count: int) -> "Limits":
         """Return the limits themselves, or where they are of no members at all, those of `count` members.
 
         Parameters

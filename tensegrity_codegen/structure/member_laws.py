@@ -1,7 +1,5 @@
 """Laws of the members of a structure or of a body system, as arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property

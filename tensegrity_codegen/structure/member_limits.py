@@ -1,7 +1,5 @@
 """Members against their limits: tension, yield stress, Euler buckling, strain."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

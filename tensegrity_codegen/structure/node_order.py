@@ -5,8 +5,6 @@ neighbours of a node come in an order that depends on what is around them and no
 that repeats itself along its length is then numbered alike in every repetition.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """A body system as nodes and members, for tables and pictures: what it looks like, not how it moves."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Connected pieces of a graph; by NumPy alone, since SciPy's takes longer to import than to use."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.system.arrays import IntArray

@@ -9,8 +9,6 @@ in one column; the first and the second end of a strand are entries of columns a
 work of repetitions side by side is arithmetic on contiguous pieces of columns.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass

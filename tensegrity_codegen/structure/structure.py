@@ -5,8 +5,6 @@ the member vector of member e = (i, j) is d_e = r_i - r_j, so a member in tensio
 -d_e and node j along +d_e.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -244,6 +242,6 @@ class Structure(WithMemberLaws, Summarised):
         """
         return self.compute_static_tension(self.member_length())
 
-    def with_changes(self, **changes: Any) -> Structure:
+    def with_changes(self, **changes: Any) -> "Structure":
         """Return a copy with some fields replaced."""
         return replace(self, **changes)

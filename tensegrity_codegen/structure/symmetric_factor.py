@@ -4,8 +4,6 @@ The same operations in the same order for both, so that a solution in unrolled e
 over tables of the factors have the same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What results of long work depend on besides scene and options: the code, the packages, the machine."""
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import platform

@@ -1,7 +1,5 @@
 """Scenes of one study are told apart by their names."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Arguments of `sweep` that are wrong whatever the scene: found before any work."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """What a sweep is: what its results follow from, and what else is kept with them."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version

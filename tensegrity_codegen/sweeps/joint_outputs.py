@@ -1,7 +1,5 @@
 """Results of libraries with other nodes or members, stored in one array: the union of their labels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

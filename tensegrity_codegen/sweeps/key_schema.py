@@ -1,7 +1,5 @@
 """The schema of scene files, walked together with a scene: what may stand below a place."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator, Mapping
@@ -95,7 +93,7 @@ class Place:
             return next(named, None)
         return step
 
-    def below(self, step: str | int) -> Place | None:
+    def below(self, step: str | int) -> "Place | None":
         """Return the place that `step` leads to, None where there can be none."""
         index = self.index_of(step)
         if index is None:
@@ -111,7 +109,7 @@ class Place:
                 return None
         return None if schema is None else Place(schema, self.value[index] if stated else None)
 
-    def _item(self, index: int) -> Place | None:
+    def _item(self, index: int) -> "Place | None":
         if "items" not in self.schema:
             return None
         length = len(self.value) if isinstance(self.value, list) else 0

@@ -1,7 +1,5 @@
 """What each key of a sweep is, and its unit: from the schema of scenes, or the quantities of structures."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Numbers of a scene by their paths: `classes.cable.spring_constant`, `loads[0].force[2]`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -48,7 +46,7 @@ class KeyPath:
     vector: int = 0
 
     @classmethod
-    def find(cls, text: str, document: Mapping[str, Any], where: str = "scene") -> KeyPath:
+    def find(cls, text: str, document: Mapping[str, Any], where: str = "scene") -> "KeyPath":
         """Return the number that a path leads to.
 
         Parameters

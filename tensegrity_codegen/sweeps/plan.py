@@ -1,7 +1,5 @@
 """What a sweep will do, known before it starts: cases, libraries, tasks, time and size."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The plan of a sweep: groups of cases, tasks of a size that suits, and what they will take."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """How far a sweep has come, and how it ended."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Run a plan: compute what is not finished yet, and store each task once."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """How a case ended: the words of all operations, and the numbers that stand for them in stored results."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many cases of one scene: plan them, compute them, store and open their results."""
 
-from __future__ import annotations
-
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence

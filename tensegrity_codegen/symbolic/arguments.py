@@ -4,8 +4,6 @@ An expression built on these values carries only what the scene keeps changeable
 CasADi's constant folding (0 x -> 0, x + 0 -> x), so an absent gravity or damping leaves no trace.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

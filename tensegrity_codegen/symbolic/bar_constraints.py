@@ -5,8 +5,6 @@ S = J H^-1 J^T: diagonal where no two rigid bars share a node (class 1) or a bar
 else sparse and positive definite; its LDL^T keeps the pattern of the graph in which bars are vertices.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The symbolic model in any formulation."""
 
-from __future__ import annotations
-
 from importlib import import_module
 
 from tensegrity_codegen.structure.bodies import BodySystem

@@ -1,7 +1,5 @@
 """Member geometry from node positions: vectors, lengths, rates. No force law in here."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

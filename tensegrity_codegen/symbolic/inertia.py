@@ -5,8 +5,6 @@ mass of a uniform bar whose points move linearly between its ends). Nodes that n
 stay diagonal; the others fall into small groups, one factorisation each.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -17,8 +17,6 @@ distance over the square (Lumelsky 1985; Ericson, Real-Time Collision Detection,
 the triple product (w x v) . n / n^2, n = u x v, which keeps its digits where the axes are nearly parallel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """Jacobians of the state derivative x' = (q', q'') whose upper half is zero."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """A formulation's expressions of one structure, each built when first asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

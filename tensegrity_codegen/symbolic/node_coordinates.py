@@ -1,7 +1,5 @@
 """What all formulations in free node coordinates share: places, members, masses, weights, energies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """How much work a function is."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 

@@ -6,8 +6,6 @@ tendons and inputs. J^T times this are the equations of the family; the family i
 the other components vanish as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -38,7 +36,7 @@ class Balance:
     input_matrix: FloatArray
     family_jacobian: FloatArray
 
-    def reduced(self) -> Balance:
+    def reduced(self) -> "Balance":
         """Return the equations of the family, J^T times the full ones."""
         transposed = self.family_jacobian.T
         return Balance(

@@ -1,7 +1,5 @@
 """Which bars may be rigid: none where every member is a spring, elsewhere those that do not contradict."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

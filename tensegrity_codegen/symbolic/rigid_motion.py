@@ -8,8 +8,6 @@ S lambda^(n) = J H^-1 (that without lambda^(n)) + sum over 0 < i < n + 2 of C(n+
 the second since (d . d)^(n+2) = 0 for every bar: one solution with the same S for each derivative.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from math import comb
 from typing import Any

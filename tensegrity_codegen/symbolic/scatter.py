@@ -1,7 +1,5 @@
 """From nodes and members to coordinates: where each entry of a vector or matrix lands."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

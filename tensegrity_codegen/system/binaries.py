@@ -4,8 +4,6 @@ Layouts: System V ABI chapter 4 (ELF), Microsoft's PE/COFF specification section
 mach-o/loader.h, WebAssembly core specification section 5.5.
 """
 
-from __future__ import annotations
-
 import struct
 
 ELF = {3: "x86", 40: "arm", 62: "x86_64", 183: "aarch64", 243: "riscv"}

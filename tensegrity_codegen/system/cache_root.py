@@ -1,7 +1,5 @@
 """Where the cache of compiled libraries is."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 import warnings

@@ -1,7 +1,5 @@
 """Checks of what callers hand in: numbers, switches, objects of this package, paths."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterable

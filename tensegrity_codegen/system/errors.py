@@ -4,8 +4,6 @@ Every message says what was given, what is allowed, where, and what to try. The 
 `exit_code` is the code that the command line ends with (2 bad input, 3 no convergence or unstable).
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
@@ -113,7 +111,7 @@ class FormulationError(TensegrityError):
 
     lacking: tuple[str, ...] | None = None
 
-    def unless_chosen_otherwise(self, *lacking: str) -> FormulationError:
+    def unless_chosen_otherwise(self, *lacking: str) -> "FormulationError":
         """Return the error with the word that another formulation or emitter may serve this."""
         self.lacking = lacking
         return self

@@ -1,7 +1,5 @@
 """Optional packages: whether they are there, and how they are installed."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Writing files whole or not at all, and replacing files only where that is asked for."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

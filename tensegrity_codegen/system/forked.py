@@ -1,7 +1,5 @@
 """Independent pieces of work side by side, each in a process of its own that can be ended at any moment."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

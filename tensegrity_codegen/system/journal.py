@@ -1,7 +1,5 @@
 """Finished results of long work, one line of JSON each, so that interrupted work resumes where it stopped."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

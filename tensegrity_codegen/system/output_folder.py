@@ -4,8 +4,6 @@ A folder of a library or controller has a list of its files, SHA256SUMS: those t
 replaced without being asked for.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

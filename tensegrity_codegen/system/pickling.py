@@ -1,7 +1,5 @@
 """Frozen dataclasses with read-only views of dicts, which pickle by itself refuses."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """Files of packages with pinned hashes: a file of the user, the copy in the cache, or what pip downloads."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import secrets

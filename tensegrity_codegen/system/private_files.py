@@ -5,8 +5,6 @@ owned by this user, writable by nobody else, no symbolic links. Where the system
 only links are refused; a user's folders are protected by their access lists there.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The processor by the name that it gives itself, for the foot of a page of measurements."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

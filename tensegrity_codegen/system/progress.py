@@ -1,7 +1,5 @@
 """The progress of a part of a longer piece of work."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 ProgressFunction = Callable[[float], None]

@@ -1,7 +1,5 @@
 """Where and when figures were measured, for the foot of a page."""
 
-from __future__ import annotations
-
 import os
 import platform
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Values of nodes and members by their names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """What long work takes from an earlier run, in words."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Code that generates, compiles or integrates does not know who called it. It repo
 watches. Without a watcher a report costs one look at a context variable.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar

@@ -1,7 +1,5 @@
 """Short texts of results: `repr` of at most five lines, and a table with a picture in notebooks."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 from collections.abc import Sequence, Sized

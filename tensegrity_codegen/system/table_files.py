@@ -1,7 +1,5 @@
 """Files of tables and arrays besides .npz: CSV, Parquet and MATLAB's .mat, written whole or not at all."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

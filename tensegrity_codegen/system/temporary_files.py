@@ -4,8 +4,6 @@ When this process has to be killed, that process removes them (see supervised.py
 nothing is told, and what is left is removed by the next run.
 """
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from pathlib import Path

@@ -4,8 +4,6 @@ Beside each lies a lock, made before the folder and held as long as its process 
 one with `sweep` removes the folders whose lock is free: the system releases the locks of a killed process.
 """
 
-from __future__ import annotations
-
 import os
 import secrets
 import shutil
@@ -68,7 +66,7 @@ def sweep_folders(parent: Path) -> None:
                     _remove_old(Path(item.path))
 
 
-def _make_locked(parent: Path) -> tuple[Path, FileLock | None]:
+def _make_locked(parent: Path) -> "tuple[Path, FileLock | None]":
     """Make a folder and take its lock first; None where the file system has no locks."""
     from filelock import FileLock, Timeout  # half of the time that importing this module would take
 

@@ -1,7 +1,5 @@
 """What a generated library says of itself: the one thing that codegen writes and runtime reads."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re
@@ -253,7 +251,7 @@ class Manifest:
         return _format(self, 1) + "\n"
 
     @classmethod
-    def from_json(cls, text: str, *, where: str = "manifest") -> Manifest:
+    def from_json(cls, text: str, *, where: str = "manifest") -> "Manifest":
         """Return the manifest that `text` holds; raises LibraryError or AbiMismatchError."""
         try:
             data = json.loads(text)
@@ -274,7 +272,7 @@ class Manifest:
             raise LibraryError("the manifest is damaged", where=where, hint="build it again") from error
 
     @classmethod
-    def read(cls, path: Path) -> Manifest:
+    def read(cls, path: Path) -> "Manifest":
         """Read a manifest file; raises what from_json raises, LibraryError if there is none."""
         try:
             text = path.read_text(encoding="utf-8")

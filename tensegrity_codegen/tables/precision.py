@@ -1,7 +1,5 @@
 """The precision of a library's numbers: how C and NumPy call them, how far they reach."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Named combinations of settings for the programs that use a library."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,8 +1,6 @@
 """What is wanted of a structure: quantities, run-time parameters, formulation with its options, emitter,
 precision, compile flags."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -164,7 +162,7 @@ class ModelRequest:
         integrators: tuple[str, ...] = (),
         solvers: tuple[str, ...] = (),
         parameters: Mapping[str, tuple[int, ...]] | None = None,
-    ) -> ModelRequest:
+    ) -> "ModelRequest":
         """Return the request for just these functions, with some parameters added to the present ones."""
         return replace(
             self,

@@ -3,8 +3,6 @@
 A library for another machine is compiled by zig, which brings headers and C libraries of all of them.
 """
 
-from __future__ import annotations
-
 import platform
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The harness is no package of the wheel: it is imported from the folder benchmarks/."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page of a benchmark run: the finding in numbers, good or bad, and what a browser shows."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

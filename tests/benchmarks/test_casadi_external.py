@@ -1,7 +1,5 @@
 """Nonlinear programs with IPOPT: compiled functions find the optimum of the symbolic ones."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from collections.abc import Mapping

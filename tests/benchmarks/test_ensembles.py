@@ -1,7 +1,5 @@
 """The ensemble of motions: starts that keep what they must, and a peer that comes to the same end."""
 
-from __future__ import annotations
-
 import ensembles
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """The peak of a process and its children together, as the measurement of the largest scene takes it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

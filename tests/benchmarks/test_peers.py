@@ -1,7 +1,5 @@
 """Every peer computes the same as the package: on the prism, the free icosahedron and a small tower."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from types import ModuleType

@@ -1,7 +1,5 @@
 """Comparisons of an interrupted run of the benchmarks are taken from its journal."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

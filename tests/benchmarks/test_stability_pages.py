@@ -1,7 +1,5 @@
 """The figures of docs/stability.md: counted from the JSON of runs, written between two marks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

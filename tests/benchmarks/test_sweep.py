@@ -1,7 +1,5 @@
 """The benchmark of sweeps: every way gives a line, and MuJoCo comes to the same end."""
 
-from __future__ import annotations
-
 import re
 import sys
 

@@ -1,7 +1,5 @@
 """The simulated queue of a sweep against closed forms."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("zarr")

@@ -1,7 +1,5 @@
 """Exponents, numbers as text, tables, and the lines of the acceptance table."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from harness import ensemble

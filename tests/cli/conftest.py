@@ -1,7 +1,5 @@
 """The command line called in this process, in a folder of its own."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Small scenes as text, to be spoiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 # Two nodes and a string, nothing special.

@@ -1,7 +1,5 @@
 """Commands in a terminal of their own (a pseudo-terminal), for tests of what they draw there."""
 
-from __future__ import annotations
-
 import os
 import re
 import select

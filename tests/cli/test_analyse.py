@@ -1,7 +1,5 @@
 """The verb analyse."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Bad scenes through the command line: exit code 2, a message with file, key and value, nothing written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

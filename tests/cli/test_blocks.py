@@ -3,8 +3,6 @@
 Pages run one by one, each in an empty folder, block after block; `pytest -rP` prints how many and how long.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import time

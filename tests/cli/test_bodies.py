@@ -1,7 +1,5 @@
 """Scenes of bodies through the verbs of the command line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`build --target`: what is refused before anything is built."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The verb `cache`, and where the cache is."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What `check` passes can be built, and what `build` refuses `check` refuses with the same words."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

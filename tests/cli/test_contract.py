@@ -1,7 +1,5 @@
 """What holds for every verb: help with an example, one JSON object, exit codes, nothing else on stdout."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The verb `control`: a motion held under disturbances, files, JSON, exit codes, wrong input."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The tutorial docs/control_tutorial.md: every command, the program in C, the lines of Python."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

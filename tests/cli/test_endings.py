@@ -1,7 +1,5 @@
 """A file's ending says what is in it: a foreign one is refused before any work, and nothing is written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

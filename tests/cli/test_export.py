@@ -1,7 +1,5 @@
 """The verb `export`: exit codes, messages and the JSON object."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

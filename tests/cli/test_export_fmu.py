@@ -1,7 +1,5 @@
 """`export fmu`: the JSON object, what is in the archive, and every refusal with exit code 2."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree

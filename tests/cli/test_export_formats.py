@@ -1,7 +1,5 @@
 """The verb `export` with the formats of other programs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 

@@ -1,7 +1,5 @@
 """CSV tables through import and simulate, against SciPy over an independent NumPy model."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Files in which y is up, imported upright."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """--input NAME=VALUE: constant values of inputs and actuators, on every verb that has it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

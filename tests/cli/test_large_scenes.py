@@ -1,7 +1,5 @@
 """Scenes too large for straight-line code, through the verbs, without a word about emitters."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

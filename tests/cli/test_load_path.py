@@ -1,7 +1,5 @@
 """The verb load-path: events, files, exit codes, wrong usage."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

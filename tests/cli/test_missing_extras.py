@@ -1,7 +1,5 @@
 """Verbs that end in pictures ask for what draws them before they begin to work."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -11,7 +9,8 @@ import pytest
 
 # Runs the command line as if a package were not installed.
 BLOCKED = (
-    "import sys; sys.modules[sys.argv[1]] = None; from tensegrity_codegen.cli.app import main; main(sys.argv[2:])"
+    "import sys; sys.modules[sys.argv[1]] = None; "
+    "from tensegrity_codegen.cli.app import main; main(sys.argv[2:])"
 )
 
 

@@ -1,7 +1,5 @@
 """The verbs on a scene in node distances."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """No verb replaces an input, and without --overwrite none replaces a file that exists."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

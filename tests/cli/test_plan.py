@@ -1,7 +1,5 @@
 """The verb `plan`: files, JSON, exit codes, wrong input, and a motion that follows a plan."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The verb play: what is refused before anything is compiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

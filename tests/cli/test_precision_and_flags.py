@@ -1,7 +1,5 @@
 """Precision and compile flags from the scene and from the command line, which has the last word."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`analyse --prestress --scene-out`: the scene with the prestress found, read again and settled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

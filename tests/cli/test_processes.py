@@ -1,7 +1,5 @@
 """The command line as processes: Ctrl-C, readers that go away, machines with other compilers or none."""
 
-from __future__ import annotations
-
 import json
 import os
 import shlex

@@ -1,7 +1,5 @@
 """Progress on stderr: a bar on a terminal, lines in a file or pipe, and the time that every verb takes."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

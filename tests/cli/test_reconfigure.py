@@ -1,7 +1,5 @@
 """The verb reconfigure (SCS 5, 6)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

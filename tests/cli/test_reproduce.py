@@ -1,7 +1,5 @@
 """The verb reproduce: files, JSON, wrong usage."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Endings of result files: each means what it says, any other is refused before the run."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Long verbs that were interrupted or killed go on where they stopped, and say so."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

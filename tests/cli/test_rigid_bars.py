@@ -1,7 +1,5 @@
 """What each verb does with a scene of rigid bars, which takes the formulation `rigid_bar` by itself."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

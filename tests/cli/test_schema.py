@@ -1,7 +1,5 @@
 """The JSON schema agrees with what the reader takes, for the scenes that ship and for spoiled ones."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The verb `sensitivity`: lists, file, inputs, loads, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

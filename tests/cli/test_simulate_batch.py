@@ -1,7 +1,5 @@
 """simulate --batch: many starts from a file, a status for each, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`simulate --profile`: inputs over time from a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

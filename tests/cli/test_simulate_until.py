@@ -1,7 +1,5 @@
 """`simulate --until contact`: the run ends at the first contact, and says where."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which packages the command line does not import: starting it is most of the time of short commands."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Ctrl-C ends the command line within a second, whatever it does, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

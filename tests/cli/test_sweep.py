@@ -1,7 +1,5 @@
 """The verb `sweep`: grids, samples and tables, plan, going on, exit codes, bad input."""
 
-from __future__ import annotations
-
 import csv
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`sweep summary` and `sweep case`: text, JSON, page, the scene of a case, bad input."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What looks like a slip in a scene is a warning line of every verb that reads it, and in its JSON."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

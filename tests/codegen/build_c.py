@@ -1,7 +1,5 @@
 """Compiling and running generated C by hand, as an embedder does."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Compilers for tests: the real ones that are here, and scripts that stand in for bad ones."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -1,7 +1,5 @@
 """A C program that calls every generated function with good, bad and missing values."""
 
-from __future__ import annotations
-
 import re
 
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest

@@ -3,8 +3,6 @@
 A run prints one number a line for each call, in the order of the manifest: status, then the result.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence

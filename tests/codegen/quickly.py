@@ -5,8 +5,6 @@ users get is checked by the tests marked `optimised`. The rows of what a scene l
 function of variants of the scene is built, take most of the time of emission and change no line of C.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace

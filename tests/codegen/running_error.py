@@ -1,7 +1,5 @@
 """What rounding can do to an expression: a bound that runs along with the evaluation (Higham 2002, 3.3)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

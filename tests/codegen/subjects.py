@@ -1,7 +1,5 @@
 """Two structures for the tests of generated code: one with everything there is, one with nothing extra."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

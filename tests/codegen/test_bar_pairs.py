@@ -1,7 +1,5 @@
 """Pairs of bars from structure to library: against the NumPy model, and bit by bit against CasADi."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Batch functions in C: bit-equal to single evaluations, refusals by status, nothing outside the arrays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Which emitter `auto` chooses: the rule on cases, and the facts of scenes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What cffi has to know of a library is read from its own header."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cffi

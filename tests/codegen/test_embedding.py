@@ -1,7 +1,5 @@
 """The generated files as an embedder uses them: any compiler, C or C++, no state, no surprises."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """From a request to files: what is refused, and that equal requests give equal bytes."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The compiled library against CasADi's virtual machine, bit for bit, and against plain NumPy."""
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any

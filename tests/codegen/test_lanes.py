@@ -1,7 +1,5 @@
 """Four members at a time: the bits of the virtual machine, the statuses of the plain statements."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

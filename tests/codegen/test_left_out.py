@@ -1,7 +1,5 @@
 """What a scene does not need is listed, with what it saves; what it needs is not."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

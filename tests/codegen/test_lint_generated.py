@@ -1,7 +1,5 @@
 """Generated C of example scenes under clang-tidy and cppcheck, with the reason of every rule that is off."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

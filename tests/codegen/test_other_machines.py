@@ -1,7 +1,5 @@
 """Libraries for other machines give the numbers of this one; where they cannot be run, they are linked."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

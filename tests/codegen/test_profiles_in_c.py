@@ -1,7 +1,5 @@
 """The C of docs/embedding.md that drives a motor beside `simulate`; libraries with profiles, and without."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

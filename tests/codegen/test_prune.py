@@ -1,7 +1,5 @@
 """Only what matters to a quantity is an argument of its function."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Generated C is read by people: short lines, names of the scene beside the numbers, safe comments."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every name that a scene may have gives a library: nothing within the C takes a name of its interface."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

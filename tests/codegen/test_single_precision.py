@@ -1,7 +1,5 @@
 """Single precision: the same functions, rounded to float; nothing converts unasked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Files of a library with many constants: tables in a file of their own, and no second copy for CasADi."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from dataclasses import replace

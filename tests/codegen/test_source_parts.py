@@ -1,7 +1,5 @@
 """The manifest's list of optional parts of a C source, and their reasons."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.codegen.source_parts import list_parts
 from tensegrity_codegen.tables.manifest import IntegratorSpec, SourcePart
 from tensegrity_codegen.tables.request import ModelRequest

@@ -1,7 +1,5 @@
 """What is refused names a way out, and whoever takes it is served."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

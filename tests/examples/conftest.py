@@ -1,7 +1,5 @@
 """The runner of the examples is no package of the wheel: it is imported from the folder examples/."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

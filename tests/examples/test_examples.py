@@ -1,7 +1,5 @@
 """The examples print the numbers of Python in every language whose tools are installed."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import replace

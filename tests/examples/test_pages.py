@@ -1,7 +1,5 @@
 """The pages of docs/languages show the code of the examples and the commands by which they are run."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import textwrap

@@ -1,7 +1,5 @@
 """What an example printed is compared line by line: nothing may be missing, renamed or different."""
 
-from __future__ import annotations
-
 import pytest
 from trial.rows import Row, compare_rows, parse_rows
 

@@ -1,7 +1,5 @@
 """A small importer of FMI 2.0 units through ctypes, written from the standard: what tests need of one."""
 
-from __future__ import annotations
-
 import ctypes as c
 import zipfile
 from collections.abc import Sequence

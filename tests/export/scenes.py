@@ -1,7 +1,5 @@
 """A scene that is exported in tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 # A prism that swings on its feet: cables go slack and taut; two inputs, parameters of four kinds, damping.

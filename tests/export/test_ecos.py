@@ -1,7 +1,5 @@
 """Units in Ecos, an importer in C++: the motion of `simulate`, and two units that are coupled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

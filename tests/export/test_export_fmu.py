@@ -1,7 +1,5 @@
 """Units of FMI 2.0 through a small importer: motions, events, derivatives, stored states, errors."""
 
-from __future__ import annotations
-
 import ctypes as c
 import itertools
 import zipfile

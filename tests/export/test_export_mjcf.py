@@ -1,7 +1,5 @@
 """MJCF: the same masses, forces and motions as the structure, in MuJoCo and in plain arithmetic."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring

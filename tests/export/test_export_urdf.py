@@ -1,7 +1,5 @@
 """URDF: every node where the scene has it, masses and inertias of bodies, refusals with the reason."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, tostring

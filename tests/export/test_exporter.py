@@ -1,7 +1,5 @@
 """The registry of export formats: what it refuses before any work; files are written whole or not at all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

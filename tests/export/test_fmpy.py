@@ -1,7 +1,5 @@
 """Units in fmpy: no message of its validation, and the motions of `simulate`, in both versions and kinds."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 from typing import Any

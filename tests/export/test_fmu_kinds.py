@@ -1,7 +1,5 @@
 """Units of other kinds of scenes: bodies, bars of constant length, stiff bars, laws with two slopes."""
 
-from __future__ import annotations
-
 import itertools
 import tomllib
 from pathlib import Path

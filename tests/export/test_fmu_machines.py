@@ -1,7 +1,5 @@
 """The binary of a unit for another machine, under qemu-user; a unit that is linked statically."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 from typing import Any

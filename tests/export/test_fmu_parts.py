@@ -1,7 +1,5 @@
 """Names, units and dependencies in model descriptions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

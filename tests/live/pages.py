@@ -1,7 +1,5 @@
 """Structures, motions and pages for tests of live pages, without a compiler."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 from typing import Any

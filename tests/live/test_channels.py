@@ -1,7 +1,5 @@
 """Arrays of a page: what is written is read back to the stated rounding."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 

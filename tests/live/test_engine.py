@@ -1,7 +1,5 @@
 """Models that run in pages: what the library is asked for, and the sliders of the page."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

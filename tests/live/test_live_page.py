@@ -1,7 +1,5 @@
 """Live pages in a real browser: turned, scrubbed, pointed at; what they show is the motion itself."""
 
-from __future__ import annotations
-
 import json
 import math
 import statistics

@@ -1,7 +1,5 @@
 """What a live page shows: positions, tensions, reactions, uses, modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pages with the compiled model inside, in a real browser: numbers, pulled nodes, sliders, clock."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import math

@@ -1,7 +1,5 @@
 """The scripts of live pages are correct JavaScript, import what there is, and have no outside address."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

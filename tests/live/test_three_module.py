@@ -1,7 +1,5 @@
 """Where three.js is taken from: a named file, this package, the cache; another file is refused."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

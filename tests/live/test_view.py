@@ -1,7 +1,5 @@
 """Live pages in notebooks: what the frame holds, where pages start, what is refused."""
 
-from __future__ import annotations
-
 import html
 import json
 import math

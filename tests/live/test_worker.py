@@ -1,7 +1,5 @@
 """The worker of a running model in node: pulled bars beside native C, energies, orders that are refused."""
 
-from __future__ import annotations
-
 import base64
 import json
 import shutil

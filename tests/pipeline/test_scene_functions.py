@@ -1,7 +1,5 @@
 """The functions of a scene as CasADi functions: names, shapes, values, errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import casadi as ca

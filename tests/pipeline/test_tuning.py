@@ -1,7 +1,5 @@
 """Emitter and compiler by measurement: the fastest wins, is remembered, and what fails is a row."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

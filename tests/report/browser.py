@@ -1,7 +1,5 @@
 """A page as a real browser shows it: Debian's chromium without a window, found on the machine or not."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

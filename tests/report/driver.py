@@ -3,8 +3,6 @@
 Chromium speaks its DevTools protocol over two pipes: JSON objects, each ended by a zero byte.
 """
 
-from __future__ import annotations
-
 import base64
 import fcntl
 import json

@@ -1,7 +1,5 @@
 """Checks of every page of results: `check_static` reads its text, `check_in_browser` opens it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What the text of a page holds, without a browser: tags, titles, tables, links."""
 
-from __future__ import annotations
-
 import html
 import re
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A small page with everything that a page can hold."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.report.pages.diagram import Diagram, Series, draw_diagram
 from tensegrity_codegen.report.pages.page import (
     Chapter,

@@ -1,7 +1,5 @@
 """Structures and motions, written by hand, that the tests of the report package draw."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The headline of an analysis: stable or not and why, mechanisms, frequency, exceeded limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

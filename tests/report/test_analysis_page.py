@@ -1,7 +1,5 @@
 """The page of an analysis: what stands on it, and what a browser shows of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

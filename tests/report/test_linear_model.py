@@ -1,7 +1,5 @@
 """Modes of a linear model as text."""
 
-from __future__ import annotations
-
 import numpy as np
 from rich.console import Console
 

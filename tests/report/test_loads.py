@@ -1,7 +1,5 @@
 """Loads of motions and equilibria: of the scene, of run-time arguments, of inputs that are forces."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small structures written in a few words, for the tests of the analyses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

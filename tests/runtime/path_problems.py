@@ -1,7 +1,5 @@
 """Problems with load paths that are known in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

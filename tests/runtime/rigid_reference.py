@@ -1,7 +1,5 @@
 """The reference model with rigid bars: the statics of its springs, and lengths that are kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

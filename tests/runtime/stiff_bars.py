@@ -1,7 +1,5 @@
 """Structures with stiff bars, and how they move if their bars are rigid: an independent reference."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The progress of a motion that is integrated several times, and of a search for an equilibrium."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Wrong calls of simulations, statics and linear models: a named error, whatever an argument is."""
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small scenes that the tests of the scene package change one key at a time."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A body system written as a scene and read back is the same system."""
 
-from __future__ import annotations
-
 import tomllib
 
 import numpy as np

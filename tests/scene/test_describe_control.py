@@ -1,7 +1,5 @@
 """Actuators, sensors and limits survive being written as a scene and read back."""
 
-from __future__ import annotations
-
 import dataclasses
 import tomllib
 

@@ -1,7 +1,5 @@
 """The example scene prism12: its equilibrium, actuators and limits; with and without masses."""
 
-from __future__ import annotations
-
 import tomllib
 from importlib.resources import files
 

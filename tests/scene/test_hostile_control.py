@@ -1,7 +1,5 @@
 """Actuators, sensors and limits made to break the reader: errors that name the key, or sound structures."""
 
-from __future__ import annotations
-
 import copy
 import math
 import tomllib

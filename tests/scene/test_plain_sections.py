@@ -1,7 +1,5 @@
 """Plain sections are read as JSON, and nothing about the outcome tells."""
 
-from __future__ import annotations
-
 import random
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes as dictionaries and as text: what is read from either is the same, and nothing is lost."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

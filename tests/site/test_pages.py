@@ -1,7 +1,5 @@
 """Pages of the documentation site, without Sphinx: navigation, marks, links."""
 
-from __future__ import annotations
-
 import posixpath
 import re
 import sys

@@ -1,7 +1,5 @@
 """The documentation site, built: no warning, links, search, widths in a browser, light and dark."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Actuators for members that are named."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.structure.actuate import actuate_members

@@ -1,7 +1,5 @@
 """The order of members and of their contributions: by class, free nodes apart from held ones."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import HealthCheck, given, settings
 

@@ -1,7 +1,5 @@
 """Distances of bars in closed form, against rational arithmetic and the generated C."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Members against their limits, in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

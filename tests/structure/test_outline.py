@@ -1,7 +1,5 @@
 """Body systems as nodes and members, for tables and pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.kinematics import compute_node_position

@@ -1,7 +1,5 @@
 """Connected pieces of graphs are those of SciPy, in the order of their first nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse import coo_array

@@ -1,7 +1,5 @@
 """Repeated modules: each end of each member stands where its module says, and no member in two modules."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

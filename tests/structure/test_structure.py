@@ -1,7 +1,5 @@
 """What a structure says of itself: free coordinates and pairs of bars, counted and listed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

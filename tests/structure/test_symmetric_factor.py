@@ -1,7 +1,5 @@
 """Factors of small symmetric matrices: they solve, they stay sparse, symbols and numbers agree."""
 
-from __future__ import annotations
-
 import itertools
 
 import casadi as ca

@@ -4,8 +4,6 @@ Compiling takes longer than running: a few structures are compiled once each, wi
 as run-time arguments, and drawn many times.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Random scenes and settings: a status never calls good what is not, nothing hangs, nothing crashes."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

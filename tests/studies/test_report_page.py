@@ -1,7 +1,5 @@
 """The page of error against run time: the finding in numbers, good or bad, and what a browser shows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Stiff and extreme cases: what they are, who is held to what, and that nothing hangs."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

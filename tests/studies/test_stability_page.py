@@ -1,7 +1,5 @@
 """The page of stiff and extreme cases: the finding in numbers, good or bad, and what a browser shows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Error against run time: fair problems, certified references, fronts, resumed reports, the page."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable

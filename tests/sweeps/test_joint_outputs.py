@@ -1,7 +1,5 @@
 """Outputs of libraries with other members, joined by their labels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sentences and units of the keys of sweeps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Every number of every example scene has a path; what is no number is a named error."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Tasks: every case in one of them, and in one group."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

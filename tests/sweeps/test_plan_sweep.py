@@ -1,7 +1,5 @@
 """The plan of a sweep: libraries, tasks, time, size and notes, and what makes it impossible."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

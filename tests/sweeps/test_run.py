@@ -1,7 +1,5 @@
 """A sweep that is stopped, killed or refused: every case is stored once, and goes on where it stopped."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

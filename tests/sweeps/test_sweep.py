@@ -1,7 +1,5 @@
 """The function `sweep`: rows equal single cases on any number of workers; what goes on, what is refused."""
 
-from __future__ import annotations
-
 import copy
 import json
 import pickle

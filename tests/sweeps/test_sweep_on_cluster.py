@@ -1,7 +1,5 @@
 """Sweeps on a Dask cluster: the bits of local processes, also after a killed worker and a killed client."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Taylor tests: what a right derivative leaves of a small change falls with the square of the change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Run-time arguments are symbols, all else folds into numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

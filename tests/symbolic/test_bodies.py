@@ -1,7 +1,5 @@
 """The formulation `bodies` against mechanics written down a second time, another way."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 from typing import Any

@@ -1,7 +1,5 @@
 """Mass matrix of nodes and uniform bars, and its inverse."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """Distance between bars: every case, against exact rationals and against sampling (LIN 3.2)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

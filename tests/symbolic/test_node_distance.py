@@ -1,7 +1,5 @@
 """Node distances against node positions and against the saddle system (S&K 3 to 7, MODEL 2 and 3)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -51,7 +49,7 @@ class Evaluated:
             structure, options.get("pairs", "connected"), options.get("order", "uvec321"), list(self.weight)
         )
 
-    def at(self, position: Array, velocity: Array) -> Evaluated:
+    def at(self, position: Array, velocity: Array) -> "Evaluated":
         self.arguments["coordinate"] = self.layout.compute(position, self.weight)
         self.arguments["velocity"] = self.layout.compute(velocity, self.weight)
         return self

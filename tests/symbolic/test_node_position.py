@@ -1,7 +1,5 @@
 """The formulation in node positions against an independent NumPy model (S&K 2, 5)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Families of configurations in the full equations of bodies, apart from any study."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The formulation with rigid bars: constraint equations, projections, and what is refused (S&K 2; MODEL)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

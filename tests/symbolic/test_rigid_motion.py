@@ -1,7 +1,5 @@
 """The motion with rigid bars as a series in time: each derivative is that of the one before along it."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 from hypothesis import HealthCheck, assume, given, settings

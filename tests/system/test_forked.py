@@ -1,7 +1,5 @@
 """Pieces of work in processes: results, crashes, the deadline."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import os

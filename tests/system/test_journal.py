@@ -1,7 +1,5 @@
 """Journals: what is read back, and what is computed again."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Files of packages: verified, kept in the cache, and clear words where they cannot be had."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Values by the names of nodes and members: the same numbers as by index, and near names for unknown ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

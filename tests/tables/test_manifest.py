@@ -1,7 +1,5 @@
 """The manifest as text and as arrays: what goes in comes out, and large libraries stay readable quickly."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

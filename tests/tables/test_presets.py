@@ -1,7 +1,5 @@
 """Presets: settings for a purpose, in scenes and on the command line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

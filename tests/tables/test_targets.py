@@ -1,7 +1,5 @@
 """Machines to compile for: names, commands, cache keys, and refusals; nothing is compiled here."""
 
-from __future__ import annotations
-
 import struct
 import sys
 from dataclasses import replace

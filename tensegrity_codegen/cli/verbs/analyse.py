@@ -1,7 +1,5 @@
 """`tensegrity-codegen analyse`: which tensions a structure can have, and how it moves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -123,14 +121,14 @@ def _check_files(
         require_plot()
 
 
-def _warn(output: Output, found: Analysis, settle: bool) -> None:
+def _warn(output: Output, found: "Analysis", settle: bool) -> None:
     for text in found.warnings:
         output.warn(text)
     if not settle and not found.is_balanced and not found.is_good:
         output.warn("this is the configuration in the scene; --settle analyses the equilibrium instead")
 
 
-def _write_page(found: Analysis, subject: Subject, path: Path, overwrite: bool) -> None:
+def _write_page(found: "Analysis", subject: "Subject", path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.report.analysis_page import build_analysis_page
     from tensegrity_codegen.report.pages.render_page import render_page
@@ -148,7 +146,7 @@ def _analyse(
     texts: list[str] | None,
     compiler: str | None,
     **options: Any,
-) -> tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]:
+) -> "tuple[Subject, Analysis, NDArray[np.float64] | None, ModelRequest]":
     """Return the structure, its analysis, the equilibrium if it was analysed, and the request."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -175,11 +173,11 @@ def _analyse(
 
 def _report(
     output: Output,
-    subject: Subject,
-    found: Analysis,
+    subject: "Subject",
+    found: "Analysis",
     files: dict[str, Path | None],
     scene_out: Path | None,
-    tense: Prestressed | None,
+    tense: "Prestressed | None",
 ) -> None:
     """Print the analysis: counts, members, proof, modes."""
     from tensegrity_codegen.report.analysis_data import describe_analysis

@@ -1,7 +1,5 @@
 """`tensegrity-codegen build`: from a scene to a compiled library."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
@@ -127,13 +125,13 @@ def _check_wheel(target: str | None, scene: str, out: Path | None) -> None:
 
 
 def _tune(
-    structure: Subject,
-    request: ModelRequest,
+    structure: "Subject",
+    request: "ModelRequest",
     compiler: str | None,
     by: str | None,
     any_flags: bool,
     measure: bool,
-) -> TunedLibrary:
+) -> "TunedLibrary":
     """Return the fastest library for this machine, and what it was compared with."""
     from tensegrity_codegen.codegen.compilation.flags import MEASURED
     from tensegrity_codegen.pipeline.tuning import build_tuned
@@ -144,11 +142,11 @@ def _tune(
 
 def _tell(
     output: Output,
-    built: BuiltLibrary,
+    built: "BuiltLibrary",
     folder: Path,
-    tuned: TunedLibrary | None,
+    tuned: "TunedLibrary | None",
     wheel: bool,
-    memory: MemoryUse | None,
+    memory: "MemoryUse | None",
     following: str,
 ) -> None:
     """Say what a library holds, where it is, and which command comes next."""
@@ -204,7 +202,7 @@ def _find_next(scene: Path, out: Path | None, target: str | None, wheel: bool) -
     return f"make -C {folder}" + ("" if target else f" && {folder}/example")
 
 
-def _describe(built: BuiltLibrary, folder: Path) -> dict[str, Any]:
+def _describe(built: "BuiltLibrary", folder: Path) -> dict[str, Any]:
     """Return what --json says of a library; folder: where it is for the user."""
     manifest = built.manifest
     return {

@@ -1,7 +1,5 @@
 """`tensegrity-codegen cache`: where compiled libraries are kept, and how to remove them."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

@@ -1,7 +1,5 @@
 """The verb `check`: a scene is read and checked, nothing is built."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 from tensegrity_codegen.cli.options import JsonOption, SceneArgument
@@ -71,7 +69,7 @@ def check(scene: SceneArgument, json: JsonOption = False) -> None:
         )
 
 
-def _describe_start(subject: Structure | BodySystem) -> dict[str, Any]:
+def _describe_start(subject: "Structure | BodySystem") -> dict[str, Any]:
     """Return size, mass, tensions and counts of motions at the stated positions; None where not known."""
     import numpy as np
 
@@ -109,7 +107,7 @@ def _summarise_start(data: dict[str, Any]) -> list[str]:
     return ["; ".join(sizes), f"{', '.join(counts)} at the stated positions"]
 
 
-def _describe_control(subject: Structure | BodySystem) -> dict[str, Any]:
+def _describe_control(subject: "Structure | BodySystem") -> dict[str, Any]:
     """Return actuators, sensors and limits, with the keys of a scene."""
     from tensegrity_codegen.scene.describe_bodies import describe_bodies
     from tensegrity_codegen.scene.describe_control import describe_control
@@ -121,7 +119,7 @@ def _describe_control(subject: Structure | BodySystem) -> dict[str, Any]:
     return describe_control(subject, "nodes", lambda i: subject.node_name[i])
 
 
-def _summarise_control(subject: Structure | BodySystem) -> list[str]:
+def _summarise_control(subject: "Structure | BodySystem") -> list[str]:
     """Return lines on inputs, sensors and limits, none where there are none."""
     motors = {item.name for item in subject.actuators}
     inputs = [item.name for item in subject.inputs if item.name not in motors]
@@ -132,7 +130,7 @@ def _summarise_control(subject: Structure | BodySystem) -> list[str]:
     return [f"{key}: {name_list(items, most=10)}" for key, items in names.items() if items]
 
 
-def _count_bars(subject: Structure | BodySystem) -> tuple[int, int]:
+def _count_bars(subject: "Structure | BodySystem") -> tuple[int, int]:
     """Return the numbers of bars and of cables."""
     from tensegrity_codegen.structure.bodies import Bar, BodySystem
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen control`: a motion held by feedback, designed and simulated under disturbances."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -176,20 +174,20 @@ def _find_batch(in_c: bool, compiler: str | None) -> Any:
     return partial(simulate_control_batch, compiler=compiler)
 
 
-def _study(model: CompiledModel, motion: Any, **options: Any) -> ControlStudy:
+def _study(model: "CompiledModel", motion: Any, **options: Any) -> "ControlStudy":
     from tensegrity_codegen.control.feedback.study.study import study_control
 
     return study_control(model, motion, **options)
 
 
-def _write(study: ControlStudy, path: Path, overwrite: bool) -> None:
+def _write(study: "ControlStudy", path: Path, overwrite: bool) -> None:
     from tensegrity_codegen.runtime.model.array_file import write_arrays
 
     write_arrays(path, study.arrays(), overwrite=overwrite)
 
 
 def _write_page(
-    study: ControlStudy, model: CompiledModel, subject: Subject, path: Path, overwrite: bool
+    study: "ControlStudy", model: "CompiledModel", subject: "Subject", path: Path, overwrite: bool
 ) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.control.pages.control_page import build_control_page
@@ -200,7 +198,7 @@ def _write_page(
     write_text(text, path, overwrite=overwrite)
 
 
-def _report(output: Output, subject: Subject, study: ControlStudy, more: Mapping[str, Any]) -> None:
+def _report(output: Output, subject: "Subject", study: "ControlStudy", more: Mapping[str, Any]) -> None:
     """Print the study: errors of the loops, actuators, assumptions."""
     from tensegrity_codegen.control.pages.control_studies import (
         actuators_table,

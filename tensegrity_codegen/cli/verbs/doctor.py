@@ -1,7 +1,5 @@
 """`tensegrity-codegen doctor`: what is installed, which compiler, does it work."""
 
-from __future__ import annotations
-
 import typer
 
 from tensegrity_codegen.cli.options import JsonOption

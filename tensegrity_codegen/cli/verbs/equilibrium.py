@@ -1,7 +1,5 @@
 """`tensegrity-codegen equilibrium`: where the structure settles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The verb `export`: a scene is written in the format of another program."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

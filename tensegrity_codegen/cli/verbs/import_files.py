@@ -1,7 +1,5 @@
 """The verb `import`: a scene is made from files in other formats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """`tensegrity-codegen linearize`: the linear model, its natural frequencies and damping."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Mapping
@@ -67,7 +65,7 @@ def linearize(
 
 def _linearize(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
-) -> tuple[LinearModel, Mapping[str, bool]]:
+) -> "tuple[LinearModel, Mapping[str, bool]]":
     """Return the linear model of a scene about its own state or the equilibrium, and its kinks."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -94,7 +92,7 @@ def _linearize(
 
 def _read(
     scene: Path, settle: bool, compiler: str | None, output: Output, inputs: list[str] | None
-) -> tuple[Subject, ModelRequest, dict[str, float], bool]:
+) -> "tuple[Subject, ModelRequest, dict[str, float], bool]":
     """Return structure, request and inputs, and whether the structure is still to be settled."""
     from tensegrity_codegen.pipeline.settle import has_statics, is_corrected, settle_structure, with_statics
     from tensegrity_codegen.structure.structure import Structure
@@ -109,7 +107,7 @@ def _read(
     return structure.with_changes(node_velocity=0 * structure.node_velocity), request, values, False
 
 
-def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out: Path | None) -> None:
+def _report(output: Output, linear: "LinearModel", kinks: Mapping[str, bool], out: Path | None) -> None:
     """Print what the linear model is, and where it was written."""
     from tensegrity_codegen.report.linear_model import modes_table, say_finding, say_spectrum
 
@@ -149,7 +147,7 @@ def _report(output: Output, linear: LinearModel, kinks: Mapping[str, bool], out:
         output.warn(_say_kinks(kinks))
 
 
-def _find_motion(linear: LinearModel) -> list[str]:
+def _find_motion(linear: "LinearModel") -> list[str]:
     """Return warnings where the state is no equilibrium: eigenvalues then describe no vibration about it."""
     import numpy as np
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen load-path`: equilibria under a growing load, and what happens on the way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -196,13 +194,13 @@ def _check_options(step: float, out: Path | None, scene: Path, overwrite: bool) 
 
 
 def _build(
-    subject: Subject,
-    request: ModelRequest,
+    subject: "Subject",
+    request: "ModelRequest",
     kind: RampKind | None,
     load: list[str],
     compiler: str | None,
     inputs: Mapping[str, float],
-) -> ModelPath:
+) -> "ModelPath":
     """Return the problem of a scene under these loads and inputs, its library with all that a path needs."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -221,7 +219,7 @@ def _build(
     return path
 
 
-def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list[Watch]:
+def _find_watches(path: "ModelPath", subject: "Subject", past_contact: bool) -> "list[Watch]":
     """Return the watches of cables, since the stiffness jumps there, and of pairs of bars."""
     from tensegrity_codegen.runtime.paths.member_watch import watch_members
     from tensegrity_codegen.runtime.paths.model_path import watch_contact, watch_slack, watch_switch
@@ -236,7 +234,7 @@ def _find_watches(path: ModelPath, subject: Subject, past_contact: bool) -> list
     return watches
 
 
-def _find_flaws(subject: Subject, columns: Mapping[str, NDArray[np.float64]]) -> MemberFlaws:
+def _find_flaws(subject: "Subject", columns: "Mapping[str, NDArray[np.float64]]") -> "MemberFlaws":
     """Return the limits that members exceed at points of the path."""
     import numpy as np
 
@@ -250,8 +248,8 @@ def _find_flaws(subject: Subject, columns: Mapping[str, NDArray[np.float64]]) ->
 
 
 def _follow(
-    path: ModelPath, watches: list[Watch], most: float, floor: float, step: float, show: Any, warn: Any
-) -> LoadPath:
+    path: "ModelPath", watches: "list[Watch]", most: float, floor: float, step: float, show: Any, warn: Any
+) -> "LoadPath":
     """Return the path from the equilibrium without the load; raises ConvergenceError if there is none."""
     from tensegrity_codegen.runtime.paths.continuation import StepControl, follow_path
     from tensegrity_codegen.runtime.paths.ramp import find_pushed_start
@@ -264,7 +262,7 @@ def _follow(
     start = begun.coordinate
     control = StepControl(largest=step, most_steps=max(1000, round(100 / step)))
 
-    def follow(begin: NDArray[np.float64], least: float) -> LoadPath:
+    def follow(begin: "NDArray[np.float64]", least: float) -> "LoadPath":
         return follow_path(
             path,
             begin,
@@ -285,7 +283,7 @@ def _follow(
     return found if pushed is None else follow(*pushed)
 
 
-def _advise(path: LoadPath) -> str | None:
+def _advise(path: "LoadPath") -> str | None:
     """Return how to go on where the contact of bars has ended the path, None where nothing is to be said."""
     if path.status != "stopped":
         return None
@@ -298,7 +296,7 @@ def _advise(path: LoadPath) -> str | None:
     )
 
 
-def _summary(path: LoadPath) -> str:
+def _summary(path: "LoadPath") -> str:
     if not len(path.load_factor):
         return "no point of the path was found"
     return (

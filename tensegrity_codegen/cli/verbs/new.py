@@ -1,7 +1,5 @@
 """The verb `new`: a scene file to start from."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

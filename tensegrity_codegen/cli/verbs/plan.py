@@ -1,7 +1,5 @@
 """`tensegrity-codegen plan`: rest lengths that move a structure to a target through stable equilibria."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -148,7 +146,7 @@ def _compile(
     actuate: Sequence[str] | None,
     compiler: str | None,
     analysis: str,
-) -> tuple[Subject, Any, tuple[str, ...] | None]:
+) -> "tuple[Subject, Any, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that move."""
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
     from tensegrity_codegen.control.planning.targets.target_text import read_targets
@@ -173,7 +171,7 @@ def _compile(
 
 def _plan(
     output: Output, model: Any, to: Sequence[str], chosen: tuple[str, ...] | None, **options: Any
-) -> PlanResult:
+) -> "PlanResult":
     from tensegrity_codegen.control.planning.plan import plan as run
     from tensegrity_codegen.sweeps.engines.threads import limit_threads
 
@@ -187,14 +185,14 @@ def _plan(
     return found
 
 
-def _write(found: PlanResult, files: Sequence[Path], overwrite: bool) -> None:
+def _write(found: "PlanResult", files: Sequence[Path], overwrite: bool) -> None:
     from tensegrity_codegen.control.planning.write_plan import write_plan
 
     for file in files:
         write_plan(found, file, overwrite=overwrite)
 
 
-def _write_page(found: PlanResult, subject: Subject, path: Path, overwrite: bool) -> None:
+def _write_page(found: "PlanResult", subject: "Subject", path: Path, overwrite: bool) -> None:
     """Write the page, whole or not at all."""
     from tensegrity_codegen.control.pages.plan_page import build_plan_page
     from tensegrity_codegen.report.pages.render_page import render_page
@@ -205,7 +203,7 @@ def _write_page(found: PlanResult, subject: Subject, path: Path, overwrite: bool
     write_text(text, path, overwrite=overwrite)
 
 
-def _report(output: Output, subject: Subject, found: PlanResult, more: dict[str, Any]) -> None:
+def _report(output: Output, subject: "Subject", found: "PlanResult", more: dict[str, Any]) -> None:
     """Print the plan: targets, rest lengths, what limits it."""
     from tensegrity_codegen.control.pages.plans import (
         actuators_table,

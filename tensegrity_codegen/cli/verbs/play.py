@@ -1,7 +1,5 @@
 """`tensegrity-codegen play`: a page in which the compiled model runs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen reconfigure`: a two-stage tower from one symmetrical configuration to another."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """`tensegrity-codegen report`: error against run time of every method, for some scenes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

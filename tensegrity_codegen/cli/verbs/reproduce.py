@@ -1,7 +1,5 @@
 """`tensegrity-codegen reproduce`: the papers beside what comes out here, as one page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

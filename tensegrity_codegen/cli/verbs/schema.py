@@ -1,7 +1,5 @@
 """The verb `schema`: the JSON schema of scene files."""
 
-from __future__ import annotations
-
 import json as json_module
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """`tensegrity-codegen sensitivity`: which rest length moves which node, and which tension."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -95,7 +93,7 @@ def sensitivity(
         _report(output, found, node or [], member or [], most, out)
 
 
-def _check_names(subject: Subject, nodes: list[str], members: list[str]) -> None:
+def _check_names(subject: "Subject", nodes: list[str], members: list[str]) -> None:
     """Raise UnknownNameError before the work begins."""
     for name in nodes:
         check_choice(name, subject.node_name, "node", "--node")
@@ -105,13 +103,13 @@ def _check_names(subject: Subject, nodes: list[str], members: list[str]) -> None
 
 def _find(
     output: Output,
-    subject: Subject,
-    request: ModelRequest,
+    subject: "Subject",
+    request: "ModelRequest",
     arguments: dict[str, Any],
     *,
     columns: list[str] | None,
     compiler: str | None,
-) -> Sensitivity:
+) -> "Sensitivity":
     """Return the sensitivity at the equilibrium under these arguments."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
@@ -138,7 +136,7 @@ def _find(
 
 
 def _report(
-    output: Output, found: Sensitivity, nodes: list[str], members: list[str], most: int, out: Path | None
+    output: Output, found: "Sensitivity", nodes: list[str], members: list[str], most: int, out: Path | None
 ) -> None:
     """Print what each column does most, and the lists that were asked for."""
     from tensegrity_codegen.report.sensitivities import columns_table, list_columns, ranks_table
@@ -179,7 +177,7 @@ def _find_largest(columns: dict[str, dict[str, Any]]) -> str:
     return f"{text}; {name} changes the tension of {member} most, by {most / 1e3:.3g} N for each mm"
 
 
-def _describe(found: Sensitivity) -> list[str]:
+def _describe(found: "Sensitivity") -> list[str]:
     lines = ["rigid bars alone hold every node"]
     if math.isfinite(found.smallest_eigenvalue):
         lines = [f"smallest eigenvalue of the stiffness {found.smallest_eigenvalue:.6g} N/m"]
@@ -190,7 +188,7 @@ def _describe(found: Sensitivity) -> list[str]:
     return lines
 
 
-def write_sensitivity(found: Sensitivity, path: Path, overwrite: bool) -> None:
+def write_sensitivity(found: "Sensitivity", path: Path, overwrite: bool) -> None:
     """Write a sensitivity to an .npz file: `coordinate`, `tension`, `node`, their names, and the gauge."""
     import numpy as np
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen show`: pictures, films and live pages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen simulate`: motion over time, by the generated C."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -150,7 +148,7 @@ def simulate(
 class _Asked:
     """What is asked of one motion: options, what ends it early, whether it starts settled, its inputs."""
 
-    options: RunOptions
+    options: "RunOptions"
     until_contact: bool
     condition: str | None
     settle: bool
@@ -160,7 +158,7 @@ class _Asked:
 
 
 def _run(
-    output: Output, built: BuiltLibrary, asked: _Asked, out: Path | None, overwrite: bool, **given: Any
+    output: Output, built: "BuiltLibrary", asked: _Asked, out: Path | None, overwrite: bool, **given: Any
 ) -> None:
     """Simulate the motion and say how it went; exit code 3 where it is not good."""
     from tensegrity_codegen.runtime.simulate.simulate import simulate as run
@@ -187,7 +185,7 @@ def _run(
         raise typer.Exit(3)
 
 
-def _list_events(log: EventLog) -> list[str]:
+def _list_events(log: "EventLog") -> list[str]:
     """Return the first events of a motion as a line: time, what, and which way."""
     words = {("cable", 1): "taut", ("cable", -1): "slack"}
     shown = [
@@ -200,7 +198,7 @@ def _list_events(log: EventLog) -> list[str]:
 
 def _build(
     scene: Path, asked: _Asked, t_end: float, compiler: str | None, flags: str | None, output: Output
-) -> tuple[BuiltLibrary, dict[str, Any]]:
+) -> "tuple[BuiltLibrary, dict[str, Any]]":
     """Return the library that the run needs; its start (None: of the scene), inputs and schedule, by name."""
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.settle import has_statics, settle_structure
@@ -235,7 +233,7 @@ def _build(
     return built, {"coordinate": found.coordinate, **given}
 
 
-def _require(structure: Subject, request: ModelRequest, asked: _Asked) -> ModelRequest:
+def _require(structure: "Subject", request: "ModelRequest", asked: _Asked) -> "ModelRequest":
     """Return the request with all that the run needs of a library."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES

@@ -1,7 +1,5 @@
 """`tensegrity-codegen stability`: stiff and extreme cases of some scenes, with every method and peer."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`tensegrity-codegen sweep`: many cases of one scene, on the cores of this machine or on a cluster."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import typer

@@ -1,7 +1,5 @@
 """What lets other programs find a library: files for CMake and pkg-config, a page, a notice of licences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from pathlib import PurePath

@@ -1,7 +1,5 @@
 """How the example program names the entries of a result: by nodes, members, coordinates and inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ there is no algebraic variable z and no time t. Arguments and results are those 
 of explicit ordinary and implicit differential-algebraic equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

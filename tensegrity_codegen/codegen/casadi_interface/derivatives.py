@@ -10,8 +10,6 @@ There is no `fwd1_f`: CasADi multiplies the sparse Jacobian instead, and its sol
 structure is too large for such code, the Jacobian of the static force is its stiffness, with the other sign.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What the template of CasADi's interface reads: every function with its arguments, results and patterns."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

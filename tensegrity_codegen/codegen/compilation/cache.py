@@ -14,8 +14,6 @@ another process has loaded stays as it is. A damaged entry counts as absent and 
 (2 GiB by default) the least recently used entries go.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """One entry of the cache on disk: files, and entry.json that says what each of them must be."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

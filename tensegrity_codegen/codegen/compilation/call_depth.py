@@ -1,7 +1,5 @@
 """How deep the calls of C functions go: bytes of stack along the longest chain of calls."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from graphlib import TopologicalSorter

@@ -1,7 +1,5 @@
 """Run commands with limits on time and memory, leaving no process behind however they end."""
 
-from __future__ import annotations
-
 import os
 import selectors
 import subprocess

@@ -4,8 +4,6 @@ A single source is compiled and linked by one command. Several are compiled side
 and then linked: of a large scene, the tables take longer to compile than the code.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

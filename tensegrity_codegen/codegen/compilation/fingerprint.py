@@ -1,7 +1,5 @@
 """Content hashes: the same structure and request give the same hash, on every machine."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """Compilers and their options: what is asked of each, on each system, for each way to compile."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import sys

@@ -5,8 +5,6 @@ own, since a bad library may crash on loading; never imported by the package. Pr
 with 1 then.
 """
 
-from __future__ import annotations
-
 import ctypes
 import sys
 

@@ -4,8 +4,6 @@ Intel and AMD number them by CPUID leaf, part, register and bit (Intel SDM 2A, C
 the registers of AVX and AVX-512 have to be kept by the operating system too (XCR0).
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

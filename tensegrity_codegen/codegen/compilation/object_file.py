@@ -4,8 +4,6 @@ Layouts: System V ABI chapter 4 (ELF), Apple's mach-o/loader.h (Mach-O, 64 bit),
 specification section 4, WebAssembly core specification section 5.5.
 """
 
-from __future__ import annotations
-
 import struct
 
 ELF_ALLOCATED, ELF_WRITABLE, ELF_NO_BITS = 2, 1, 8

@@ -12,8 +12,6 @@ command go to standard error of this script; standard output gets one line when 
     exit | signal | time,  its number,  seconds,  peak resident memory in bytes
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import resource

@@ -1,7 +1,5 @@
 """Which C compilers this machine has, and whether they work."""
 
-from __future__ import annotations
-
 import functools
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """A trial of a new library: a compiler that ends well may still have written something that does not load."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import sys

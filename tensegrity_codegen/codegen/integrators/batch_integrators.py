@@ -1,7 +1,5 @@
 """Integrations of several states side by side: which integrators have them, and the memory that they take."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

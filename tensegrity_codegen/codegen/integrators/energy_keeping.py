@@ -4,8 +4,6 @@ After each step velocities are changed by as little as brings the energy back, i
 matrix, along what of them is no rigid motion, so that momentum and angular momentum stay.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

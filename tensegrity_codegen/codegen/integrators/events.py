@@ -1,7 +1,5 @@
 """Events that integrators watch: which kinds, what they need of the model, and the memory that they take."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Integrators that a library can hold: what each needs, what it passes on, how much work memory it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """Arguments that can change with time in integrators: which, and where each stands among their numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -7,8 +7,6 @@ cables, which accuracy asks for as well. Those with much damping, or whose dampi
 are in the matrices too, by rows of their own: the iteration would ask for steps of m / c.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any

@@ -8,8 +8,6 @@ nodes that it joins. Where A is positive definite every pivot then has its sign,
 1995, quasi-definite matrices). Results are plain tables for the generated C.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

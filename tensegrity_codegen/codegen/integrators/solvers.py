@@ -1,7 +1,5 @@
 """Solvers that a library can hold: what each needs, what it passes on, how much work memory it takes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

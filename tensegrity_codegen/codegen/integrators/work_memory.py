@@ -1,7 +1,5 @@
 """Sizes of the work memory of integrators, read from the structs in `templates/c/`."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import re

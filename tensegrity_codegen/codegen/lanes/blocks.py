@@ -1,7 +1,5 @@
 """C statements of stiffness matrices: blocks of four members at a time, then sums of their columns."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 from tensegrity_codegen.codegen.lanes.columns import write_columns

@@ -5,8 +5,6 @@ what the nodes next to its own have in it, from top to bottom: vectors are store
 which the next store overwrites. Sums follow the assembly plan: the bits are those of sums entry by entry.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Two ways to write vectors of members: packs of four, and rows of as many as a register holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -28,7 +26,7 @@ class Dialect:
     operations: dict[int, str]
     precision: Precision = PRECISIONS["double"]
 
-    def in_precision(self, precision: Precision) -> Dialect:
+    def in_precision(self, precision: Precision) -> "Dialect":
         """Return the same for numbers of another precision."""
         return replace(self, precision=precision)
 

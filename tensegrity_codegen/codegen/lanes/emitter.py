@@ -4,8 +4,6 @@ Both forms stand in one function, behind #if; the compiler takes the one that it
 operations in the same order on every node, so they return the same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import casadi as ca

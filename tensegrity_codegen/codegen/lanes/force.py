@@ -5,8 +5,6 @@ s_e = t_e / l_e         four members turned into lanes: one root and one divisio
 f_i -= s_e d_e, f_j += s_e d_e, in the order of the assembly plan
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Force densities and stiffness blocks of members as C over packs: the same operations, one lane a member."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ force on a node is the external one and at most 1e200 times 1e100. Where a coord
 is not either.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

@@ -1,7 +1,5 @@
 """C text of vectors of four members: the plain C of `templates/c/lanes.h`, then kernels of members."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tensegrity_codegen.codegen.lanes.kernel import DensityKernel

@@ -1,7 +1,5 @@
 """Scalars of a structure as C text: numbers, entries of arguments, or what is worked out before."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names of a scene in C text: as parts of identifiers, and in comments."""
 
-from __future__ import annotations
-
 import re
 
 # C99 tells identifiers apart by 63 characters: a longer name would not fit behind a prefix.

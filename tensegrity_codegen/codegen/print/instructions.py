@@ -1,7 +1,5 @@
 """CasADi's instruction list as single static assignment: each operation names the ones it takes up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -8,8 +8,6 @@ What compares gives a wide_mask, which chooses; functions without a vector form 
 Results are turned into rows while later ones are still worked out: the divider is what a force waits for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Whether a structure's own numbers fit into the precision that is asked for."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any

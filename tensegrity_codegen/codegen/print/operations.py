@@ -4,8 +4,6 @@ Each operation has a form and a precedence. Operands of lower precedence stand i
 compiler sees the tree of operations that CasADi has: no result changes by writing a tree in one line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

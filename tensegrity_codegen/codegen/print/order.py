@@ -7,8 +7,6 @@ where more values are alive than registers hold, the one first that ends most li
 stands REACH places before it. The operations stay the same, and so do all results, to the bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import casadi as ca

@@ -4,8 +4,6 @@ These files compile alone against the sample `config.h`. Where they are pasted, 
 place of all that they include.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Mapping

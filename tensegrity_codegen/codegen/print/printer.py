@@ -6,8 +6,6 @@ operations. A value keeps the number of its CasADi instruction (`t12`) or the na
     const double length_bar1 = sqrt(x_bar1 * x_bar1 + y_bar1 * y_bar1 + coordinate[8] * coordinate[8]);
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Templates to text: dumb and strict, an unknown word in a template is an error."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -31,7 +29,7 @@ def render(template: str, context: Mapping[str, Any]) -> str:
 
 
 @functools.cache
-def _environment() -> jinja2.Environment:
+def _environment() -> "jinja2.Environment":
     import jinja2  # a library from the cache needs no templates
 
     environment = jinja2.Environment(

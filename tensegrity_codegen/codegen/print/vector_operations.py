@@ -1,7 +1,5 @@
 """Arithmetic that C compilers have for vectors of any width, as CasADi's virtual machine does it."""
 
-from __future__ import annotations
-
 import casadi as ca
 
 # Operands a and b are vectors; one is a vector of ones.

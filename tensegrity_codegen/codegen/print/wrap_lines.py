@@ -1,7 +1,5 @@
 """Lines of C that are too long go on in the next: statements at commas and operators, comments at spaces."""
 
-from __future__ import annotations
-
 import re
 
 LONGEST = 120  # characters in a line of generated C

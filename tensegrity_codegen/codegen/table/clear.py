@@ -1,7 +1,5 @@
 """Zeros where the loops of a matrix add: not where one of them writes first."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Accelerations of nodes that bars with own mass couple: sparse factors as tables."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

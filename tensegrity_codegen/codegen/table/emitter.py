@@ -1,7 +1,5 @@
 """The emitter `table`: which scenes and quantities it serves, and how their bodies come about."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.codegen.emitter import Bodies, Emitter
 from tensegrity_codegen.codegen.prune import refuse_empty
 from tensegrity_codegen.codegen.table.members.function import TableFunction

@@ -1,7 +1,5 @@
 """The stage that sets an array to the external force on nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One column an input: what one unit of it does to the free coordinates, in a sparse matrix."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Masses of nodes and bars: forces to accelerations, kinetic energy."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cached_property

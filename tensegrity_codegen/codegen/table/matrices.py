@@ -1,7 +1,5 @@
 """Sparse matrices: stiffness, damping, equilibrium, mass, and Jacobians of the state derivative."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

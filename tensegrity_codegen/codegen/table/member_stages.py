@@ -1,7 +1,5 @@
 """Stages that sum up what members do: repeated modules side by side, then loops over the others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from tensegrity_codegen.codegen.table.fill_forces import FillForces

@@ -4,8 +4,6 @@ The sum over a group runs over the rows that the matrix has in a column, in risi
 of sparse matrices does: the same bits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,7 +32,7 @@ class MixRows:
     arguments: frozenset[str] = frozenset()
 
     @cached_property
-    def _work(self) -> _Work:
+    def _work(self) -> "_Work":
         return _Work(self)
 
     @property

@@ -1,7 +1,5 @@
 """What the mixed form takes: forces of cables alone, laws of members as a table of numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

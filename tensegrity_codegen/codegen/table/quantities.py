@@ -4,8 +4,6 @@ To add one: a builder here, from stages that exist or a new one (see stage.Stage
 something new, a kernel in symbolic/member_kernel.py and a sink (see loops.Sink).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

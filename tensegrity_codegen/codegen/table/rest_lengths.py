@@ -1,7 +1,5 @@
 """Derivatives of the static force to rest lengths, and of tensions to coordinates: no mass enters them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The work of external forces, which the potential energy holds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

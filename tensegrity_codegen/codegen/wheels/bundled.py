@@ -3,8 +3,6 @@
 tensegrity_codegen copies this file into the packages that it makes. It needs the standard library and NumPy.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 from collections.abc import Mapping

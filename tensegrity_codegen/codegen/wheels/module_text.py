@@ -1,7 +1,5 @@
 """The module of a Python package of a library: one function for each C function, with its documentation."""
 
-from __future__ import annotations
-
 import json
 import keyword
 from collections.abc import Iterable, Sequence

@@ -3,8 +3,6 @@
 Formats: the Python packaging specifications of binary distributions, of core metadata and of names.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io

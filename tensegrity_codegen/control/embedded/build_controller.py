@@ -1,7 +1,5 @@
 """Write a controller in C: feedback about a motion, its estimator and the model that it needs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

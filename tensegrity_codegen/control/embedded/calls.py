@@ -1,7 +1,5 @@
 """How a controller in C calls its model: accelerations, mass matrix, expected measurements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import groupby
 

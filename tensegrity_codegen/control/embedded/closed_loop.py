@@ -1,7 +1,5 @@
 """A compiled loop in this process: controller and plant in C, one draw a call."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass

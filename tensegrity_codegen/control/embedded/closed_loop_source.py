@@ -1,7 +1,5 @@
 """The C text of a simulated loop: a controller and what calls the plant, which is another library."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

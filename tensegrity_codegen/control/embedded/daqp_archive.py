@@ -1,7 +1,5 @@
 """The source archive of DAQP: a file of the user, the copy in the cache, or what pip downloads; verified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tensegrity_codegen.system.pinned_file import PinnedFile

@@ -4,8 +4,6 @@ Of the source archive only the solver of least-distance programs is used: daqp.c
 and their headers. What makes such programs is `templates/c/control/quadratic_program.h`.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import tarfile

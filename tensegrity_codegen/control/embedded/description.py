@@ -1,7 +1,5 @@
 """What a controller in C says of itself: its `manifest.json`."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -67,7 +65,7 @@ class ControllerDescription:
         return "{\n" + ",\n".join(rows) + "\n}\n"
 
     @classmethod
-    def read(cls, path: Path) -> ControllerDescription:
+    def read(cls, path: Path) -> "ControllerDescription":
         """Read a manifest; raises LibraryError or AbiMismatchError."""
         try:
             data = json.loads(path.read_text(encoding="utf-8"))

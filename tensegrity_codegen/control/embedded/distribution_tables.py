@@ -1,7 +1,5 @@
 """C text of the numbers of a distribution of tensions: sizes, members, pulls, bounds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The lower half of a symmetric matrix, row by row from the first entry of each row to the diagonal."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

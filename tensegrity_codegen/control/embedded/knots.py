@@ -1,7 +1,5 @@
 """Tables over time for a controller in C: motion, inputs, gains of feedback and estimator at their knots."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

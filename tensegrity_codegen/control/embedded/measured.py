@@ -1,7 +1,5 @@
 """Measured numbers of a controller in C: which result of the model each one is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tensegrity_codegen.structure.actuators import Sensor

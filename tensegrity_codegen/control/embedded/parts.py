@@ -1,7 +1,5 @@
 """The parts of a controller: motion, gains, estimator, distribution and actuators."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

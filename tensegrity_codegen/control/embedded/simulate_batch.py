@@ -1,7 +1,5 @@
 """Simulated closed loops in C: one motion and controller, many draws of errors."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

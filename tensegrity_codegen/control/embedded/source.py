@@ -1,7 +1,5 @@
 """From the parts of a controller to its files: header, source, example, build files, description."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the steps of a controller in C return."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 # Word: sentence, in the order of the numbers. Simulated loops have the first six and the last one.

@@ -1,7 +1,5 @@
 """What a controller is built for: a scene file or a compiled model, a motion or an equilibrium."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arrays as constant tables in C."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

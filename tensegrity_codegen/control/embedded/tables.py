@@ -1,7 +1,5 @@
 """The constant tables of a controller in C."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

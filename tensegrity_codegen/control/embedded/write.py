@@ -1,7 +1,5 @@
 """All texts of a controller: its own files, those of its model, its description."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Closed loops in simulation: the controller acts at samples, the full model moves in between."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Paths through equilibria, as arrays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike

@@ -1,7 +1,5 @@
 """Inputs over time that drive a motion: those of its equilibria, or those that produce its accelerations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

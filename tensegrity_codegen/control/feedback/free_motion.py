@@ -3,8 +3,6 @@
 Internal forces change no momentum. So a path through shapes fixes how a free structure turns and moves.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

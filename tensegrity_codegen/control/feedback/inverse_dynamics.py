@@ -4,8 +4,6 @@ The equations of motion M q'' + A t = f hold in all formulations, with the tensi
 force f of everything else. f follows from the model's own accelerations: f = M q''(q, q') + A t(q, q').
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Estimators: extended Kalman filters with disturbance forces, their gains stored at knots along a motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn

@@ -1,7 +1,5 @@
 """Linear-quadratic feedback along a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 

@@ -1,7 +1,5 @@
 """The equilibria of a path that is put in time: of a plan, or of arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Largest rates of the actuators in a motion, and the shortest duration that their limits permit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Inputs are the cubic spline through the points of the path. Coordinates are the 
 points and the equilibria in between, which are added until the spline meets the equilibria.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

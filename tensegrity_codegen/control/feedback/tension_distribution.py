@@ -1,7 +1,5 @@
 """Tensions that give the forces which feedback asks for, above the least tensions and near preferred ones."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

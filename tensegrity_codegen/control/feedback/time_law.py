@@ -1,7 +1,5 @@
 """Time laws s(t): how progress along a path goes from 0 to 1, with continuous second derivative."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,7 +35,7 @@ class TimeLaw:
         s, rate, change = (self.piece(x, order) for order in range(3))
         return np.clip(s, 0.0, 1.0), rate * slope, change * slope**2
 
-    def returning(self) -> TimeLaw:
+    def returning(self) -> "TimeLaw":
         """Return the law that goes back after it: in twice the time, at rest at the far end too."""
         own = None if self.own_duration is None else 2.0 * self.own_duration
         return TimeLaw(self.piece, own, returns=True)

@@ -1,7 +1,5 @@
 """Timed motions: a path through equilibria, put in time by a time law."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

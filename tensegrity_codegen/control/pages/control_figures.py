@@ -1,7 +1,5 @@
 """Figures of the page of a study: pictures and film, errors, commands, tensions, estimates."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Literal

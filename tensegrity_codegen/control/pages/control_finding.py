@@ -1,7 +1,5 @@
 """What a study of feedback found, in one sentence of numbers: the headline of its page."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A study of feedback as a page: outcome, film, errors, commands, tensions, estimate, draws."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.control.feedback.study.control_study import ControlStudy

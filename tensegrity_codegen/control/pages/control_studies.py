@@ -1,7 +1,5 @@
 """Studies of feedback as JSON-ready data, and in tables for the terminal."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a plan found, in one sentence of numbers: the headline of its page."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

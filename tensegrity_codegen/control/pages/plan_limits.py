@@ -1,7 +1,5 @@
 """Sections of the page of a plan about its limits: tensions, clearance, stability, what binds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A plan as a page: outcome, shapes along the path, targets, rest lengths, tensions, what binds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

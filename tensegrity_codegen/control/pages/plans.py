@@ -1,7 +1,5 @@
 """Plans as JSON-ready data, and in tables for the terminal."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The actuators of a plan: which inputs they are, how far and how fast they move, ranges of their members."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Proofs that no plan exists by the shape: no tensions are in balance there as the limits want them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

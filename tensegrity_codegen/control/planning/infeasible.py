@@ -1,7 +1,5 @@
 """Proofs that no plan exists by targets that limits of one member contradict, whatever the path."""
 
-from __future__ import annotations
-
 import math
 import re
 

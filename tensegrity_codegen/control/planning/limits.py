@@ -1,7 +1,5 @@
 """Limits of a plan, and how far an equilibrium is from each of them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ violates a limit, or misses the target, further programs at the same progress co
 the step is shortened. Only equilibria within all limits are kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

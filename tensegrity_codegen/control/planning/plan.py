@@ -1,7 +1,5 @@
 """Plans: rest lengths that move a structure through stable equilibria within limits to a target."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any

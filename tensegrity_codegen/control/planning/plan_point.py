@@ -1,7 +1,5 @@
 """One equilibrium on a path: found by Newton's method from a prediction, with all that limits look at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

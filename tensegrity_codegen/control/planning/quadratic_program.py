@@ -5,8 +5,6 @@ recursive LDL^T updates", IEEE Transactions on Automatic Control 67, 2022) does 
 infeasible programs, and has reported an optimum of one. So answers count only where the constraints hold.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records of plans, made from paths and proofs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

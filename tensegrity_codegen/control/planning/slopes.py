@@ -1,7 +1,5 @@
 """How an equilibrium follows the actuators: tensions, lengths, distances between bars, targets, stiffness."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Where a plan starts: the scene's equilibrium, or the proof that there is none."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,6 @@ of rest lengths that lead to the next target it takes those that change tensions
 asked; where that has no solution, as large as possible.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

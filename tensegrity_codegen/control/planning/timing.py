@@ -1,7 +1,5 @@
 """Times of a plan: from the rates of the actuators, or from a duration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

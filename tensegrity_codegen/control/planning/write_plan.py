@@ -1,7 +1,5 @@
 """Plans in files: all arrays (.npz), and the inputs over time (.csv) as profiles of `simulate`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

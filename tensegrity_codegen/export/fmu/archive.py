@@ -1,7 +1,5 @@
 """The archive of a unit: description, sources and binaries, the same bytes every time."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The model description of a unit as XML, for both versions of the standard."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring

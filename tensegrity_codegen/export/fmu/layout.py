@@ -1,7 +1,5 @@
 """What a unit has of a library: arguments, states and blocks of calculated values, each with its place."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The integrator of a co-simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.pipeline.analyses import find_needs

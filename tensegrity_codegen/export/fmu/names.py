@@ -1,7 +1,5 @@
 """Names of variables in the structured convention of the standard."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The C sources of a unit: the library, the configuration, and the functions of the standard."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Exact directional derivatives of accelerations and outputs, by forward differentiation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

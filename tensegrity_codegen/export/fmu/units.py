@@ -1,7 +1,5 @@
 """Units as exponents of SI base units, for the unit definitions of a model description."""
 
-from __future__ import annotations
-
 import re
 
 # Exponents of the units that quantities and arguments are given in.

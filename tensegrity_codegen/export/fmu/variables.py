@@ -1,7 +1,5 @@
 """The variables of a unit, in the order of their value references."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tensegrity_codegen.export.fmu.layout import Layout

@@ -1,7 +1,5 @@
 """Numbers along the axes of diagrams: few, in short, powers of ten with raised exponents."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import TYPE_CHECKING
@@ -19,7 +17,7 @@ MOST_PARTS = 2.5  # decades up to which 2 and 5 are numbered too
 POWER = re.compile(r"e([+-]?\d+)")  # of ten, in the text of matplotlib
 
 
-def number_axis(axis: Axis, limits: tuple[float, float], is_log: bool) -> None:
+def number_axis(axis: "Axis", limits: tuple[float, float], is_log: bool) -> None:
     """Choose ticks and their texts for an axis whose values lie within limits."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
@@ -48,7 +46,7 @@ def format_tick(value: float, _: object = None) -> str:
     return format_number(value, "g")
 
 
-def _build_formatter() -> Formatter:
+def _build_formatter() -> "Formatter":
     """Return the texts of equal steps: a common power of ten stands at the end of the axis as × 10⁻⁶."""
     from matplotlib.ticker import ScalarFormatter
 

@@ -1,7 +1,5 @@
 """Diagrams of lines and points in the style of a page, small enough to be read on a phone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,7 +74,7 @@ class Diagram:
         }
 
 
-def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIGHT) -> Figure:
+def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIGHT) -> "Figure":
     """Return the diagram as a figure of width x height [in]."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -106,7 +104,7 @@ def draw_diagram(diagram: Diagram, *, width: float = WIDTH, height: float = HEIG
     return figure
 
 
-def dress_axes(axes: Axes, x_label: str, y_label: str, *, log: tuple[bool, bool] = (False, False)) -> None:
+def dress_axes(axes: "Axes", x_label: str, y_label: str, *, log: tuple[bool, bool] = (False, False)) -> None:
     """Give axes their names, grid and quiet frame; powers of ten are written without mathematical fonts."""
     axes.set_xlabel(x_label, fontsize=TEXT_SIZE, color=INK)
     axes.set_ylabel(y_label, fontsize=TEXT_SIZE, color=INK)
@@ -124,7 +122,7 @@ def _finite(values: ArrayLike) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in np.asarray(values, dtype=float).tolist()]
 
 
-def _draw_marks(axes: Axes, diagram: Diagram) -> None:
+def _draw_marks(axes: "Axes", diagram: Diagram) -> None:
     """Draw a thin line with its text at each marked value."""
     for value, text in diagram.horizontal:
         axes.axhline(value, color=MUTED, linewidth=1.0, linestyle=DASHES["dotted"], zorder=2)
@@ -141,7 +139,7 @@ def _draw_marks(axes: Axes, diagram: Diagram) -> None:
         )  # fmt: skip
 
 
-def _add_legend(figure: Figure, columns: int) -> None:
+def _add_legend(figure: "Figure", columns: int) -> None:
     """Put the legend in rows of so many columns above the axes."""
     figure.legend(
         loc="outside upper center", ncols=columns, frameon=False, fontsize=TEXT_SIZE - 0.5,

@@ -1,7 +1,5 @@
 """Templates of HTML pages: strict, and every word escaped."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 

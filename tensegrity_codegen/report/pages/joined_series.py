@@ -1,7 +1,5 @@
 """Lines that coincide, drawn as one with all their names; the looks of many named lines on one page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal

@@ -4,8 +4,6 @@ The colour says which scheme it is, dash and marker whose code runs it and in wh
 are told apart without colours too.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What stands on a page of results: chapters of sections, each with text, remarks, tables and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

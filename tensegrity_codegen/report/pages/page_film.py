@@ -1,7 +1,5 @@
 """A small film inside a page: a motion, over the shadow of the motion that was planned."""
 
-from __future__ import annotations
-
 import base64
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Sections of a page as JSON and back, so that finished ones can be kept."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import json

@@ -1,7 +1,5 @@
 """The outcome of a page as a table for the terminal."""
 
-from __future__ import annotations
-
 from rich import box
 from rich.table import Table
 from rich.text import Text

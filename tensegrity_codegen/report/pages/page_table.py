@@ -1,7 +1,5 @@
 """Tables of a page: paper, ours and difference side by side or one above the other, numbers aligned."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

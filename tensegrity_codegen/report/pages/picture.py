@@ -1,7 +1,5 @@
 """Pictures as text that stands inside a page: SVG where it is small, a PNG in base64 else."""
 
-from __future__ import annotations
-
 import base64
 import io
 import re
@@ -36,7 +34,7 @@ class Picture:
     png: str = ""
 
 
-def draw_picture(figure: Figure, name: str, *, most_svg: int = MOST_SVG) -> Picture:
+def draw_picture(figure: "Figure", name: str, *, most_svg: int = MOST_SVG) -> Picture:
     """Return a figure as a picture; `name` starts every id in it, so that two pictures share a page.
 
     SVG text stays text and colours of the palette become CSS variables; above most_svg bytes it is a PNG.
@@ -51,7 +49,7 @@ def draw_picture(figure: Figure, name: str, *, most_svg: int = MOST_SVG) -> Pict
     return Picture(width, height, png=f"data:image/png;base64,{png}")
 
 
-def _save(figure: Figure, kind: str) -> bytes:
+def _save(figure: "Figure", kind: str) -> bytes:
     """Return the file of the figure; the same figure gives the same bytes."""
     matplotlib = import_extra("matplotlib")
     buffer = io.BytesIO()

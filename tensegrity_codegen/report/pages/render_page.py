@@ -1,7 +1,5 @@
 """A page as one HTML file that needs nothing else: styles and pictures inside, no script, no address."""
 
-from __future__ import annotations
-
 import re
 
 from markupsafe import Markup, escape

@@ -1,7 +1,5 @@
 """How wide a table becomes, estimated from its words: what a phone shows as cards, where a hint is needed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

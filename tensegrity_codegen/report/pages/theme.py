@@ -4,8 +4,6 @@ Pictures are drawn in the light colours; in a page these become CSS variables, s
 the reader's choice of light or dark with everything else.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

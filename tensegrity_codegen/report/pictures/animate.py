@@ -1,7 +1,5 @@
 """Films of a simulated motion: GIF through Pillow, MP4 through the program ffmpeg."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

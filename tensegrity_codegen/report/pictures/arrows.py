@@ -1,7 +1,5 @@
 """Loads and reactions as arrows of one scale, which the legend states."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -142,7 +140,7 @@ def _find_tails(
 class ForceArrows:
     """Arrows of one kind on one panel; `show` moves them."""
 
-    def __init__(self, axes: Axes, view: View, arrows: Arrows, *, line_scale: float = 1.0) -> None:
+    def __init__(self, axes: "Axes", view: View, arrows: Arrows, *, line_scale: float = 1.0) -> None:
         from matplotlib.collections import LineCollection, PolyCollection
 
         self.arrows, self.view = arrows, view

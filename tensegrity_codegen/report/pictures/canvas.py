@@ -1,7 +1,5 @@
 """Figures that are drawn off screen: Agg canvas, own sizes and colours, no state shared with the caller."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable
 from functools import cache
@@ -44,7 +42,7 @@ def check_suffix(path: Path, allowed: Iterable[str], where: str = "") -> str:
     return suffix
 
 
-def new_figure(width: float, height: float, dpi: float = PICTURE_DPI, *, compress: bool = False) -> Figure:
+def new_figure(width: float, height: float, dpi: float = PICTURE_DPI, *, compress: bool = False) -> "Figure":
     """Return an empty white figure of width x height [in] on an Agg canvas, laid out by constraints.
 
     compress: what stands beside axes of equal scales keeps close to them. Raises MissingExtraError
@@ -61,7 +59,7 @@ def new_figure(width: float, height: float, dpi: float = PICTURE_DPI, *, compres
 
 
 @cache
-def _figure_class() -> type[Figure]:
+def _figure_class() -> "type[Figure]":
     """Return the class of figures that show themselves in notebooks, without pyplot and its global state."""
     from matplotlib.figure import Figure
 
@@ -76,7 +74,7 @@ def _figure_class() -> type[Figure]:
     return NotebookFigure
 
 
-def save_figure(figure: Figure, path: Path, *, overwrite: bool) -> None:
+def save_figure(figure: "Figure", path: Path, *, overwrite: bool) -> None:
     """Write the figure, whole or not at all, in the format of the path's suffix.
 
     Raises OutputError where it cannot be written, or exists (without `overwrite`).

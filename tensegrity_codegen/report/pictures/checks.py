@@ -1,7 +1,5 @@
 """What a picture demands of the arrays that it draws."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a reader may choose of a picture: direction, size, names, colours, axes that follow."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

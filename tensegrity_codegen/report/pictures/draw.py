@@ -1,7 +1,5 @@
 """What there is to draw: a scene, a model, an equilibrium, a sample of a motion or of a plan."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -71,7 +69,7 @@ class Shot:
 
 def draw_shot(
     shot: Shot, choices: PictureChoices, title: str | None = None, *, is_vector: bool = False
-) -> tuple[Figure, FloatArray]:
+) -> "tuple[Figure, FloatArray]":
     """Return the figure of a shot and the tensions in it (n_members,) [N], NaN where unknown.
 
     Without `choices.follow` the axes of a sample hold the whole motion, else this sample alone. Edges of

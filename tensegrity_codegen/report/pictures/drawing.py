@@ -1,7 +1,5 @@
 """A structure as lines on paper: bars thick, cables thin, what is nearer over what is farther."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -60,12 +58,12 @@ class BodyParts:
     joints: NDArray[np.int64] | None = None
 
     @classmethod
-    def none(cls, structure: Structure) -> BodyParts:
+    def none(cls, structure: Structure) -> "BodyParts":
         """Return the parts of a structure of nodes and members."""
         return cls(np.zeros(structure.n_members, dtype=bool), np.zeros((0, 3), dtype=np.int64))
 
     @classmethod
-    def of(cls, subject: Structure | BodySystem) -> BodyParts:
+    def of(cls, subject: Structure | BodySystem) -> "BodyParts":
         """Return the parts of the outline of a structure or of bodies."""
         bodies = () if isinstance(subject, Structure) else subject.bodies
         faces = np.array(find_faces(subject), dtype=np.int64).reshape(-1, 3)
@@ -104,7 +102,7 @@ class StructureDrawing:
 
     def __init__(
         self,
-        axes: Axes,
+        axes: "Axes",
         structure: Structure,
         view: View,
         *,
@@ -230,7 +228,7 @@ def _group_anchors(structure: Structure, view: View) -> list[tuple[BoolArray, st
     return [look for look in looks if look[0].any()]
 
 
-def _anchor_marks(axes: Axes, fill: str, hangs: bool, scale: float) -> Any:
+def _anchor_marks(axes: "Axes", fill: str, hangs: bool, scale: float) -> Any:
     """Return marks in the form of a support: a triangle whose tip is the node, above it if the node hangs."""
     from matplotlib.markers import MarkerStyle
     from matplotlib.path import Path
@@ -244,7 +242,7 @@ def _anchor_marks(axes: Axes, fill: str, hangs: bool, scale: float) -> Any:
     return marks
 
 
-def _scale_of(limit: float) -> ScalarMappable:
+def _scale_of(limit: float) -> "ScalarMappable":
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 

@@ -1,7 +1,5 @@
 """Film files from a sequence of pictures, each held for a number of frames."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import tempfile

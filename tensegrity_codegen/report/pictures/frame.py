@@ -1,7 +1,5 @@
 """What surrounds a drawn structure: a ground grid with rulers in perspective, or plain axes in a plane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -59,7 +57,7 @@ def picture_size(view: View, box: Box, *, with_bar: bool, area: float = 26.0) ->
     return round(max(min(width, height * ratio) + 1.2, 4.2) + 1.1 * with_bar, 2), round(height + 1.5, 2)
 
 
-def draw_frame(axes: Axes, view: View, box: Box) -> None:
+def draw_frame(axes: "Axes", view: View, box: Box) -> None:
     """Draw rulers in metres around the box and fix the limits, equally scaled on all axes."""
     low, high = panel_extent(view, box)
     axes.set_aspect("equal", adjustable="box")
@@ -74,7 +72,7 @@ def draw_frame(axes: Axes, view: View, box: Box) -> None:
         _draw_plane(axes, view, box)
 
 
-def _draw_plane(axes: Axes, view: PlanarView, box: Box) -> None:
+def _draw_plane(axes: "Axes", view: PlanarView, box: Box) -> None:
     horizontal, vertical = view.axes
     margin = 0.3 * float(np.max(box.step[[horizontal, vertical]]))
     axes.set_xlim(box.low[horizontal] - margin, box.high[horizontal] + margin)
@@ -92,7 +90,7 @@ def _draw_plane(axes: Axes, view: PlanarView, box: Box) -> None:
         spine.set_color(GRID)
 
 
-def _draw_ground(axes: Axes, view: View, box: Box) -> None:
+def _draw_ground(axes: "Axes", view: View, box: Box) -> None:
     """Draw the grid of the lowest face, one cell a step."""
     from matplotlib.collections import LineCollection
 
@@ -105,7 +103,7 @@ def _draw_ground(axes: Axes, view: View, box: Box) -> None:
     )
 
 
-def _draw_rulers(axes: Axes, view: PerspectiveView, box: Box) -> None:
+def _draw_rulers(axes: "Axes", view: PerspectiveView, box: Box) -> None:
     """Label the two near edges of the ground and the left upright."""
     eye = view.rotation[2]
     # From below the far edges are the lower ones on paper.
@@ -126,7 +124,7 @@ def _draw_rulers(axes: Axes, view: PerspectiveView, box: Box) -> None:
         _name_ground_ruler(axes, axis, places, texts, side)
 
 
-def _draw_upright(axes: Axes, view: PerspectiveView, box: Box) -> None:
+def _draw_upright(axes: "Axes", view: PerspectiveView, box: Box) -> None:
     """Draw the upright edge that is farthest to the left, with its numbers and name."""
     ground = [(x, y, box.low[2]) for x in (box.low[0], box.high[0]) for y in (box.low[1], box.high[1])]
     places, _ = view.project(ground)
@@ -178,7 +176,7 @@ def _find_side(view: View, box: Box, axis: int, start: ArrayLike) -> _Side:
     return _Side((8.0 * sign, 5.0 * upward), ("left" if sign > 0 else "right", "center"), sign)
 
 
-def _stride(axes: Axes, places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
+def _stride(axes: "Axes", places: FloatArray, extent: tuple[FloatArray, FloatArray], texts: list[str]) -> int:
     """Return which multiple of the ticks at places (n, 2) gets numbers, so that they do not run together."""
     if len(places) < 2:
         return 1
@@ -193,7 +191,7 @@ def _stride(axes: Axes, places: FloatArray, extent: tuple[FloatArray, FloatArray
     return 2 if 2 * apart >= least and len(places) % 2 == 1 else len(places) - 1
 
 
-def _name_ground_ruler(axes: Axes, axis: int, places: FloatArray, texts: list[str], side: _Side) -> None:
+def _name_ground_ruler(axes: "Axes", axis: int, places: FloatArray, texts: list[str], side: _Side) -> None:
     """Write the name of the x or y ruler with ticks at places (n, 2), clear of its numbers."""
     x, y = side.offset
     down = 1.0 if y > 0 else -1.0
@@ -207,7 +205,7 @@ def _name_ground_ruler(axes: Axes, axis: int, places: FloatArray, texts: list[st
 
 
 def _write(
-    axes: Axes, place: FloatArray, text: str, offset: tuple[float, float], align: tuple[str, str], *,
+    axes: "Axes", place: FloatArray, text: str, offset: tuple[float, float], align: tuple[str, str], *,
     size: float, color: str,
 ) -> None:  # fmt: skip
     axes.annotate(

@@ -1,7 +1,5 @@
 """The heading of a picture: a title and a line of facts, left-aligned above the panels."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import TYPE_CHECKING
 
@@ -19,7 +17,7 @@ TITLE_SIZE, FACTS_SIZE = 13.0, 9.0
 TITLE_LETTERS, FACTS_LETTERS = 7.5, 13.0
 
 
-def add_heading(figure: Figure, title: str, facts: str) -> None:
+def add_heading(figure: "Figure", title: str, facts: str) -> None:
     """Write `title` and below it `facts`, cut to the width of the figure, and keep the panels below them."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -41,7 +39,7 @@ def add_heading(figure: Figure, title: str, facts: str) -> None:
         engine.set(rect=(0.0, 0.0, 1.0, 1 - HEIGHT / height))
 
 
-def add_clock(figure: Figure) -> Text:
+def add_clock(figure: "Figure") -> "Text":
     """Return an empty text at the right end of the title line."""
     width, height = figure.get_size_inches()
     clock = figure.text(

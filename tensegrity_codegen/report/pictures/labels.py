@@ -1,7 +1,5 @@
 """Names of nodes and members on a picture, each where it covers least."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -67,7 +65,7 @@ class NameWriter:
 
     def __init__(
         self,
-        axes: Axes,
+        axes: "Axes",
         structure: Structure,
         view: View,
         labels: Sequence[str],

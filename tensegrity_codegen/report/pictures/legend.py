@@ -1,7 +1,5 @@
 """What the lines, colours and arrows of a drawn structure mean."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -48,7 +46,7 @@ def describe_size(structure: Structure, parts: BodyParts | None = None) -> str:
     return ", ".join(describe_count(count, word, plural.get(word, "")) for word, count in counts.items())
 
 
-def add_key(figure: Figure | SubFigure, setting: Setting, *, slack: bool) -> None:
+def add_key(figure: "Figure | SubFigure", setting: Setting, *, slack: bool) -> None:
     """Explain below the panels what a picture shows; slack: whether a cable is slack."""
     add_legend(
         figure,
@@ -62,7 +60,7 @@ def add_key(figure: Figure | SubFigure, setting: Setting, *, slack: bool) -> Non
 
 
 def add_legend(
-    figure: Figure | SubFigure,
+    figure: "Figure | SubFigure",
     structure: Structure,
     *,
     slack: bool,
@@ -105,7 +103,7 @@ def add_legend(
     _write_legend(figure, handles)
 
 
-def _write_legend(figure: Figure | SubFigure, handles: list[Any]) -> None:
+def _write_legend(figure: "Figure | SubFigure", handles: list[Any]) -> None:
     """Write the legend below the panels, in as many columns as fit side by side."""
     # A column is as wide as its longest text; a figure has about 13 letters an inch.
     longest = max((len(item.get_label()) for item in handles), default=1) + 7
@@ -115,15 +113,15 @@ def _write_legend(figure: Figure | SubFigure, handles: list[Any]) -> None:
     )  # fmt: skip
 
 
-def _letters(figure: Figure | SubFigure) -> int:
+def _letters(figure: "Figure | SubFigure") -> int:
     """Return about how many letters of the legend fit side by side."""
     return int(13.0 * figure.bbox.width / figure.dpi)
 
 
 def add_color_bar(
-    figure: Figure | SubFigure,
-    panels: Axes | Sequence[Axes],
-    mappable: ScalarMappable,
+    figure: "Figure | SubFigure",
+    panels: "Axes | Sequence[Axes]",
+    mappable: "ScalarMappable",
     *,
     below: bool = False,
     name: str = "member tension [N]",

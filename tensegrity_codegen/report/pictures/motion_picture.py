@@ -1,7 +1,5 @@
 """Pictures for pages: a structure coloured by tensions, or moved along a motion over its own shadow."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +28,7 @@ def draw_tensions(
     name: str,
     *,
     among: tuple[FloatArray, FloatArray] | None = None,
-) -> Figure:
+) -> "Figure":
     """Return a picture of the structure at position (n_nodes, 3) [m], coloured by tensions (n_members,).
 
     name: of the tensions, with their unit; among: positions (n, n_nodes, 3) and tensions (n, n_members) that
@@ -52,7 +50,7 @@ def draw_tensions(
     return figure
 
 
-def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) -> Figure:
+def draw_motion(structure: Structure, position: FloatArray, motion: FloatArray) -> "Figure":
     """Return a picture of the structure moved along displacements (n_nodes, 3), enlarged to be seen."""
     from matplotlib.collections import LineCollection
 

@@ -4,8 +4,6 @@ The hues are those of M. Okabe and K. Ito, "Color Universal Design" (2008); tens
 (compression) over grey (none) to vermilion (tension), so that an unloaded member stays visible on white.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -33,7 +31,7 @@ SEQUENCE = ("#0072b2", "#d55e00", "#009e73", "#9a5cf5", "#86301b", "#3e4b60")
 _DIVERGING = ("#07305f", "#1f78b4", "#b4b9be", "#e8772e", "#8c2d04")
 
 
-def build_tension_colormap() -> LinearSegmentedColormap:
+def build_tension_colormap() -> "LinearSegmentedColormap":
     """Return the colour map of member tensions, to be used symmetrically about zero."""
     from matplotlib.colors import LinearSegmentedColormap
 

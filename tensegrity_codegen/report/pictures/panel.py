@@ -1,7 +1,5 @@
 """One panel of a picture: axes, structure, arrows and names of a sample; fixed, or moving with the nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -140,7 +138,7 @@ class Panel:
 
     def __init__(
         self,
-        axes: Axes,
+        axes: "Axes",
         setting: Setting,
         inches: tuple[float, float],
         *,

@@ -1,7 +1,5 @@
 """Diagrams over time of a simulated motion: energies, member tensions, energy drift."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +19,7 @@ MOST_LINES = 6
 MOST_GROUPS = len(SEQUENCE)
 
 
-def draw_energies(axes: Axes, trajectory: Trajectory) -> None:
+def draw_energies(axes: "Axes", trajectory: Trajectory) -> None:
     """Draw kinetic, potential and total energy [J] over time [s].
 
     The potential energy counts from its least value in the run, so that its exchange with the kinetic shows.
@@ -43,7 +41,7 @@ def draw_energies(axes: Axes, trajectory: Trajectory) -> None:
     axes.set_title(f"potential above {least:.4g} J", loc="left", fontsize=TEXT_SIZE - 1, color=MUTED, pad=5.0)
 
 
-def draw_tensions(axes: Axes, structure: Structure, trajectory: Trajectory) -> None:
+def draw_tensions(axes: "Axes", structure: Structure, trajectory: Trajectory) -> None:
     """Draw the member tensions [N] over time [s], one colour a group of `group_members`."""
     groups = group_members(structure)
     axes.axhline(0.0, color=MUTED, linewidth=0.8, zorder=1)
@@ -69,7 +67,7 @@ def draw_tensions(axes: Axes, structure: Structure, trajectory: Trajectory) -> N
     _dress(axes, "member tension [N]", legend=3)
 
 
-def draw_drift(axes: Axes, structure: Structure, trajectory: Trajectory) -> None:
+def draw_drift(axes: "Axes", structure: Structure, trajectory: Trajectory) -> None:
     """Draw the change of the total energy over the largest kinetic energy, over time [s].
 
     Where nothing moves, the scale is the rounding of the potential energy, as in Trajectory.energy_drift.
@@ -107,7 +105,7 @@ def _marker(trajectory: Trajectory) -> str:
     return "o" if len(trajectory.time) < 3 else ""
 
 
-def _dress(axes: Axes, name: str, *, legend: int = 0) -> None:
+def _dress(axes: "Axes", name: str, *, legend: int = 0) -> None:
     """Give a diagram its grid, its name and, above it, a legend of so many columns."""
     axes.set_ylabel(name, fontsize=TEXT_SIZE, color=INK)
     axes.grid(True, color=GRID, linewidth=0.6)

@@ -1,7 +1,5 @@
 """Still pictures: a structure, and a simulated motion on one page."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -86,7 +84,7 @@ def draw_structure(
     load: ArrayLike | None = None,
     parts: BodyParts | None = None,
     is_vector: bool = False,
-) -> Figure:
+) -> "Figure":
     """Return the figure of `plot_structure`; note: the line below the title, by default the size."""
     position = structure.node_position if node_position is None else node_position
     place = check_array("node_position", position, (structure.n_nodes, 3), "nodes, axes")
@@ -105,7 +103,7 @@ def draw_structure(
     return draw_shown(setting, 0, heading, size if note is None else note, is_vector=is_vector)
 
 
-def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vector: bool = False) -> Figure:
+def draw_shown(setting: Setting, sample: int, title: str, note: str, *, is_vector: bool = False) -> "Figure":
     """Return a figure of one sample; setting: axes, view and colours; is_vector: for a file of lines."""
     width, height, dpi = fit_size(setting, area=AREA, dpi=PICTURE_DPI, is_vector=is_vector)
     figure = new_figure(width, height, dpi, compress=setting.choices.size is not None)
@@ -172,7 +170,7 @@ def _page_size(setting: Setting, *, is_vector: bool) -> tuple[float, float, floa
     return size[0] / dots, size[1] / dots, dots
 
 
-def _draw_shapes(figure: SubFigure, setting: Setting, trajectory: Trajectory) -> None:
+def _draw_shapes(figure: "SubFigure", setting: Setting, trajectory: Trajectory) -> None:
     """Draw the first and the last shape side by side, wide ones one above the other."""
     is_wide = panel_ratio(setting.view, setting.box) > WIDE
     slack = False

@@ -4,8 +4,6 @@ The tension of a rigid bar does not follow from its length. It follows from the 
 stated positions are in equilibrium and the bars are statically determined; else it is unknown here.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.bodies import BodySystem

@@ -1,7 +1,5 @@
 """What a picture shows: positions, tensions, loads and bodies over samples, and the colours of members."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,7 +51,7 @@ class Shown:
         if self.tension is not None:
             check_tension(self.tension, self.tension.shape, self.structure, "samples, members")
 
-    def sample(self, number: int) -> Shown:
+    def sample(self, number: int) -> "Shown":
         """Return one sample alone."""
         tension = None if self.tension is None else self.tension[number][None]
         return Shown(

@@ -1,7 +1,5 @@
 """From positions in space to places on paper: a light perspective, or two axes as they are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -49,7 +47,7 @@ class Box:
         corners = self.corners()
         return corners if self.beyond is None else np.vstack([corners, self.beyond])
 
-    def moved(self, step: FloatArray) -> Box:
+    def moved(self, step: FloatArray) -> "Box":
         """Return the box moved by (3,) [m]; the grid stays where it is."""
         beyond = None if self.beyond is None else self.beyond + step
         return Box(self.low + step, self.high + step, self.step, beyond)

@@ -1,7 +1,5 @@
 """The method `auto`: one of the others, by model and tolerance, tightened until its error holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

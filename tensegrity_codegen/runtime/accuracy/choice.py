@@ -3,8 +3,6 @@
 Steps are estimated from the bounds of rates.py; the numbers are measured: docs/decisions/0018-auto-method.md.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,5 @@
 """Vibrations of stiff members that radau damps out: counted in the estimated error, and told in words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

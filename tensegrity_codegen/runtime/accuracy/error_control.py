@@ -1,7 +1,5 @@
 """Control of the error at the end, not of each step: tighten the steps until two runs agree."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Explicit methods with error control at the samples: rk54 and rk853, by name or chosen by `auto`."""
 
-from __future__ import annotations
-
 from functools import cache, partial
 
 from tensegrity_codegen.runtime.accuracy.error_control import Checks, tighten_until_converged

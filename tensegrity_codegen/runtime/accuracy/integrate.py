@@ -1,7 +1,5 @@
 """One entry for all methods of integration, their error held to what is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from tensegrity_codegen.runtime.accuracy.automatic import integrate_auto

@@ -4,8 +4,6 @@ How many runs it takes is not known before. Measured on the prism, towers of 10 
 bodies with `auto` and `rk54`: one to eight, in the middle four, each about 1.3 times as long as that before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Progress = Callable[[float], None]

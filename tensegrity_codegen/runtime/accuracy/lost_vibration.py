@@ -5,8 +5,6 @@ tolerance while all of them together take the vibration away, in a run and in on
 How large it is shows in a short run with tight steps from the same start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

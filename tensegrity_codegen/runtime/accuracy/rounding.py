@@ -4,8 +4,6 @@ A force that is off by mu eps |x| in a step, at random, drives a vibration of th
 about one period, and on with the root of the number of steps. No tolerance of steps makes it smaller.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The absolute tolerance where none is given: by the length and the speed of the structure itself."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """SciPy's methods, their error checked; they are the method `auto` where a schedule is a function of time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache, partial
 

@@ -1,7 +1,5 @@
 """What a fixed step is worth: the same run with twice the step, and by how much it differs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The tolerance that a result must meet: of the vector of each node, wherever the axes point."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Analysis of a configuration: rank, self-stress, mechanisms, prestress, stability, modes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The record of an analysis: what tensions a structure can have in a configuration, and how it moves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tensegrity_codegen.runtime.analysis.certificate import Certificate

@@ -6,8 +6,6 @@ but each shortening cable in tension makes it smaller, and nothing makes it larg
 tensions, there always is such a motion (Farkas, Gordan).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Directions are those of the static problem: components of node positions [m], or
 to metres, so that the equilibrium matrix has no unit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any

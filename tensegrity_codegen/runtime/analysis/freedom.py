@@ -1,7 +1,5 @@
 """Numbers of self-stresses, mechanisms and rigid motions at the stated positions, without a model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The verdict of an analysis in words: status, message, warnings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Linear programs to more digits than the solver's tolerances."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

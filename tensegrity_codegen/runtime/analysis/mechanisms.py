@@ -1,7 +1,5 @@
 """Free motions of a structure, separated into rigid motions that the supports allow, and mechanisms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

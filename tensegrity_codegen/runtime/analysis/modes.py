@@ -1,7 +1,5 @@
 """Natural frequencies and modes of the present state, from tangent stiffness and masses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

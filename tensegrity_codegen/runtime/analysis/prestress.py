@@ -1,7 +1,5 @@
 """Tensions with every cable in tension, by linear programming."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether tensions stiffen the free motions of a structure, and a search for tensions that do."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rank of an equilibrium matrix, by the gap of its singular values."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Explicit Runge-Kutta methods with error control: the loop runs in the generated C."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.runtime.integrate.c_run import CRun
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions

@@ -1,7 +1,5 @@
 """Integrations of many states by the generated C: side by side in the lanes of a core, groups in threads."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable, Sequence

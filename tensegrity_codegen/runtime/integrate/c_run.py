@@ -1,7 +1,5 @@
 """How integrations in the generated C are driven: by short calls, between which Ctrl-C and progress come."""
 
-from __future__ import annotations
-
 import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Events that integrators in C cut their steps at: what to watch, and the log of what happened."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -55,7 +53,7 @@ class EventLog:
     count: int = 0
 
     @classmethod
-    def from_rows(cls, rows: NDArray[Any], count: int, manifest: Manifest) -> EventLog:
+    def from_rows(cls, rows: NDArray[Any], count: int, manifest: Manifest) -> "EventLog":
         """Return the log of the C structures `rows`, of `count` events in all."""
         kinds = tuple(NAME_OF_KIND[bit] for bit in rows["kind"].tolist())
         names = {

@@ -1,7 +1,5 @@
 """The counters of one run in C, with the events that it watches and the log that it fills."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """States between the samples of a motion: integrated anew from a sample, at a tolerance of their own."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """What every integrator in the generated C shares: its arrays, bound once, and the samples it fills."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The methods of integration: one record each, and what the package asks of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

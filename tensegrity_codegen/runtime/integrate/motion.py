@@ -1,7 +1,5 @@
 """What is integrated: a model from a state on, over sample times."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """What a run is asked for: method, tolerances, step and limits in one record, and its checks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -51,7 +49,7 @@ class RunOptions:
         names = [field.name for field in fields(self) if field.name != "atol_speed"]
         return {name: getattr(self, name) for name in names}
 
-    def within(self, rtol: float, atol: float) -> RunOptions:
+    def within(self, rtol: float, atol: float) -> "RunOptions":
         """Return the same with other tolerances."""
         return replace(self, rtol=rtol, atol=atol)
 

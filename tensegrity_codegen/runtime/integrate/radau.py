@@ -1,7 +1,5 @@
 """Radau IIA-5 for the mixed form, tensions of two-sided members being unknowns: the loop runs in C."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

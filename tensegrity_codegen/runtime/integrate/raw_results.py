@@ -1,7 +1,5 @@
 """What integrations of one state and of many return, and how each run ended."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Classical Runge-Kutta 4 with a fixed step: the loop runs in the generated C, in interruptible chunks."""
 
-from __future__ import annotations
-
 import math
 
 from tensegrity_codegen.runtime.integrate.c_run import CRun

@@ -1,7 +1,5 @@
 """SciPy's methods over the generated functions: a check, and for arguments that change with time."""
 
-from __future__ import annotations
-
 import warnings
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Cables exactly at their rest lengths: their stiffness jumps, a linear model holds on one side only."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The linear model about a state: matrices, natural frequencies, damping ratios."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Eigenvalues of a state matrix [0 I; S D], sorted into oscillations, rigid motions and the rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Which variations of a state the constraints between its coordinates allow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Files of linear models: the ending of the name says which kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any

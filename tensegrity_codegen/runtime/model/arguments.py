@@ -1,7 +1,5 @@
 """Names and values of arguments at run time: those that no scene has are refused; the loads that follow."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

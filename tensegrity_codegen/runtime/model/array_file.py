@@ -1,7 +1,5 @@
 """Arrays in .npz files: written whole or not at all, read without trust."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager

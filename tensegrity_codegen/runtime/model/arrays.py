@@ -1,7 +1,5 @@
 """What callers hand in, as arrays of a library's precision."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """A function over a whole batch: elements side by side in the lanes of a core, chunks of them in threads."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

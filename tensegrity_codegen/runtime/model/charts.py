@@ -1,7 +1,5 @@
 """Angles of bodies and their poles, where the angles lose their meaning."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.model.interface import Model

@@ -1,7 +1,5 @@
 """The face of a model that the analyses need: anything with it can be analysed, compiled or not."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A loaded shared library: its symbols, checked against its manifest. No CasADi in here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

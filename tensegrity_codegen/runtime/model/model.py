@@ -1,7 +1,5 @@
 """A compiled model: call its functions by quantity name with NumPy arrays. No CasADi in here."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Inputs by their own names among run-time arguments: {"motor": 0.01} beside {"input": [0.01, 0.0]}."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

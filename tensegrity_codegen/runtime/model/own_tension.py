@@ -5,8 +5,6 @@ and the error of the positions, by mu. As an unknown the tension is known as wel
 strain energy follows from it, (t - c l')^2 / (2 mu), none in a rigid member.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """From coordinates to nodes: placed by the manifest where coordinates are theirs, else by the model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

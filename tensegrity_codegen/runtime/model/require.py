@@ -1,7 +1,5 @@
 """What an analysis asks of a model, checked before it begins."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

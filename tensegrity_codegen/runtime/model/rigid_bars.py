@@ -4,8 +4,6 @@ l_b(q) = k_b,  J = dl/dq (n_bars, n_coordinates): +u_b at node i, -u_b at node j
 Bars that share free nodes, directly or through others, are one component; each has its own null space of J.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names of the states of a model: coordinates, then their rates."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.manifest import Manifest
 
 

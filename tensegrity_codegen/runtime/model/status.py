@@ -1,7 +1,5 @@
 """What a generated function answers besides its result, as an error."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -8,8 +8,6 @@ has the equilibria for its zeros, whatever sigma > 0 [N/m] is, and at them -dg/d
 with A the Hessian of the Lagrangian: symmetric, with the eigenvalues of the structure and sigma.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar
 

@@ -6,8 +6,6 @@ back (Riks 1979, Keller 1977). Each step is searched for events; at those where 
 and the path taken up anew with the stiffness of the far side.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress

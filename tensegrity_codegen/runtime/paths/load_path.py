@@ -1,7 +1,5 @@
 """The result of following a load path: points, events, and how it ended."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any

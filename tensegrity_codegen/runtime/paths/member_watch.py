@@ -1,7 +1,5 @@
 """Limits of members as monitored functions of a load path: buckling, yield, least and largest tension."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.paths.model_path import ModelPath

@@ -3,8 +3,6 @@
 The arguments that grow, loads on nodes or gravity, are a_0 + lambda a: a_0 the base, a the pattern.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Events on a path: values whose zeros matter, on which side of zero each is, and where they cross."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -35,7 +33,7 @@ class Step:
     tangent: FloatArray
     end: PathState
     length: float
-    crossings: list[Crossing] = field(default_factory=list)
+    crossings: "list[Crossing]" = field(default_factory=list)
     is_cut: bool = False
 
     def at(self, length: float) -> PathState | None:

@@ -1,7 +1,5 @@
 """What a load path is followed of: equilibria g(q, lambda) = 0, and functions to watch along them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -8,8 +8,6 @@ and its corrections solve  [K  -f; n] dz = [g; level - n . z], which is regular 
 motions N, along which K vanishes, are held by N^T dq = 0.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -38,7 +36,7 @@ UNHELD = 1e-9  # part of the load along neutral motions that counts as rounding
 class PathState:
     """A point of the path: scaled unknowns, residual, Newton iterations; the rest is made when asked for."""
 
-    solver: PathSolver
+    solver: "PathSolver"
     z: FloatArray
     residual: float
     iterations: int
@@ -153,7 +151,7 @@ class PathSolver:
 
     def begin(
         self, coordinate: FloatArray, load_factor: float, upward: FloatArray
-    ) -> tuple[PathSolver, PathState, FloatArray] | str:
+    ) -> "tuple[PathSolver, PathState, FloatArray] | str":
         """Return solver, point and tangent at a load factor near `coordinate`, or why there are none.
 
         The solver returned has the scale of coordinates at which they move as fast as the load. upward:

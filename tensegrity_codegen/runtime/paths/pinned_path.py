@@ -1,7 +1,5 @@
 """A path along which a structure does not turn or shift as a whole, for loads that only hold its shape."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

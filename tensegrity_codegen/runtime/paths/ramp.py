@@ -1,7 +1,5 @@
 """Loads that grow from a base to their full size, followed as far as the structure is stable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

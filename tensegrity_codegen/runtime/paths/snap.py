@@ -6,8 +6,6 @@ given. If it is not in balance there without loads, as before its prestress has 
 the loads that balance it, which are then let go in proportion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A profile bound to a model: the arguments of the model over time."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

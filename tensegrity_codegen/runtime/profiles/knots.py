@@ -1,7 +1,5 @@
 """Profiles as the C integrators read them."""
 
-from __future__ import annotations
-
 from typing import Any, TypeGuard
 
 import numpy as np

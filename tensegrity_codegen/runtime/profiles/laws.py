@@ -1,7 +1,5 @@
 """What a profile must not change: lengths of rigid bars and, for radau, laws of members with own tensions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Piecewise polynomials of time, in the form in which the C integrators take them."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 from itertools import pairwise

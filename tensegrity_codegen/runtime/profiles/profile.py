@@ -1,7 +1,5 @@
 """Values of inputs over time: knots, linear or cubic in between."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Profiles in CSV files: a column of times, and one for each input."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Fewer knots of what is stored along a motion: which ones to keep."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

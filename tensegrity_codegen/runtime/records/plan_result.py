@@ -1,7 +1,5 @@
 """The result of a plan: a path with all its limits, or why there is none."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A motion in time: coordinates, inputs and tensions at knots, and values in between."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from numbers import Real
@@ -194,7 +192,7 @@ class Motion(Summarised):
         value = self._profile.pieces.at(since) if self.input_name else np.zeros(0)
         return MotionPoint(q, v, a, value)
 
-    def at_knots(self, count: int) -> Motion:
+    def at_knots(self, count: int) -> "Motion":
         """Return the motion through some of its knots, which takes less memory in a controller in C.
 
         Parameters

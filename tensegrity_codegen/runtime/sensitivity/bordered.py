@@ -8,8 +8,6 @@ The block of the inverse that belongs to dx, with R projected off, is Z (Z^T K Z
 orthogonal to J and R: its largest eigenvalue is one over the eigenvalue of the stiffness nearest zero.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

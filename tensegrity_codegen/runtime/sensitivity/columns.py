@@ -1,7 +1,5 @@
 """Which changes of rest lengths the columns of a sensitivity stand for: members, inputs or groups."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

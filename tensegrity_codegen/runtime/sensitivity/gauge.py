@@ -1,7 +1,5 @@
 """Rigid motions that cost no force at an equilibrium: found, named, and what nodes do in them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.sensitivity.static_system import StaticSystem

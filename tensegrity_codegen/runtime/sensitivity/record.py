@@ -1,7 +1,5 @@
 """The record of a sensitivity: derivatives by rest lengths, their gauge, and what limits them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

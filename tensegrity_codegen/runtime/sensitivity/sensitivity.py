@@ -1,7 +1,5 @@
 """How an equilibrium follows changes of rest lengths, by the implicit function theorem."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

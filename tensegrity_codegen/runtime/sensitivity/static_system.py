@@ -7,8 +7,6 @@
 K: tangent stiffness, with that of the forces in rigid bars; F = df/drho; T = dt/dx; s = dt/drho.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ parts, `top.z < 0.1`, stands for a difference that is positive where it holds. `
 several arguments take all numbers of all of them.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A part computes one number or array from the values at one state; or of many sta
 one more axis behind their own, which the result has too.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class Part:
     text: str
     shape: tuple[int, ...]
     evaluate: Callable[[Values], Any]
-    parts: tuple[Part, ...] = ()
+    parts: "tuple[Part, ...]" = ()
     takes_positions: bool = False
 
     @property
@@ -46,7 +44,7 @@ class Part:
         """Whether it takes positions of nodes, itself or within."""
         return self.takes_positions or any(part.places for part in self.parts)
 
-    def find_not_finite(self, values: Values) -> Part:
+    def find_not_finite(self, values: Values) -> "Part":
         """Return the innermost part whose value is not finite; of this one it is known."""
         for part in self.parts:
             if not np.all(np.isfinite(part.evaluate(values))):

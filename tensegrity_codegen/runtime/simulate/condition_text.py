@@ -5,8 +5,6 @@ Numbers, `time`, the quantities of a model (with an index or a name in brackets,
 such parts is allowed.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

@@ -1,7 +1,5 @@
 """Redundant coordinates: is a state one that nodes can be in? The nearest one that is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is given for a motion: its start, run-time arguments and schedule, checked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Values along a motion that are positive as long as nothing happens, and the rates at which they change."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ say whether its least value is worth a search, the zero of its rate where that i
 zeros, on states that are integrated anew from the start of the part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Batches by methods that have no lanes: motion after motion, as `simulate` does them, in threads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

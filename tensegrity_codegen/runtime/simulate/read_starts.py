@@ -1,7 +1,5 @@
 """A file of starts: initial states and run-time arguments of many motions, by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

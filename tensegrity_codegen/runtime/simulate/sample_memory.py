@@ -1,7 +1,5 @@
 """What the samples of a motion take in memory, and how many of them a structure may have."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import Manifest
 

@@ -1,7 +1,5 @@
 """Simulation: one entry, methods by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

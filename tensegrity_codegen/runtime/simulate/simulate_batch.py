@@ -1,7 +1,5 @@
 """Simulation of a batch: many starts, or parameter sets, of one structure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

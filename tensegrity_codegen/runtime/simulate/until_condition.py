@@ -1,7 +1,5 @@
 """Motions that a condition ends: what the integrator shall watch, and the event at the end."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Motions that end at a contact which the integrator itself watches: the event at the end."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ that a rigid bar costs neither accuracy nor iterations (D. G. Luenberger, "The g
 along geodesics", Management Science 18, 1972).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
@@ -91,7 +89,7 @@ class BarProblem(StaticProblem):
             return cls.quantities
         return tuple(name for name in cls.quantities if name not in ("spring_tension", "member_extension"))
 
-    def under(self, **arguments: Any) -> BarProblem:
+    def under(self, **arguments: Any) -> "BarProblem":
         """Return the problem under other loads; the lengths that bars are kept at stay."""
         result = copy(self)
         result.arguments = {**self.arguments, **arguments}

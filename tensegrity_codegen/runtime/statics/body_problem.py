@@ -4,8 +4,6 @@ Each coordinate q_i is scaled to x_i = s_i q_i with s_i the most that a unit of 
 that residuals are forces [N], stiffnesses [N/m], and a step has one length, whatever the coordinates are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar
 

@@ -3,8 +3,6 @@
 For small models under time constraints; `find_equilibrium` and `follow_path` take more care and tell more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -67,7 +65,7 @@ class SolvedPath:
     potential_energy: FloatArray  # (n_found,) [J]
     failed: Mapping[str, float]
 
-    def check(self) -> SolvedPath:
+    def check(self) -> "SolvedPath":
         """Return the path itself; raise UnstableError or ConvergenceError if it has not all equilibria."""
         if self.status == "ok":
             return self

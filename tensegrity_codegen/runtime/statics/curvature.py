@@ -1,7 +1,5 @@
 """Which way of treating the stiffness suits its size: dense eigenvectors or sparse factors."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trust-region steps and lowest curvature of a small stiffness, by its full eigendecomposition."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

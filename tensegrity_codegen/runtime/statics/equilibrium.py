@@ -1,7 +1,5 @@
 """Static equilibrium: the search for a minimum of the potential energy."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The record of a search for an equilibrium: what was found, and how far the structure moved to reach it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Names of the methods that find an equilibrium, and how far they have come."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Literal, get_args
 

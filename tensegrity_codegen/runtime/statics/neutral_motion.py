@@ -4,8 +4,6 @@ A structure on a smooth table may slide and spin. How far its nodes went from th
 counts is the distance that is left after the start has been moved along these motions as near as possible.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ lowest eigenvector, so that it ends in minima. Savings too small to show in the 
 are taken from the forces instead: half the sum of residuals at both ends times the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ Int. J. Space Structures 14, 1999). With a time step of 1, masses of 0.6 times t
 the integration stable, by Gershgorin's bound, with a margin for stiffness that grows meanwhile.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.newton import Outcome, Progress

@@ -1,7 +1,5 @@
 """Rigid motions of the free coordinates: which the anchors permit, and which of them cost no force."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any

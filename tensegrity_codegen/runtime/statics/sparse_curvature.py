@@ -4,8 +4,6 @@ Pivots stay on the diagonal, so the signs of U's diagonal count the negative eig
 of inertia); a shift is accepted when there are none.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The static problem at fixed loads and parameters: energy, residual and stiffness over the coordinates."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -5,8 +5,6 @@ shift >= 0 that makes K + shift I positive definite and s short enough (J. J. Mo
 "Computing a trust region step", SIAM J. Sci. Stat. Comput. 4, 1983).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The energy balance of motions: what changed over the samples, and whether it may."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The result of simulating a batch: motions of one structure from many starts or with many parameters."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass

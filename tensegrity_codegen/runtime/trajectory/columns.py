@@ -1,7 +1,5 @@
 """Motions as one table: a row for each sample, columns named with their units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

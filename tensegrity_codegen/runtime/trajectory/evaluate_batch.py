@@ -1,7 +1,5 @@
 """From the samples of a batch to its motions: nodes, tensions, energies, and a verdict on each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

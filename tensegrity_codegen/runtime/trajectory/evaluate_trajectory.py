@@ -1,7 +1,5 @@
 """From the samples of a motion to nodes, tensions, energies, and a verdict."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Motions as objects of pandas and xarray, which are optional packages."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An event that a motion was searched for: contact of bars, a slack cable, a condition."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Result files of the verb `simulate`, read back."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

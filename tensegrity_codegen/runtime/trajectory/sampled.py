@@ -1,7 +1,5 @@
 """What a simulated motion and a batch of them have in common: arrays over samples, and a file of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a simulation needs of a model."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.formulations import find_formulation
 
 # In any formulation; the integrators come besides.

@@ -1,7 +1,5 @@
 """The result of a simulation: states at sample times, tensions, energies, and how it went."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -78,7 +76,7 @@ class Trajectory(Sampled):
     n_evaluations: int = 0
     step: float | None = None
     error_estimate: float | None = None
-    events: tuple[MotionEvent, ...] = ()
+    events: "tuple[MotionEvent, ...]" = ()
     log: EventLog = EMPTY_LOG
     evidence: Mapping[str, float] = field(default_factory=dict)
     why_method: str = ""

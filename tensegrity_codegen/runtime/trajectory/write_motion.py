@@ -1,7 +1,5 @@
 """Files of motions: the ending of the name says which kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

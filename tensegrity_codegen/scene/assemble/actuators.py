@@ -1,7 +1,5 @@
 """The actuators and sensors of a scene: names resolved, each checked against the structure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np

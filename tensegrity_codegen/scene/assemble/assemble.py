@@ -1,7 +1,5 @@
 """From a Scene to a Structure and a ModelRequest: references resolved, laws applied, all checked."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydantic import ValidationError
 

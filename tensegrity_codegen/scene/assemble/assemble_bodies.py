@@ -1,7 +1,5 @@
 """From a Scene of bodies to a BodySystem and a ModelRequest: references resolved, all checked."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 

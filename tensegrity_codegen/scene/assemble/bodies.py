@@ -1,7 +1,5 @@
 """From bodies of a scene to the bodies, points and coordinates of a body system."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What acts on bodies: loads, joint friction and actuated inputs, from the scene's tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which pairs of bars a scene watches for contact."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 from tensegrity_codegen.scene.names import key_path

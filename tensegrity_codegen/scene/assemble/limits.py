@@ -1,7 +1,5 @@
 """The limits of a scene, member by member: those of all members, then of classes, then of single members."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -5,8 +5,6 @@ Values that say the same thing in other words replace each other as one: {spring
 prestress of its own drops the rest length of its class.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From members of a scene to the member arrays of a structure: ends, laws, rest lengths, masses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """From nodes and loads of a scene to the node arrays of a structure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

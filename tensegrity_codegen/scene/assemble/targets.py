@@ -1,7 +1,5 @@
 """What a list of names points at: members, groups and classes; nodes; and what stays changeable."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Checks of a structure as bare arrays, for those who build one themselves, and doubts about a sound one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial

@@ -1,7 +1,5 @@
 """Checks of the actuators, sensors and limits of a structure, for those who build one themselves."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

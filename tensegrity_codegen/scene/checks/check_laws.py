@@ -1,7 +1,5 @@
 """Checks of member laws: parameters that laws have, in range, on members that can have them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.scene.names import key_path

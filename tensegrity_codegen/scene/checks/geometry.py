@@ -1,7 +1,5 @@
 """Checks of how members join nodes, and of what stays free to move."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ Counts of characters bound what a reader would build of a text; counts of entrie
 follow would do. Limits lie well above the largest structures that the generator serves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Forces at the start that look like a slip: gravity, prestress that nothing resists, a jump at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 from numpy.typing import NDArray

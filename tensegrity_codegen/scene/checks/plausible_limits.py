@@ -1,7 +1,5 @@
 """Warnings of ranges of actuators that exclude the start, of clearances, and of limits without effect."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

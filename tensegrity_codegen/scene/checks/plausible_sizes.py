@@ -1,7 +1,5 @@
 """Sizes that look like a wrong unit: lengths, radii, densities, and one node far from all others."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

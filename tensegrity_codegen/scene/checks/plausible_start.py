@@ -1,7 +1,5 @@
 """A start that looks like a mistake: no cable in tension, bars that cross, values unlike their neighbours."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

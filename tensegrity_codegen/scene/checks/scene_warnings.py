@@ -1,7 +1,5 @@
 """What is allowed and still looks like a mistake, in short sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

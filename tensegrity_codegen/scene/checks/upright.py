@@ -1,7 +1,5 @@
 """Whether a structure lies on its side: made for y up, and used with z up."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

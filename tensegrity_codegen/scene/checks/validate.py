@@ -1,7 +1,5 @@
 """The schema's validator on documents of any size: large sections part by part, so that errors stay few."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

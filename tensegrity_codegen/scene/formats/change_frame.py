@@ -5,8 +5,6 @@ accelerations are multiplied by s, and so are forces, which are mass times accel
 (N/m = kg/s2) and damping constants (kg/s) keep their numbers, densities are divided by s^3, stresses by s.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Actuators, sensors and limits of a foreign file, which has them as a scene has: only names change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

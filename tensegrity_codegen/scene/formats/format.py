@@ -3,8 +3,6 @@
 A format is a module `import_*.py` of this folder that defines its `Format` as `FORMAT`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module

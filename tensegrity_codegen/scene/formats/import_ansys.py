@@ -5,8 +5,6 @@ Read are parameters and their arrays (`es=2e11`, `area(1)=1e-4`), `mp` (ex, dens
 are passed over, all others are listed in a note. A link with tension only is a cable, another one a bar.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ Of version 1 (class Network, keys as Python literals) and 2 (class Graph), and o
 that are made from them (FDNetwork, CableNetwork). docs/import.md has every attribute.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import re

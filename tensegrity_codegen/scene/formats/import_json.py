@@ -7,8 +7,6 @@
 Nodes and members may be lists too; then they go by their numbers. SI units; docs/import.md has every key.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -91,10 +89,10 @@ class _Place:
     def where(self) -> str:
         return key_path(self.file, *self.path)
 
-    def inner(self, key: str | int) -> _Place:
+    def inner(self, key: str | int) -> "_Place":
         return _Place(self.value[key], self.file, (*self.path, key))
 
-    def table(self, known: Sequence[str] = ()) -> dict[str, _Place]:
+    def table(self, known: Sequence[str] = ()) -> "dict[str, _Place]":
         """Return the entries of a table; raises UnknownKeyError for one that is not `known`."""
         if not isinstance(self.value, dict):
             raise self.wrong("not a table", "an object, { ... }")
@@ -109,7 +107,7 @@ class _Place:
                 )
         return {key: self.inner(key) for key in self.value}
 
-    def items(self) -> Iterator[tuple[str | int, _Place]]:
+    def items(self) -> "Iterator[tuple[str | int, _Place]]":
         """Yield the entries of a table or list, with their keys or numbers."""
         if not isinstance(self.value, dict | list):
             raise self.wrong("neither a table nor a list", "{ ... } or [ ... ]")

@@ -5,8 +5,6 @@ world) with two sites that tendons use is a rigid bar with masses at its ends; s
 anchored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -7,8 +7,6 @@ point mass. A cable becomes a tension-only spring of rest length length - preten
 coordinates of such files are seldom in equilibrium.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

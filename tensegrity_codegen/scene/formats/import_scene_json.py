@@ -1,7 +1,5 @@
 """Import of a whole scene from JSON: the sections and keys of a scene file, as `export` writes them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -6,8 +6,6 @@ members: member,kind,node_i,node_j,rest_length,spring_constant,axial_stiffness,d
 SI units; docs/import.md says what each column means, and by which other names columns are known.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

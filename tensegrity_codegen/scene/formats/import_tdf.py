@@ -5,8 +5,6 @@
   <initial_positions><node id="1" xyz="0 0 0"/> ...</initial_positions></tdf>
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

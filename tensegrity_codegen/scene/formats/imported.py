@@ -1,7 +1,5 @@
 """What every importer hands back, and how foreign names become names of a scene."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass

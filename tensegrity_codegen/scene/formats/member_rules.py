@@ -4,8 +4,6 @@ In all checks `member` has the values by the names of a scene, and `where` retur
 the file, for messages.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 

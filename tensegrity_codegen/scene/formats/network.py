@@ -1,7 +1,5 @@
 """What importers of nodes and members have in common: names, references, rules of members."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -3,8 +3,6 @@
 Angles are written in degrees, with keys that end in `_deg`; a point is named "body.point".
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Strict, Tag

@@ -1,7 +1,5 @@
 """The part of the scene file about control: actuators, sensors and limits."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Strict, Tag

@@ -1,7 +1,5 @@
 """The JSON schema of scene files, for editors that complete and check TOML."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue

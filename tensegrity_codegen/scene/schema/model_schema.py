@@ -1,7 +1,5 @@
 """The section [model] of a scene file: formulation, quantities, integrators and other choices."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Nodes, members, loads, inputs and pairs of bars of a scene file."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import (

@@ -4,8 +4,6 @@ The models check one value at a time; what needs several (references, laws, geom
 scene is assembled. SI units everywhere.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import (

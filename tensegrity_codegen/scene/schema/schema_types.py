@@ -1,7 +1,5 @@
 """The words that scene models are made of: names, references, numbers, vectors, selections, member values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, TypeAlias
 

@@ -1,7 +1,5 @@
 """Structures by a few words: prism, stacked tower, icosahedron, two nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeAlias
 

@@ -4,8 +4,6 @@ Bars of length L lie along x, y and z, the two of a pair L/2 apart: at this rati
 self-stress. Every cable then measures sqrt(3/8) L, and each node joins four of them.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any, Literal

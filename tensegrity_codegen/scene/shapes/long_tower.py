@@ -5,8 +5,6 @@ equations, whatever their number: those of a tower of four stages hold them all.
 of k stages tends to a limit as 1/k, so two towers half and a quarter as long tell where to look.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What all shapes share: their base model, and the plain document that they are written into."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

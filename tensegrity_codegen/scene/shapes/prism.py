@@ -16,8 +16,6 @@ stresses with all cables in tension for every twist between 90 + 180/p and 270 -
 symmetrical one; the members of a kind have the same tension in it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Self-stress of a free pin-jointed structure: tensions that balance on every node without any load."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -18,8 +18,6 @@ overlap the diagonals take their part and the self-stress asks for a larger twis
 it is the root of the determinant of the equilibrium equations of one node a ring.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Literal
 

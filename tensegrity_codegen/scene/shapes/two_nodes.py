@@ -1,7 +1,5 @@
 """Two nodes and one member: the smallest scene, for first steps and for checks by hand."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 from pydantic import Field

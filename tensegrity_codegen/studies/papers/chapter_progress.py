@@ -1,7 +1,5 @@
 """The sections of a chapter one after the other: their progress, and those that are finished already."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 

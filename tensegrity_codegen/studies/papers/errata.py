@@ -3,8 +3,6 @@
 The names are those of the headings in docs/errata.md, where each is derived.
 """
 
-from __future__ import annotations
-
 from tensegrity_codegen.report.pages.page import Entry
 
 ERRATA_TITLE = "Errata: what was found in print"

@@ -1,7 +1,5 @@
 """The papers beside what comes out here: one page and one data file."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence

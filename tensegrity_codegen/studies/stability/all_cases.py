@@ -1,7 +1,5 @@
 """All cases of a scene: side by side in processes, within a time budget, resumed from a journal."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing

@@ -1,7 +1,5 @@
 """The cases: what a scene becomes at its extremes, as run-time values of a few compiled models."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

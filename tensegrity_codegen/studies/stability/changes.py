@@ -1,7 +1,5 @@
 """What cases do to a structure: stiffer bars, rigid bars, a node moved or pushed, all of it consistent."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure

@@ -1,7 +1,5 @@
 """Certified errors of all cases as a diagram, one colour and marker a method."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

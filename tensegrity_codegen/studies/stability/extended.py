@@ -4,8 +4,6 @@ Velocities of stiff bars are lost in the rounding of double precision, mu eps l 
 Digits have 64 bits; where a compiler's `long double` is no longer than `double` there is no such opinion.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import time

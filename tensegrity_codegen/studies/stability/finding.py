@@ -1,7 +1,5 @@
 """What a run of all cases found, in one line and one paragraph of numbers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 

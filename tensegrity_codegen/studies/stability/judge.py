@@ -1,7 +1,5 @@
 """What an ending is worth: against a reference that two methods certify, or by its status alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

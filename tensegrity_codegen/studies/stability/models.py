@@ -1,7 +1,5 @@
 """The compiled models of a structure's cases: springs, rigid bars, and a second opinion on stiff bars."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Where a structure can snap through: a node off the plane of its neighbours."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure

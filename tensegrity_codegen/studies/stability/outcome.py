@@ -1,7 +1,5 @@
 """The result of one case with one method, as it is kept, shown and written; and the limits of the runs."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -71,7 +69,7 @@ class Outcome:
         return dataclasses.asdict(self)
 
     @classmethod
-    def not_run(cls, group: str, case: str, contender: str, is_own: bool, why: str) -> Outcome:
+    def not_run(cls, group: str, case: str, contender: str, is_own: bool, why: str) -> "Outcome":
         """Return the outcome of what was not run, with the reason."""
         return cls(group, case, contender, is_own, NOT_RUN, None, NOT_RUN, why, 0.0, "", None)
 

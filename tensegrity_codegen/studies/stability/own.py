@@ -1,7 +1,5 @@
 """Our methods on a case: simulated as a user would, every run within a time limit."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The page of outcomes: what is wrong, verdicts by method, errors, all cases, messages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 from tensegrity_codegen.report.pages.page import Block, Chapter, Page, Remark, Section, Verdict

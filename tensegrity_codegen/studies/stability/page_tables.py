@@ -1,7 +1,5 @@
 """Tables of the page of outcomes; the worst rows of long tables stay visible."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Peers on a case, each in a process of its own, since some do not come back."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """The outcomes as one page and one data file."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import time

@@ -1,7 +1,5 @@
 """One case with all methods and peers, judged."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from functools import cache, partial

@@ -1,7 +1,5 @@
 """A reference in extended precision, where no two methods in double precision agree: by shorter steps."""
 
-from __future__ import annotations
-
 import math
 import time
 

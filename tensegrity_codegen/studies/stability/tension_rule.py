@@ -1,7 +1,5 @@
 """How exactly tensions are known where a state is known within a tolerance, to first order."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

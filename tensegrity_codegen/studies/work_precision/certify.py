@@ -1,7 +1,5 @@
 """The reference of a report: two methods at their tightest, and by how much they agree."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -38,7 +36,7 @@ class Reference:
         return dataclasses.asdict(self) | {"node_position": self.node_position.tolist()}
 
     @classmethod
-    def from_dict(cls, data: Any, shape: tuple[int, ...]) -> Reference | None:
+    def from_dict(cls, data: Any, shape: tuple[int, ...]) -> "Reference | None":
         """Return the reference that `as_dict` wrote, with positions of this shape; None if it is none."""
         try:
             place = np.array(data["node_position"], dtype=np.float64)

@@ -1,7 +1,5 @@
 """A contender: one way to integrate a problem, at several settings of its own."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

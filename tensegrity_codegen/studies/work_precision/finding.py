@@ -1,7 +1,5 @@
 """How much faster than other programs: the finding of a report, computed from its rows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

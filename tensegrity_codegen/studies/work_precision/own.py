@@ -1,7 +1,5 @@
 """Our own contenders: every formulation that a structure allows, every integrator that it can have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial

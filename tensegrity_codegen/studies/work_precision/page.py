@@ -1,7 +1,5 @@
 """The page of a report: what to use, pictures of error against time, all rows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

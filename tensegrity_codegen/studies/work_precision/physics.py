@@ -1,7 +1,5 @@
 """What a run is judged by besides its error, from its positions: the lengths of rigid bars."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure

@@ -1,7 +1,5 @@
 """What is integrated: one structure, one start, one span of time, the same for all contenders."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

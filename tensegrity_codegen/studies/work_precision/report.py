@@ -1,7 +1,5 @@
 """Scenes measured and written down: one page, one table of values, one data file."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

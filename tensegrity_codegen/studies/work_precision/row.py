@@ -1,7 +1,5 @@
 """One measured row of a report, as it is kept, shown and written."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -53,7 +51,7 @@ class Row:
         return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in data.items()}
 
     @classmethod
-    def from_dict(cls, data: Any) -> Row | None:
+    def from_dict(cls, data: Any) -> "Row | None":
         """Return the row that `as_dict` wrote, None if `data` is no such thing."""
         if not isinstance(data, Mapping) or "error" not in data:
             return None

@@ -1,7 +1,5 @@
 """One scene measured: reference, rows, those who do not take part, the front."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Keys that name values of the assembled structure: `rest_length.vertical1`, `node_velocity.t1[2]`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The structure of one case: the scene with the values of its keys, assembled."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

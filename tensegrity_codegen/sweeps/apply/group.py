@@ -1,7 +1,5 @@
 """The cases that one library serves, and the arguments that it takes for them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Protocol
 

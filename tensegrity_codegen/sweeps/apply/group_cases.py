@@ -1,7 +1,5 @@
 """Which cases share a library: some of them are assembled, and compared in all that is constant in code."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ assembly. In every call one case is assembled as a whole and compared; were it t
 call would be assembled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any

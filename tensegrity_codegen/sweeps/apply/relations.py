@@ -4,8 +4,6 @@ A relation is taken only where it holds exactly at every probe, so that what is 
 is what the scene would have given, to the last bit.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ prestress of a shape is rounded to 13 digits when a scene is assembled, so that 
 same to a part of 1e-12.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -69,7 +67,7 @@ class RestLengths:
         """Slots that the formulas need."""
         return ("spring_constant", "axial_stiffness", *self.moved)
 
-    def without_moved_nodes(self, case: AssembledCase) -> RestLengths:
+    def without_moved_nodes(self, case: AssembledCase) -> "RestLengths":
         """Return the same with the positions of the scene, where keys of arrays alone move nodes."""
         if case.scene is None or case.scene.bodies:
             return self

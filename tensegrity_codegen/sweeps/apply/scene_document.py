@@ -1,7 +1,5 @@
 """A scene as a plain dictionary, which keys read and write."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 Everything else of a structure is constant in the code; its hash says whether two cases can share a library.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any

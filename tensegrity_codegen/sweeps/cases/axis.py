@@ -1,7 +1,5 @@
 """One axis of a grid: a key of the scene, and the values that it takes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

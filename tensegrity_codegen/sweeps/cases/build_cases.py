@@ -1,7 +1,5 @@
 """Cases from what a user states: ranges, distributions, a table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

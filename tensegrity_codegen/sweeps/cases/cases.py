@@ -1,7 +1,5 @@
 """The cases of a sweep: which keys vary, and their values in each case."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Distributions of one number: `normal(m,s)`, `uniform(a,b)`, `lognormal(m,s)`."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """How the cases of a sweep lie in stored arrays, and which of them make one task."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,7 +34,7 @@ class CaseLayout:
     chunk: tuple[int, ...]
 
     @classmethod
-    def of(cls, shape: Sequence[int], task_size: int) -> CaseLayout:
+    def of(cls, shape: Sequence[int], task_size: int) -> "CaseLayout":
         """Return the layout whose tasks have at most `task_size` cases and are of about equal size."""
         chunk, inner = [1] * len(shape), 1
         for axis in reversed(range(len(shape))):

@@ -1,7 +1,5 @@
 """One number of what varies, from a text or a number."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

@@ -1,7 +1,5 @@
 """Points that are no grid: what samples and tables have in common."""
 
-from __future__ import annotations
-
 from typing import Any, Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Axes of a grid from texts: `start:stop:n`, `start:stop:n:log`, `a,b,c`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

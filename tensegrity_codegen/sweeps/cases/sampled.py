@@ -10,8 +10,6 @@ saltelli          n pairs (A, B) of rows of a Sobol' sequence in 2 D dimensions,
                   `sobol.sample(problem, n, calc_second_order=False)`, which `SALib.analyze.sobol` reads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

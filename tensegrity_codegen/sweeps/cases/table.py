@@ -1,7 +1,5 @@
 """Cases from a table: a CSV file with a column for each key and a row for each case."""
 
-from __future__ import annotations
-
 import hashlib
 from array import array
 from collections.abc import Iterable, Sequence
@@ -119,7 +117,7 @@ def _read_header(line: tuple[int, list[str]], file: Path) -> list[str]:
 
 
 def _add_row(
-    numbers: array[float], line: int, cells: Sequence[str], header: list[str], width: int, file: Path
+    numbers: "array[float]", line: int, cells: Sequence[str], header: list[str], width: int, file: Path
 ) -> None:
     """Add the numbers of a row; a row that is not plain goes the careful way, which says what is wrong."""
     if len(cells) == len(header) and _add_plain(numbers, cells):
@@ -132,7 +130,7 @@ def _add_row(
         numbers.append(number)
 
 
-def _add_plain(numbers: array[float], cells: Iterable[str]) -> bool:
+def _add_plain(numbers: "array[float]", cells: Iterable[str]) -> bool:
     """Add cells that are finite numbers as people write them; return whether all are."""
     try:
         values = [float(cell) for cell in cells]

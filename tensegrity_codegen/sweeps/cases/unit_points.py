@@ -1,7 +1,5 @@
 """Points of the unit cube, row by row: any rows on demand, the same however they are divided."""
 
-from __future__ import annotations
-
 import warnings
 from functools import cached_property
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A connection to a Dask scheduler: that it is there, that it has workers, and that these can do the work."""
 
-from __future__ import annotations
-
 import socket
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Tasks on a Dask cluster, a bounded number at a time."""
 
-from __future__ import annotations
-
 import pickle
 import queue
 import time

@@ -1,7 +1,5 @@
 """What every engine does: it takes tasks and gives back their results, each once, in any order."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field

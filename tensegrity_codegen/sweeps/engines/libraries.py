@@ -1,7 +1,5 @@
 """The libraries of the groups of cases in one process: built or found in the cache, and loaded once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from tensegrity_codegen.pipeline.build_library import build_library

@@ -1,7 +1,5 @@
 """Tasks in processes of this machine, each of which may be killed at any moment."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,5 @@
 """Generated source that travels to other machines, which compile it for their own processor."""
 
-from __future__ import annotations
-
 import platform
 import sys
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What runs in a worker of a cluster: all of it comes with the task, nothing from the disk of the client."""
 
-from __future__ import annotations
-
 import pickle
 import platform
 import threading

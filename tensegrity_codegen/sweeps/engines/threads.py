@@ -1,7 +1,5 @@
 """One thread a worker: workers use all cores already."""
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 import os

@@ -1,7 +1,5 @@
 """Versions that must be equal wherever tasks of one sweep are computed, so that results are."""
 
-from __future__ import annotations
-
 import functools
 import platform
 from collections.abc import Mapping

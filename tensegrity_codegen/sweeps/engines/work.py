@@ -1,7 +1,5 @@
 """What workers do: libraries by group, and the results of one task."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """What a store holds: its arrays with their dimensions, chunks and attributes, and the attributes of all."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any

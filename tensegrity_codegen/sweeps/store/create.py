@@ -1,7 +1,5 @@
 """The folder of a new sweep: all of its metadata and coordinates, or nothing."""
 
-from __future__ import annotations
-
 import json
 import os
 import warnings

@@ -1,7 +1,5 @@
 """The folder of a store before it is opened: which sweep it is, whether it is whole, whether it is in use."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

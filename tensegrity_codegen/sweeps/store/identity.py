@@ -1,7 +1,5 @@
 """Whether a sweep is the one that a folder holds; what differs, by its keys, where it is not."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

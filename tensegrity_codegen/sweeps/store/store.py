@@ -1,7 +1,5 @@
 """A store that is being written: each task once, its chunks whole and with checksums, then its record."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The scalar results of a sweep as a table, a row a case: CSV or Parquet, written piece by piece."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -114,7 +112,7 @@ class _SweepTable:
     absent: tuple[str, ...]
 
     @classmethod
-    def of(cls, path: str | Path) -> _SweepTable:
+    def of(cls, path: str | Path) -> "_SweepTable":
         """Return the table of a store; values of keys are read, results when they are written."""
         stored = read_stored_sweep(path)
         check_not_damaged(stored)

@@ -1,7 +1,5 @@
 """Bins of values: their edges, linear or logarithmic, and means in them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.system.arrays import FloatArray

@@ -1,7 +1,5 @@
 """The scene of one case of a stored sweep."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The section of a summary's page on what results depend on: Sobol' indices, rank correlations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The results that a summary describes: one number a case, chosen by name or by default."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Figures of a summary: histograms, curves, scatter plots, heat maps, failures, indices."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -161,8 +159,8 @@ def draw_indices(result: ChosenResult, indices: Indices, name: str) -> Figure:
 
 
 def _paint(
-    figure: Drawing,
-    axes: Axes,
+    figure: "Drawing",
+    axes: "Axes",
     edges: tuple[FloatArray, FloatArray],
     table: FloatArray,
     label: str,
@@ -187,12 +185,12 @@ def _paint(
     bar.outline.set_visible(False)
 
 
-def _start(height: float = HEIGHT) -> tuple[Drawing, Axes]:
+def _start(height: float = HEIGHT) -> "tuple[Drawing, Axes]":
     figure = new_figure(WIDTH, height)
     return figure, figure.add_subplot()
 
 
-def _scale(axes: Axes, x: FloatArray, y: FloatArray | None) -> None:
+def _scale(axes: "Axes", x: FloatArray, y: FloatArray | None) -> None:
     """Make axes logarithmic whose values are."""
     if _log(x):
         axes.set_xscale("log")
@@ -204,7 +202,7 @@ def _log(values: FloatArray) -> bool:
     return is_logarithmic(values[np.isfinite(values)])
 
 
-def _finish(figure: Drawing, name: str, caption: str, data: dict[str, Any]) -> Figure:
+def _finish(figure: "Drawing", name: str, caption: str, data: dict[str, Any]) -> Figure:
     return Figure(draw_picture(figure, name), caption, caption, data)
 
 

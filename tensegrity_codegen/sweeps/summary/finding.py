@@ -1,7 +1,5 @@
 """What a sweep found, in one sentence of numbers: the headline of its page."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.report.number_text import format_short

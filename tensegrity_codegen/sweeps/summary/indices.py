@@ -1,7 +1,5 @@
 """Sobol' indices: which part of a result's variance each key causes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How the cases of a sweep ended: counts, first messages, and the keys that tell failures apart."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Read a stored sweep for its summary: cases and statuses at once, quantities piece by piece."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a summary uses of a sweep: cases, statuses, and quantities that are read piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

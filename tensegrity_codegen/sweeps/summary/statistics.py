@@ -1,7 +1,5 @@
 """Distributions of results, and how closely they follow the keys."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

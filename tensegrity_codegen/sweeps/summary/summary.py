@@ -1,7 +1,5 @@
 """The summary of a sweep as data: how cases ended, distributions, indices, worst cases."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

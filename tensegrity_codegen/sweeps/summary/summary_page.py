@@ -1,7 +1,5 @@
 """The summary of a sweep as a page: outcome, what varied, results, what they follow from, worst cases."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of a summary for the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from rich import box

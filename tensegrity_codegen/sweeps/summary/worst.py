@@ -1,7 +1,5 @@
 """The cases that deserve a look: failures and extreme results, with commands that run each alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Axes, labels and units of expressions over quantities: those of the quantities in them, where they stay."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import dataclass, field
 from typing import Any

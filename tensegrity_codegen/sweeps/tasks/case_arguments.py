@@ -1,7 +1,5 @@
 """Arguments of a chunk of cases, checked: rows with numbers that are not finite fail alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Axes of quantities by name, with their labels: a result over `n_members` has the axis `member`."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tensegrity_codegen.runtime.model.state_names import name_states

@@ -1,7 +1,5 @@
 """The operation `equilibrium`: the stable equilibrium of every case, and what is kept of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """The operation `evaluate`: quantities of every case at its state, side by side in the lanes of a core."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar

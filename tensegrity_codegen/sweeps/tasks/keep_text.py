@@ -10,8 +10,6 @@
 Expressions are those of end conditions of motions (runtime/simulate/condition_text.py).
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What is kept of each case, bound to a library: its array, and its values at many states."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

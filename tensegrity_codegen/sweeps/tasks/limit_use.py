@@ -1,7 +1,5 @@
 """How much of their limits the members of each case use."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel

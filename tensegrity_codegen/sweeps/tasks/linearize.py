@@ -1,7 +1,5 @@
 """The operation `linearize`: the linear model of every case, its frequencies and damping ratios."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

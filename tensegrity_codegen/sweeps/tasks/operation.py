@@ -1,7 +1,5 @@
 """What every operation of a sweep is: what it needs of a library, what it gives, how a chunk is computed."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

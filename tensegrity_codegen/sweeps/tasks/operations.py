@@ -1,7 +1,5 @@
 """The operations of a sweep by their names, as `do` names them."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real

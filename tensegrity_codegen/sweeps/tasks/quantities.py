@@ -1,7 +1,5 @@
 """Quantities of a library for every case of a chunk, side by side where it has batch functions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

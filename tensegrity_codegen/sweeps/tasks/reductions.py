@@ -1,7 +1,5 @@
 """Values over time, reduced: the last, the largest, the mean, the first time of a condition."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The operation `simulate`: a motion of every case, several in the lanes of a core; what is kept of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

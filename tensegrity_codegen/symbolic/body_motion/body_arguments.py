@@ -1,7 +1,5 @@
 """Run-time arguments of a body system as symbols, everything else as numbers that fold away."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -6,8 +6,6 @@ rigid  T = M |v|^2 / 2 + w . I w / 2, w in the body's frame
 |u'|^2 = de'^2 + sin(de)^2 al'^2 is written as such: differentiation alone would leave terms that cancel.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

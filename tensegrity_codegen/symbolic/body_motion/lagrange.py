@@ -3,8 +3,6 @@
 d/dt (dT/dq') - dT/dq = M(q) q'' + c(q, q'),   M = d2T/dq'2,   c = d(dT/dq')/dq q' - dT/dq  (SCS 7 to 9)
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -7,8 +7,6 @@ cycles       one fundamental cycle of a spanning forest for each pair outside it
 orthonormal  the left singular vectors of D_f beyond its rank, as S&K take them; dense
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.symbolic.distances.pair_graph import AxisGraph

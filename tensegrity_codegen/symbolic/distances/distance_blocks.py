@@ -4,8 +4,6 @@ df/dd = -mu [(1 - rho/l) I + (rho/l^3) d d^T], df/drho = mu d / l, zero for a sl
 parts. A component that is no coordinate, between two anchored nodes, has no row and no column.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

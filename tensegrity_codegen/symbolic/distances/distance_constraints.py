@@ -1,7 +1,5 @@
 """Constraints between differences over all axes: basis, residual, multipliers, saddle matrix (S&K 4, 7)."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import casadi as ca

@@ -9,8 +9,6 @@ of infinite mass: a pair of a free node i and one of n anchored nodes has w_i / 
 nodes has -m_e / 6, and there is no J.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

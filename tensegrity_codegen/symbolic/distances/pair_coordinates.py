@@ -5,8 +5,6 @@ axis and each part of the structure that no anchor holds along it, the component
 Components between two nodes that are both anchored along an axis are constants and no coordinates.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ anchored there. A spanning forest of the moving pairs leads from roots to every 
 are roots; a part of the structure that no anchor holds has one root of its own and floats.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from functools import cached_property

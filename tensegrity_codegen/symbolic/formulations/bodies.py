@@ -5,8 +5,6 @@ A = dl/dq, C from the friction of joints and the damping of tendons, H from the 
 constant direction enter through their potential.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

@@ -7,8 +7,6 @@ H_delta delta'' + L lambda = f, L^T delta'' = 0    the same as a saddle system, 
 Member vectors are coordinates: no difference of large numbers enters a tension.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

@@ -4,8 +4,6 @@ H q'' = f,  f = sum over members of -t_e d_e / l_e on node i and + on node j, we
 K = sum of (dt/dl) d d^T / l^2 + (t/l) (I - d d^T / l^2), material + geometric
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 
@@ -73,7 +71,7 @@ class _NodePosition(NodeCoordinates):
             **build_bar_quantities(self.bar_pairs, self.arguments.symbols["coordinate"]),
         }
 
-    def with_net_force(self, force: list[Vector]) -> _NodePosition:
+    def with_net_force(self, force: list[Vector]) -> "_NodePosition":
         """Return the same expressions with `force` for the net force on each node [N], damped and static."""
         result = _NodePosition(self.structure, self.arguments)
         vars(result).update(net_force=force, net_static_force=force)

@@ -7,8 +7,6 @@ H is constant. S is diagonal in class-1 structures, so that every multiplier is 
 sparse LDL^T is part of the code. Lengths are constant (l' = 0), or follow the tension to first order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """One member: all that follows from its vector, the rate of it and the values of its law."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

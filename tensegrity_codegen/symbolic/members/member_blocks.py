@@ -3,8 +3,6 @@
 Symmetric blocks share their off-diagonal expressions, so nothing is computed twice.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +21,7 @@ class MemberBlocks:
     entries: tuple[tuple[Scalar, ...], ...]
 
     @classmethod
-    def outer(cls, a: Vector, b: Vector, scale: Scalar) -> MemberBlocks:
+    def outer(cls, a: Vector, b: Vector, scale: Scalar) -> "MemberBlocks":
         """Return scale a b^T; symmetric entries are shared when a is b."""
         scaled = [scale * x for x in a]
         rows = [[x * y for y in b] for x in scaled]
@@ -31,7 +29,7 @@ class MemberBlocks:
             rows = [[rows[min(r, c)][max(r, c)] for c in range(len(b))] for r in range(len(a))]
         return cls(tuple(tuple(row) for row in rows))
 
-    def plus(self, other: MemberBlocks) -> MemberBlocks:
+    def plus(self, other: "MemberBlocks") -> "MemberBlocks":
         """Return the sum of two blocks."""
         return MemberBlocks(
             tuple(

@@ -1,7 +1,5 @@
 """Quantities of single members as expressions: the entries of every member, one after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

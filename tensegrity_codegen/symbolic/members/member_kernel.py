@@ -5,8 +5,6 @@ Constants of a member are symbols here as well, except where they are zero for t
 operation is the one that an unrolled expression with the same numbers has.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ t  = mu y(l - rho) + c l'  two-sided; y(x) = x for linear springs, see `laws`
 t  = max(0, that) while l > rho, else 0: a cable never pushes, slack or damped
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property

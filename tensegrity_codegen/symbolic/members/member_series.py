@@ -6,8 +6,6 @@ e_n   = (d . d)^(n) / (2 d . d) - sum over 0 < i < n of C(n, i) e_i e_(n-i) / 2
 s^(n) = mu e_n + c e_(n+1) - sum over i < n of C(n, i) s^(i) e_(n-i)  while it pulls, else 0
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import comb

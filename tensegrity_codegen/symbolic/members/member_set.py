@@ -4,8 +4,6 @@ A formulation says where the members are, by their vectors d_e and rates d_e'; e
 these, whatever the coordinates are.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

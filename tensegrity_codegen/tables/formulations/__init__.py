@@ -1,7 +1,5 @@
 """The formulations: a module each, and their registry."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pkgutil import iter_modules
 

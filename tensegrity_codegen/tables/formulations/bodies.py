@@ -1,7 +1,5 @@
 """Angles and positions of rigid bodies as coordinates."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.formulations.formulation import Formulation
 
 FORMULATION = Formulation(

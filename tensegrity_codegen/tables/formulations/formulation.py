@@ -1,7 +1,5 @@
 """What is known of a formulation besides its expressions, readable without CasADi."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Differences of node positions and centres of mass as coordinates."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.formulations.formulation import Formulation
 
 FORMULATION = Formulation(

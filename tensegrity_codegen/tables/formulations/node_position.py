@@ -1,7 +1,5 @@
 """Positions of nodes as coordinates, every member a spring."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.formulations.formulation import ALL_EMITTERS, Formulation
 
 FORMULATION = Formulation(

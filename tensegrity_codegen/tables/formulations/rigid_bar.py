@@ -1,7 +1,5 @@
 """Positions of nodes as coordinates, with bars of constant length."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.formulations.formulation import Formulation
 
 FORMULATION = Formulation(

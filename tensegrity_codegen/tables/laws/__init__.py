@@ -1,7 +1,5 @@
 """Member laws: one file a law, and the list of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -7,8 +7,6 @@ s: `switch_elongation` [m], positive in tension, negative in compression; q: `st
 slope over the first, below or above 1. Tension and energy are continuous, the slope jumps at x = s.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

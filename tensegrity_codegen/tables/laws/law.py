@@ -9,8 +9,6 @@ The functions take NumPy arrays as well as CasADi expressions: `where(condition,
 former and `ca.if_else` for the latter. Slack and damping are the same for all laws, see `MemberLaw`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -8,8 +8,6 @@ order), `n_bar_pairs`, `n_bar_points` = 2 n_bar_pairs, `n_law_values` = 3 + n_ax
 number of nodes or members that the scene keeps changeable.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

@@ -1,7 +1,5 @@
 """Arguments of generated functions: state, inputs and run-time parameters."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 # Arguments that a scene allows only above zero, or from zero on.

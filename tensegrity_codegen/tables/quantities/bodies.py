@@ -1,7 +1,5 @@
 """Quantities of bodies in minimal coordinates."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 BODIES = (

@@ -1,7 +1,5 @@
 """Quantities of node distances."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 DISTANCES = (

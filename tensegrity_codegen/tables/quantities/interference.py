@@ -1,7 +1,5 @@
 """Quantities of pairs of bars: how far apart, where, in which case."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 INTERFERENCE = (

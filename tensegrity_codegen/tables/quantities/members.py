@@ -5,8 +5,6 @@ the kernel that computes them in C, and the values that members need. Formulatio
 tables and the documentation read it from here: to add a quantity, add a record.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

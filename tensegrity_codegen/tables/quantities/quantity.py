@@ -1,7 +1,5 @@
 """One row of the table of quantities and arguments."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

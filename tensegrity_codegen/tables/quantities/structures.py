@@ -1,7 +1,5 @@
 """Quantities of any structure: geometry, forces, energies, motion, stiffness, Jacobians."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 STRUCTURES = (

@@ -4,8 +4,6 @@ Everything that is known of a method stands in its `Tableau`; integrators in C, 
 batches, scene files and documentation read it from here.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from collections.abc import Mapping
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Kutta's classical method of order 4, with fixed steps."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
 TABLEAU = Tableau(

@@ -1,7 +1,5 @@
 """Dormand and Prince's pair of orders 5 and 4."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
 TABLEAU = Tableau(

@@ -1,7 +1,5 @@
 """Dormand and Prince's method of order 8 with error estimates of orders 5 and 3, DOP853."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
 
 # fmt: off

@@ -1,7 +1,5 @@
 """The record of one explicit Runge-Kutta method."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Tsitouras' pair of orders 5 and 4, whose errors are smaller than those of Dormand and Prince's."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.tables.tableaus.tableau import Tableau
 
 TABLEAU = Tableau(

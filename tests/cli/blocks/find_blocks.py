@@ -1,7 +1,5 @@
 """All blocks of the documents, fenced or indented, and what happens to each."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

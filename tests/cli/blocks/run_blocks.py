@@ -1,7 +1,5 @@
 """Runs the blocks of a page in its folder, in their order; names of Python last from block to block."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

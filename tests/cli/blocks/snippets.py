@@ -1,7 +1,5 @@
 """Pieces of C of a page: each is the body of a program that is compiled with a library and run."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What pages presuppose: files, names of Python, declarations of C; and the few blocks that are not run."""
 
-from __future__ import annotations
-
 import json
 
 from tests.scene.formats.test_import_ansys import TEXT as ANSYS

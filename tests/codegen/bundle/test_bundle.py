@@ -1,7 +1,5 @@
 """A folder with a library: other projects find two of them by CMake and by pkg-config."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The compatibility rule of generated headers (docs/c_api.md): what a change of a header breaks."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

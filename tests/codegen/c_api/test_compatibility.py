@@ -1,7 +1,5 @@
 """Headers of one version of the C interface only gain declarations: those kept here stand in today's."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The tables of docs/c_api.md are those of the registries and of a generated header."""
 
-from __future__ import annotations
-
 import functools
 import re
 from dataclasses import replace

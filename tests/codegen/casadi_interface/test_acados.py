@@ -1,7 +1,5 @@
 """External functions for acados: its function pointers take them, and their derivatives are right."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

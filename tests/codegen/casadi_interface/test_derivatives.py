@@ -1,7 +1,5 @@
 """Derivatives through casadi.external: those of the symbolic functions, in every emitter, and no others."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The example of docs/embedding.md: it runs as it stands, and finds what it says."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

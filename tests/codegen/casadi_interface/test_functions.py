@@ -1,7 +1,5 @@
 """The same library as CasADi functions, by casadi.external."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

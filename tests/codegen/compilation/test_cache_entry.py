@@ -1,7 +1,5 @@
 """Files of the cache are compared with their hashes before they are copied."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

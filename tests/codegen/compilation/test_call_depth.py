@@ -1,7 +1,5 @@
 """Bytes of stack along chains of calls of C functions."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.codegen.compilation.call_depth import deepest_stack, find_mentions
 
 SOURCE = """

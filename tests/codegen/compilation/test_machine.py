@@ -1,7 +1,5 @@
 """Native code on a machine that lacks its instructions: a status and an error, never a crash."""
 
-from __future__ import annotations
-
 import ctypes
 import platform
 import re

@@ -1,7 +1,5 @@
 """The cache is used only if no other user can have written to it."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Callable, Iterator

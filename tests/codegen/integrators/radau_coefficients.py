@@ -5,8 +5,6 @@ polynomials of degree 3 that vanish at 0, by their values at c. Its eigenvectors
 p' - z p = -z M: z is a root of m0 z^3 + m1 z^2 + 2 m2 z + 6 (Hairer and Wanner 1996, IV.5, IV.8).
 """
 
-from __future__ import annotations
-
 from decimal import Decimal, localcontext
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Integrations side by side in C: the bits of single ones, a status for each, strict compilers."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A pull in integrators, a spring and a damper between a node and a point, beside SciPy with the same law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The C of the integrator radau as an embedder uses it: strict compilers, sanitizers, the same bits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The numbers of Radau IIA with three stages, by what they must do."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Saddle matrices factored by tables: the factors are those of the matrix, in any graph, without pivoting."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The solver of equilibria as C: no warning, no state, no undefined behaviour, no trace where unwanted."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

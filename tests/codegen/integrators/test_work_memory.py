@@ -1,7 +1,5 @@
 """Sizes of work memory as Python reads them from the C structs, beside what sizeof says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

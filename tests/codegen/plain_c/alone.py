@@ -1,7 +1,5 @@
 """Compiling the plain C files in `templates/c/` against their sample configuration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

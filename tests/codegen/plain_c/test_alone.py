@@ -1,7 +1,5 @@
 """Every plain C file compiles alone, without a warning, for any size, precision, compiler and as C++."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

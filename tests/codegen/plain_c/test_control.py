@@ -1,7 +1,5 @@
 """The controller in plain C: intervals, motions, mass matrices, and a closed loop of the sample."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

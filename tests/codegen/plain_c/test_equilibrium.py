@@ -1,7 +1,5 @@
 """The solver for equilibria in plain C, against a chain of springs whose equilibria are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

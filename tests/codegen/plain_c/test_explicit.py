@@ -1,7 +1,5 @@
 """The loop of explicit methods in C, with Heun's method of the sample: oscillators, an event, the energy."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Dense output by quintic Hermite interpolation, in C."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Vectors of four members in plain C, against the same in single numbers, for each width of registers."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The plain C files under clang-tidy and cppcheck."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

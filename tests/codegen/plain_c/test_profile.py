@@ -1,7 +1,5 @@
 """Arguments over time in plain C: values, kinks, checks, and motions on a spring whose stiffness changes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 

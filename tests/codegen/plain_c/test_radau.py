@@ -1,7 +1,5 @@
 """The integrator radau in C: one mass on one bar, whose tension is an unknown."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

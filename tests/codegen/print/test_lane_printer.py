@@ -1,7 +1,5 @@
 """Every operation over lanes, bit for bit that of CasADi's virtual machine, for every width of registers."""
 
-from __future__ import annotations
-
 import ctypes
 import functools
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Trees of operations in one C expression: brackets exactly where C would else see another tree."""
 
-from __future__ import annotations
-
 import ctypes
 import itertools
 from pathlib import Path

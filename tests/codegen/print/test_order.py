@@ -1,7 +1,5 @@
 """The order of operations: a permutation that keeps what depends on what, and spreads what waits."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

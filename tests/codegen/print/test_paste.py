@@ -1,7 +1,5 @@
 """Plain C as it is pasted into a generated source: names, numbers and the branches that settings choose."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.codegen.print.paste import paste_text

@@ -1,7 +1,5 @@
 """Every operation as C, compared bit for bit with CasADi's virtual machine."""
 
-from __future__ import annotations
-
 import ctypes
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """Lists of numbers in generated text."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

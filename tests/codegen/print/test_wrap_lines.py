@@ -1,7 +1,5 @@
 """Long lines of C: what they are broken at, and that nothing else changes."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

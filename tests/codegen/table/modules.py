@@ -1,7 +1,5 @@
 """Structures that repeat themselves, for tests of loops over modules."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure

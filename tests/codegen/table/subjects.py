@@ -1,7 +1,5 @@
 """Structures for tests of the table emitter, and their libraries beside the symbolic model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

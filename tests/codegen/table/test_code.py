@@ -1,7 +1,5 @@
 """Code of loops over tables: as long for a thousand members as for a hundred; bad values are a status."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

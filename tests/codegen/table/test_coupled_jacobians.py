@@ -1,7 +1,5 @@
 """Jacobians of accelerations where bars with own mass couple nodes, by loops over tables."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

@@ -1,7 +1,5 @@
 """What the mixed form takes, from loops over tables: the bits of the unrolled functions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

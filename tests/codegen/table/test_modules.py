@@ -1,7 +1,5 @@
 """Loops over repeated modules: found whatever they are, with the bits of the virtual machine."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

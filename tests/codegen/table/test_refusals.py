@@ -1,7 +1,5 @@
 """What loops over tables do not serve is refused by name, with what to do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Derivatives to rest lengths that need no mass: by Taylor, in closed form, in all formulations."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loops over tables with rigid bars: the statics of unrolled code, bit for bit, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loops over tables against CasADi's virtual machine on the symbolic model, bit for bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A wheel of a library, installed where NumPy alone is installed, computes what the library computes."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import hashlib

@@ -1,7 +1,5 @@
 """The pinned prism with motion, gains, estimator and controller in C, made once."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller

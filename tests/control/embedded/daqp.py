@@ -1,7 +1,5 @@
 """The source of DAQP for tests: from the cache, else through pip from the index that it is configured for."""
 
-from __future__ import annotations
-
 import functools
 
 import pytest

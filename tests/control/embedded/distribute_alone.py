@@ -1,7 +1,5 @@
 """The distribution of tensions in C without a controller around it: its plain C files, called by ctypes."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from pathlib import Path

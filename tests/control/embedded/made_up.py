@@ -1,7 +1,5 @@
 """Controllers of made-up parts for any scene, beside what Python computes from the same measurements."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

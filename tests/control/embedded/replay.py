@@ -1,7 +1,5 @@
 """The measurements of a simulated closed loop again, for a controller in C."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

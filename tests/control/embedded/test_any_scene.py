@@ -1,7 +1,5 @@
 """Controllers of all kinds of scenes compute what Python computes: bodies, nodes, planes, sensors."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Steps with inputs that cannot be used: a status, and a command within rate and range."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What build_controller takes and refuses, and what it leaves in the folder."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Controllers in C with a distribution of tensions: whole loops, limits, precision, two in one program."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The source archive of DAQP is the pinned one."""
 
-from __future__ import annotations
-
 import hashlib
 
 from tensegrity_codegen.control.embedded.daqp_archive import DAQP_SHA256

@@ -1,7 +1,5 @@
 """DAQP's solver as one C file: static functions, its licence, either precision, no memory of its own."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

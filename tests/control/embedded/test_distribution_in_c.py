@@ -1,7 +1,5 @@
 """The distribution of tensions in C beside that in Python: random samples, forced limits, wrong numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Controllers in C programs: warnings, sanitizers, threads, two of them, small machines, build files."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Controllers in C compute what simulated loops compute, to rounding."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

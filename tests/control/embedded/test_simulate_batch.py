@@ -1,7 +1,5 @@
 """Simulated loops in C have the numbers of simulate_control: noise, gusts, delays, sensors of all kinds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The tutorial of docs/control.md: its Python writes a controller, its C drives it."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

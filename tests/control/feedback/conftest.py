@@ -1,7 +1,5 @@
 """The pinned prism of 12 cables, its motion and its gains, made once for the tests of each file."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.control.feedback.design.gains import Gains

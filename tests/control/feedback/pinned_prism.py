@@ -1,7 +1,5 @@
 """Structures and motions for tests of feedback: the pinned prism of 12 cables, with inverse dynamics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

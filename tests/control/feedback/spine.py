@@ -1,7 +1,5 @@
 """The imported NTRT spine: its first vertebra held, a motor in each of 40 cables, bent and straightened."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Actuated structures with masses and damped cables, for the tests of timed motions."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Closed loops with the true state: the prism under errors, sampled inputs, delays, rates."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Free structures: without outer forces their motions have no momentum, and turn as their shapes require."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

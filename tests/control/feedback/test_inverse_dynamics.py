@@ -1,7 +1,5 @@
 """Inverse dynamics: the full model in C follows; least squares and bounds; what is missing is reported."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Estimators: gains, disturbance forces, what cannot be observed; the prism from noisy lengths."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Linear-quadratic feedback: exact sampling, the recursion, the names of python-control, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

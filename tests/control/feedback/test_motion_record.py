@@ -1,7 +1,5 @@
 """The record of a motion in time: knots, values in between, inputs for simulate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a plan to a closed loop in node positions: a prism with stiff bars on held feet."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Plans of several structures, in twice the shortest duration, followed by the full model in C."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

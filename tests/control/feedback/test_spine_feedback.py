@@ -1,7 +1,5 @@
 """Feedback of a structure from elsewhere: the imported NTRT spine, bent by 20 deg and straightened."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

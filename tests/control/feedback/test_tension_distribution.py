@@ -1,7 +1,5 @@
 """Distribution of tensions: the program of one sample, and the loop above least tensions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

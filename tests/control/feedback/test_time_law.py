@@ -1,7 +1,5 @@
 """Time laws: the quintic, tables, what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Paths put in time: the points of a plan, rates and durations, what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

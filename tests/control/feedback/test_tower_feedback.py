@@ -1,7 +1,5 @@
 """Feedback of the paper's two-stage tower: 18 motors, no torques, errors of the acceptance table."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

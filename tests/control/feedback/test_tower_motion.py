@@ -1,7 +1,5 @@
 """The paper's tower with a motor for each tendon: the motions of `reconfigure`, from equilibria in time."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

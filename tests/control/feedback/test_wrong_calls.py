@@ -1,7 +1,5 @@
 """Wrong calls of the functions for motions and feedback: a named error, whatever an argument is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The two-stage tower of the paper with 18 motors, and its motion from 55/40 to 65/35 deg under 50 N."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The headline of a study of feedback: errors with and without feedback, smallest tension, limits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

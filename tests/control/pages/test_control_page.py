@@ -1,7 +1,5 @@
 """The page of a study of feedback: what stands on it, and what a browser shows of it."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

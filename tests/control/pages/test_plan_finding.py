@@ -1,7 +1,5 @@
 """The headline of a plan: what is reached, when, and what limits it, as numbers of the plan."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Structures for the tests of plans: prisms, an icosahedron on a facet, a tower, a spine; all in balance."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

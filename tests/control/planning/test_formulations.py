@@ -1,7 +1,5 @@
 """Plans of rigid bars, bodies, planar scenes and both stiffness laws."""
 
-from __future__ import annotations
-
 import tomllib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every kind of limit: paths keep it at every point, and end at it where it is in the way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

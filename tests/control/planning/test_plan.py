@@ -1,7 +1,5 @@
 """Plans that are found: steps, tensions, clearances, residuals of prisms, an icosahedron and a tower."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Programs: answers satisfy their constraints, infeasible ones have none, multipliers are derivatives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

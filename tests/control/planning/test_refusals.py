@@ -1,7 +1,5 @@
 """Plans that are refused: paths that are blocked, proofs that there is no plan, and wrong input."""
 
-from __future__ import annotations
-
 import tomllib
 from contextlib import suppress
 from dataclasses import fields, replace

@@ -1,7 +1,5 @@
 """Targets: texts, shape parameters against closed forms, derivatives, and sets of nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

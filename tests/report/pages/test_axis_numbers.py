@@ -1,7 +1,5 @@
 """Numbers along axes: enough of them on short logarithmic axes, powers of ten without mathematical fonts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

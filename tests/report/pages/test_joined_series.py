@@ -1,7 +1,5 @@
 """Lines that coincide are one line with all their names; looks of many lines."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

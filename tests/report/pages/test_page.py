@@ -1,7 +1,5 @@
 """Pages of results: the model, its data, the HTML, and what a browser makes of it."""
 
-from __future__ import annotations
-
 import json
 import re
 from html.parser import HTMLParser

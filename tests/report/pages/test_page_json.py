@@ -1,7 +1,5 @@
 """Sections as JSON: what is not one is refused."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The standard of pages: layouts of tables, colours, looks of methods, and that the checks find faults."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from pathlib import Path

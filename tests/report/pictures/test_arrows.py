@@ -1,7 +1,5 @@
 """Loads and reactions as arrows: places, one scale, unknown forces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What readers choose of a picture: words, numbers, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Figures of what there is: scenes, models, equilibria, samples of motions; of nodes and of bodies."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from dataclasses import replace

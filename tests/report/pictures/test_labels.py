@@ -1,7 +1,5 @@
 """Names on pictures: where they cover least, and what is left out."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

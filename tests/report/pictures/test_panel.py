@@ -1,7 +1,5 @@
 """Axes, views and colours that samples of a picture share; axes that follow."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tensions of rigid bars in pictures: solved for, or unknown; never a zero that is not one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

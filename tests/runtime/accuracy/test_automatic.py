@@ -1,7 +1,5 @@
 """The method auto: what it takes, why, and that its error holds from soft bars to nearly rigid ones."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """What "ok" means: the estimate is at most one tolerance, node by node, for every method and any place."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 from typing import Any

@@ -1,7 +1,5 @@
 """The first step of explicit methods: from how fast the structure moves, not from where the origin lies."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

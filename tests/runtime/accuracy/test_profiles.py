@@ -1,7 +1,5 @@
 """`auto` with profiles: a motor ramp on a prism whose cables go slack, with soft and with stiff bars."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

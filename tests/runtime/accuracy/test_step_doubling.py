@@ -1,7 +1,5 @@
 """A fixed step is held to runs with twice and with half the step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Structures as plain arrays, for the analysis of tensions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

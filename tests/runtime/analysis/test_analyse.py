@@ -1,7 +1,5 @@
 """Analyses of whole structures: verdicts, stability, modes, and what must not matter."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 

@@ -1,7 +1,5 @@
 """Displacements which prove that no tensions have all cables in tension."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog

@@ -1,7 +1,5 @@
 """Configurations of nodes and of bodies: their matrices are those of the energy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Rigid motions and mechanisms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

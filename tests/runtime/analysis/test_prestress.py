@@ -1,7 +1,5 @@
 """Tensions with every cable in tension."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

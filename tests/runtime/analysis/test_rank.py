@@ -1,7 +1,5 @@
 """Rank by the gap of singular values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Runge-Kutta with error control in C, 5(4) and 8(5,3): order, error control, kinks, and when it gives up."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Steps that end at the energy of the start: momentum, bars, events; what is refused."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Steps that end where cables go slack or taut: order, times, symmetry, grazes, limits, conditions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.runtime.accuracy.integrate import ONCE

@@ -1,7 +1,5 @@
 """Inputs that follow a profile in C: orders, kinks and jumps, slack cables, every method, refusals."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

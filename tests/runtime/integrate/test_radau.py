@@ -1,7 +1,5 @@
 """Radau IIA-5 for the mixed form: as exact as asked and as fast at any stiffness of the bars."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

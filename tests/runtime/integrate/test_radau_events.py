@@ -1,7 +1,5 @@
 """Radau's steps end where cables go slack or taut, bars touch or a condition turns: order, times, limits."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions with rigid bars: the common prism, stiff bars in the limit, and the first-order correction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Fixed steps that are cut where cables go slack or taut, and go on to their ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linear models: known frequencies, damping ratios, first-order exactness."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

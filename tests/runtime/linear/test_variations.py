@@ -1,7 +1,5 @@
 """Linear models with rigid bars: pendulums by hand, and stiff bars in the limit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Values of run-time parameters that no scene has are refused for motions and equilibria."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arrays in .npz files that may come from anyone: only what is needed is read, whatever the file declares."""
 
-from __future__ import annotations
-
 import tracemalloc
 import zipfile
 from pathlib import Path

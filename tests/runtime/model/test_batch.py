@@ -1,7 +1,5 @@
 """Batches from Python: the same numbers as one by one, whatever is shared, however many threads."""
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace

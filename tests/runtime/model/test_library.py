@@ -1,7 +1,5 @@
 """Loading a library: everything that does not fit together is a named error, never a crash."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Calling compiled functions: no copies where none are needed, the same numbers whatever is handed in."""
 
-from __future__ import annotations
-
 import gc
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Inputs by their own names, wherever run-time arguments are taken."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From coordinates to nodes, for models in node coordinates and in others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

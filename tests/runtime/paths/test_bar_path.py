@@ -1,7 +1,5 @@
 """Load paths with rigid bars: a toggle by hand, a prism against single equilibria."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

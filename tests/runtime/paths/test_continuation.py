@@ -1,7 +1,5 @@
 """Load paths against closed forms: limit points, bifurcations, events, kinks, and how a path may end."""
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

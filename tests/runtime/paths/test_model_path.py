@@ -1,7 +1,5 @@
 """Load paths of compiled scenes: slack against bisection, contact in closed form, energy, LIN's prism."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Did it snap? A shallow truss below and beyond its limit load, of springs and of rigid bars."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Profiles bound to a model: the arguments at a time, and what cannot be bound."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

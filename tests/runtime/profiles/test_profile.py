@@ -1,7 +1,5 @@
 """Profiles: values between knots against closed forms and SciPy, and what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

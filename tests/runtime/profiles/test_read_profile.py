@@ -1,7 +1,5 @@
 """Profiles in CSV files: as people write them, and spoiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

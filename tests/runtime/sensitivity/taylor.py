@@ -1,7 +1,5 @@
 """What a sensitivity leaves of the way of an equilibrium, with the gauge's motions taken out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

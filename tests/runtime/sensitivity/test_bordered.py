@@ -1,7 +1,5 @@
 """Factors of a stiffness with a border, where the stiffness is regular and where it is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import sparse

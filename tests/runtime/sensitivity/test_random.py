@@ -1,7 +1,5 @@
 """Sensitivities of random structures against differences of equilibria: tensions, which need no gauge."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Sensitivities of equilibria: Taylor remainders, closed forms, gauges, accuracy, and what is refused."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Conditions as expressions over quantities: what they may say, and where a motion meets them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

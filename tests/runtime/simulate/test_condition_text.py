@@ -1,7 +1,5 @@
 """Texts of conditions: what is refused without a model, and by which words."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.runtime.simulate.condition_text import parse_condition

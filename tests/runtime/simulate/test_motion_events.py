@@ -1,7 +1,5 @@
 """Contact and slack in a simulation: times in closed form, dips between samples, symmetry, refusals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

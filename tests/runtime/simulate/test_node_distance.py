@@ -1,7 +1,5 @@
 """Simulation, linear model and cost of models in node distances, compiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples that would not fit into memory are refused before anything is integrated."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Parameters and inputs that change with time, against closed forms."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

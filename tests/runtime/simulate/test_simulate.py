@@ -1,7 +1,5 @@
 """Simulation against closed forms, against itself at half the step, and against SciPy."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """Batches of motions from Python: the same numbers as one by one, a status for each, clear refusals."""
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Equilibria with rigid bars: by hand, and as the limit of stiff ones."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equilibria and simulations of bodies by the generated C."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

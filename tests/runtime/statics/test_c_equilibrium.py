@@ -1,7 +1,5 @@
 """The solver of equilibria in the generated C: minima, paths, and every status."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

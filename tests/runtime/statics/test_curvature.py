@@ -1,7 +1,5 @@
 """Dense and sparse trust-region steps against the conditions that define them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import sparse

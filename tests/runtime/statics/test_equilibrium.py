@@ -1,7 +1,5 @@
 """Equilibria with known answers: springs, pendulum, prism, von Mises truss, nets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What holds for the equilibrium of any structure, checked with the reference."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings

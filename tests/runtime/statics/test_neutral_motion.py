@@ -1,7 +1,5 @@
 """Motions that cost nothing: their names, and how far nodes moved apart from them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Directions, forces and corrections of rigid bars, in dense and in sparse algebra."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Counts of rigid motions for all kinds of anchoring."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

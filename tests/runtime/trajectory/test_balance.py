@@ -1,7 +1,5 @@
 """The energy balance of motions: what is rounding, and what is a fault."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Motions as tables and as arrays with named axes."""
 
-from __future__ import annotations
-
 import builtins
 import sys
 from typing import Any

@@ -1,7 +1,5 @@
 """Result files: what is written reads back to the bit, what is damaged is a named error."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

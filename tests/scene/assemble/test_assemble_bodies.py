@@ -1,7 +1,5 @@
 """Scenes of bodies: what they become, and what is said of wrong ones."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

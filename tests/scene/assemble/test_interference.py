@@ -1,7 +1,5 @@
 """Which pairs of bars a scene watches."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

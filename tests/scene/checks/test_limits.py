@@ -1,7 +1,5 @@
 """Files that are small and would cost much are refused at once, and so are things that are no files."""
 
-from __future__ import annotations
-
 import os
 import tracemalloc
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Warnings about sizes and forces that look like a slip, each with amount, first culprit and what to try."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Imported scenes in other axes and units: the same physics, stated in the new ones."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from typing import Any

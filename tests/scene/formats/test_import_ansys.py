@@ -1,7 +1,5 @@
 """Texts of TsgFEM for ANSYS: a small structure with all that is read, and wrong lines named by number."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Networks of COMPAS, of both versions, and wrong ones named by their place."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Import of JSON: the contract, both forms of each section, and wrong input named by its place."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Models of MuJoCo: those of the exporter come back, others are read or refused by the element's name."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Whole scenes as JSON: out and in again without any loss, of nodes and of bodies."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tensegrity documents (TDF), and XML files that must not be trusted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from xml.etree.ElementTree import XMLParser
 

@@ -1,7 +1,5 @@
 """Structure files that are small and stand for a lot, or for numbers without end, are refused."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

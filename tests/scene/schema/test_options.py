@@ -1,7 +1,5 @@
 """The options of a formulation, in a scene file."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_codegen.scene.assemble.assemble import assemble

@@ -1,7 +1,5 @@
 """Long towers: their twist of self-stress follows from shorter ones, their tensions balance on every node."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

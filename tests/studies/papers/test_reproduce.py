@@ -1,7 +1,5 @@
 """The papers as a page: which chapters, what they say, what is left behind when a study fails."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

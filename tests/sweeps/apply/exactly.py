@@ -1,7 +1,5 @@
 """Arguments of cases, compared bit by bit with the structures of the edited scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """From values to arguments: exactly those of the edited scene, for every number of the example scenes."""
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

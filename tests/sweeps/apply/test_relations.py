@@ -1,7 +1,5 @@
 """Entries that equal a key, a multiple of it, or it plus a constant, to the last bit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.sweeps.apply.relations import find_relations

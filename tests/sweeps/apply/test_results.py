@@ -1,7 +1,5 @@
 """Results of cases through arguments of one library, beside those of the edited scene alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a user states: ranges, lists, distributions, tables; and what is wrong with them."""
 
-from __future__ import annotations
-
 import tracemalloc
 from pathlib import Path
 from typing import Any

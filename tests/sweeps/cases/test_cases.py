@@ -1,7 +1,5 @@
 """Cases of grids: their order, and that no division changes a bit."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tasks cut the cases into consecutive ranges, and chunks of a regular grid hold one task each."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

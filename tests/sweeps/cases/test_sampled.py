@@ -1,7 +1,5 @@
 """Samples: the same rows however they are divided, stratified, of their distributions, in SALib's layout."""
 
-from __future__ import annotations
-
 import pickle
 import warnings
 

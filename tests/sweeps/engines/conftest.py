@@ -1,7 +1,5 @@
 """A sweep whose results are made up of the values of its cases, and whose workers can be made to end."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A Dask cluster of two processes: every task once, the same bits as local processes, and clear errors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Local processes: every task once, in spite of killed processes, and no process left."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

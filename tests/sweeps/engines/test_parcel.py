@@ -1,7 +1,5 @@
 """Source that travels: compiled where it arrives, or the library used that came along with it."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small sweep of made-up results."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

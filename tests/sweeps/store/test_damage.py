@@ -1,7 +1,5 @@
 """Damage of any file of a sweep: it is refused by name or computed again, and no wrong number is read."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Which sweep a folder holds: another one is refused by the keys that differ."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A store: every case once, whole chunks, records last; readable at any moment, and after a full disk."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

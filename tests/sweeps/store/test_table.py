@@ -1,7 +1,5 @@
 """Tables of sweeps: a row a case with its keys, results and status."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sweeps made up of arrays: grids, samples, tables, with and without failures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any

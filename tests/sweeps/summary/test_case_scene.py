@@ -1,7 +1,5 @@
 """The scene of a case, written and read again, is the structure that the sweep computed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results by name: numbers, members, reductions, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The headline of a sweep: how many cases have a result, why others have none, the range of the first."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sobol' indices against closed forms: linear functions, an interaction, grids, failed cases."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Stored sweeps read for their summary: grids, samples and both, finished or not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

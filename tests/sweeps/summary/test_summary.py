@@ -1,7 +1,5 @@
 """The summary as data: endings, keys of failures, distributions, correlations, worst cases."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The page of a sweep: finding in the title, all parts, and what a browser shows of it."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

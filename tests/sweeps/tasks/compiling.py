@@ -1,7 +1,5 @@
 """Libraries with what an operation needs, and random arguments of cases."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes of the tests of operations: nodes and bodies, held and free, inputs and run-time parameters."""
 
-from __future__ import annotations
-
 import tomllib
 from importlib.resources import files
 from typing import Any

@@ -1,7 +1,5 @@
 """Operation `equilibrium`: every row is what `find_equilibrium` finds alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

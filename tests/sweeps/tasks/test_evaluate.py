@@ -1,7 +1,5 @@
 """Operation `evaluate`: every row is what the single-case function returns."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from typing import Any

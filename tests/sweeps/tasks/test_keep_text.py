@@ -1,7 +1,5 @@
 """What can be asked for, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Operation `linearize`: every row is what `linearize` gives alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Operation `simulate`: every row is what `simulate_batch` and `simulate` give."""
 
-from __future__ import annotations
-
 from typing import Any
 from unittest import mock
 

@@ -1,7 +1,5 @@
 """The member law case by case: two-sided, taut, slack, on the kink, damped (S&K 2, SCS)."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Derivatives of length and force density of one member whose ends move on given curves."""
 
-from __future__ import annotations
-
 import casadi as ca
 import pytest
 

@@ -1,7 +1,5 @@
 """Bilinear members in closed form: scenes, statics, motion across the switch, emitters and formulations."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Member laws by themselves: every law of the list against differences of its energy and tension."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The table of quantities in the documentation, and quantities of single members."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene

@@ -1,7 +1,5 @@
 """Stress and buckling margin: closed forms in every formulation and emitter; members without section."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The table of explicit methods in the documentation is that of the records."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

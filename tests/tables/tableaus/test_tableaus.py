@@ -1,7 +1,5 @@
 """Coefficients of the Runge-Kutta pairs: they meet the order conditions that their names promise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

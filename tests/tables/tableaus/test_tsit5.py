@@ -3,8 +3,6 @@
 The quadrature conditions, and those of tall trees, are in test_tableaus.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

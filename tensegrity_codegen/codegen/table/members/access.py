@@ -1,7 +1,5 @@
 """How the loop over some members of a group reads what their kernel takes."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the blocks of members land in a sparse matrix over coordinates, without a loop over members."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Adding the blocks of members straight into the values of a sparse matrix."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

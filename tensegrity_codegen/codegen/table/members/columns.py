@@ -1,7 +1,5 @@
 """One column a member: where what a member does to its two nodes lands in a sparse matrix."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Weight, loads and force inputs on the nodes: a constant table, or a function of a node."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

@@ -3,8 +3,6 @@
 Forces are added member by member in the same order, by the same operations: the bits are those of the loop.
 """
 
-from __future__ import annotations
-
 import re
 from typing import TYPE_CHECKING
 
@@ -25,7 +23,9 @@ LANES = range(4)
 IN_A_ROW = re.compile(r"(\w+)\[((?:\d+ \+ )?)\(e \+ 0\)\]")
 
 
-def write_fours(writer: Writer, access: MemberAccess, kernel_name: str, sink: AddToNodes) -> list[str] | None:
+def write_fours(
+    writer: Writer, access: MemberAccess, kernel_name: str, sink: "AddToNodes"
+) -> list[str] | None:
     """Return the loop over fours of members that leaves `e` behind the last one; None where there is none."""
     entry = sink.index[access.model.ends[access.member]]
     in_a_row = bool((entry >= 0).all()) and np.array_equal(entry, entry[:, :, :1] + np.arange(entry.shape[2]))
@@ -113,7 +113,7 @@ def _four(writer: Writer, access: MemberAccess, name: str) -> str:
     return f"four_load({found[1]} + {found[2]}e)" if found else f"four_of({', '.join(texts)})"
 
 
-def _additions(writer: Writer, access: MemberAccess, sink: AddToNodes, first: np.ndarray) -> list[str]:
+def _additions(writer: Writer, access: MemberAccess, sink: "AddToNodes", first: np.ndarray) -> list[str]:
     lines = []
     for k in LANES:
         lines.append(f"const lanes_xyz pull{k} = XYZ_TIMES(density, {k}, d{k});")

@@ -4,8 +4,6 @@ Blocks of four members are worked out in lanes and turned into columns of three 
 these are added to, or first written to, the matrix as in the loop of single members, with the same bits.
 """
 
-from __future__ import annotations
-
 from tensegrity_codegen.codegen.lanes.columns import COLUMNS
 from tensegrity_codegen.codegen.table.members.access import MemberAccess
 from tensegrity_codegen.codegen.table.members.blocks import AddBlocks

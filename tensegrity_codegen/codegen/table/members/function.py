@@ -1,7 +1,5 @@
 """One quantity as a sequence of stages, with the arguments that these read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

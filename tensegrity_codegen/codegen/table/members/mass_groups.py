@@ -4,8 +4,6 @@ A bar with own mass puts an entry of the mass matrix between its two nodes, so t
 accelerates both. Nodes joined by such bars form groups; in class-1 structures these are pairs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,7 +44,7 @@ def check_entries(model: TableModel, quantity: str, count: int) -> None:
         ).unless_chosen_otherwise(quantity)
 
 
-def find_groups(model: TableModel) -> MassGroups | None:
+def find_groups(model: TableModel) -> "MassGroups | None":
     """Return the groups of coupled nodes, None where no bar couples two free ones.
 
     Raises FormulationError if the mass of one of them may change at run time.

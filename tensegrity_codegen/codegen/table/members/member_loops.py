@@ -1,7 +1,5 @@
 """Loops over members: a kernel a member, and what is done with its results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

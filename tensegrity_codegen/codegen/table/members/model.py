@@ -3,8 +3,6 @@
 What an unrolled expression finds by looking at symbols, this finds by looking at integers.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """What is done with the results of a member's kernel: stored, summed up, or added to nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

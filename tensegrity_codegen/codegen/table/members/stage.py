@@ -1,7 +1,5 @@
 """One piece of a table function: the arguments that it reads, how much work it is, its C statements."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

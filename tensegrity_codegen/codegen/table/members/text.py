@@ -1,7 +1,5 @@
 """A stage of plain statements."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -21,7 +19,7 @@ class Statements:
     @classmethod
     def loop(
         cls, counter: str, count: int, lines: Sequence[str], arguments: tuple[str, ...] = ()
-    ) -> Statements:
+    ) -> "Statements":
         """Return a loop over `count` values of a counter."""
         return cls(lambda: loop(counter, count, lines), frozenset(arguments))
 

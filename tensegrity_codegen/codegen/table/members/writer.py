@@ -1,7 +1,5 @@
 """What the bodies of table functions share: constant arrays, kernels and helpers, each written once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

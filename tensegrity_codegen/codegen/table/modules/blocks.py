@@ -1,7 +1,5 @@
 """Matrix blocks of repeated modules, straight to their places: off the diagonal set, on it summed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Where the columns of nodes are filled in runs, whole runs are written; elsewhere three numbers at a time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -104,7 +102,7 @@ class BlockLoops(ShapeLoops):
         lines = [f"const {self.writer.real} *const own = {block};", *self._spread("own", places, "m")]
         return [f"for (s = 0; s < {len(strand)} && m > 0; ++s) {{", *(f"  {line}" for line in lines), "}"]
 
-    def _spread(self, block: str, places: _Places, count: str) -> list[str]:
+    def _spread(self, block: str, places: "_Places", count: str) -> list[str]:
         """Return the calls that write the columns of blocks, lines by nodes, to their places."""
         room, found = self.text.room, []
         for c in self.axes:
@@ -112,7 +110,7 @@ class BlockLoops(ShapeLoops):
             found.append(f"lanes_to_nodes({triple}, {places.at(c)}, {count}, {places.onto(c)});")
         return found
 
-    def _diagonal(self, column: int) -> _Places:
+    def _diagonal(self, column: int) -> "_Places":
         nodes = [(module.column[column], module.column[column]) for module in self.text.modules]
         return _Places(self, f"own{column}", nodes, "g" if len(nodes) > 1 else "0")
 
@@ -139,7 +137,7 @@ class BlockLoops(ShapeLoops):
             adding.append(f"total = total + row_upto({squares}, q - c);")
         return [*lines, "for (c = 0; c < q; c += ROW) {", *(f"  {line}" for line in adding), "}"]
 
-    def _take(self, places: _Places) -> list[str]:
+    def _take(self, places: "_Places") -> list[str]:
         """Return the calls that bring blocks into lines.
 
         Those of a triangle begin with its last column, whose upper entries are overwritten by earlier ones.

@@ -1,7 +1,5 @@
 """Forces of repeated modules: each node adds up the pulls of the strands that end in its column."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -24,8 +22,8 @@ if TYPE_CHECKING:
 class ModuleForces(ModuleStage):
     """Adds the pulls of all members in modules that the sink wants to its array."""
 
-    sink: AddToNodes
-    external: ExternalForce
+    sink: "AddToNodes"
+    external: "ExternalForce"
 
     @cached_property
     def begun(self) -> IntArray:
@@ -58,8 +56,8 @@ class ModuleForces(ModuleStage):
 class _Forces(ShapeLoops):
     """The loops over modules of one shape; parts are pulls, [strand][axis]."""
 
-    sink: AddToNodes
-    external: ExternalForce
+    sink: "AddToNodes"
+    external: "ExternalForce"
     fresh: list[bool]
 
     def row(self, kernel: DensityKernel) -> list[str]:

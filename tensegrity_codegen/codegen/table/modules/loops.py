@@ -5,8 +5,6 @@ out what its members contribute, [strand][result][member], from pieces of two co
 behind them; a subclass says what becomes of it. What the next chunk needs is carried over.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,7 +31,7 @@ class ModuleStage:
     loops: the members in modules as loops of single ones, which have the same arguments and operations.
     """
 
-    loops: tuple[MemberLoop, ...]
+    loops: "tuple[MemberLoop, ...]"
     kernel_name: str
 
     @property

@@ -4,8 +4,6 @@ All blocks in the columns of one node are a row of values, most of them one afte
 Where repetition after repetition has them in the same order, nodes side by side take a value of every line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What the loops over repeated modules of one shape have in common: chunks, lines, places, values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

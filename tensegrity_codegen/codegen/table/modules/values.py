@@ -1,7 +1,5 @@
 """How loops over repeated modules read the values of their members: numbers, tables, arguments."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.codegen.lanes.kernel import DensityKernel

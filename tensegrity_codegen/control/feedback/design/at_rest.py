@@ -1,7 +1,5 @@
 """An equilibrium as a motion: at rest, with constant inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

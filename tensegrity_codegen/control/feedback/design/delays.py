@@ -1,7 +1,5 @@
 """Delays of actuators in samples, and linear models in which commands arrive late."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

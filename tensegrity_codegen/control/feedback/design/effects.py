@@ -1,7 +1,5 @@
 """Actuators that cannot do their work: cables between fixed points, cables without force."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The record of an estimator: gains at knots along a motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

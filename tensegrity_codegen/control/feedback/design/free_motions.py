@@ -1,7 +1,5 @@
 """Rigid motions of a whole structure that its actuators cannot change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Feedback gains along a motion, by the names of python-control."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -79,7 +77,7 @@ class Gains(Summarised):
         found: FloatArray = (1.0 - share) * self.K[k] + share * self.K[k + 1]
         return found
 
-    def at_knots(self, count: int = MOST_KNOTS) -> Gains:
+    def at_knots(self, count: int = MOST_KNOTS) -> "Gains":
         """Return the gains of some of the sample times, between which they are interpolated.
 
         Parameters

@@ -1,7 +1,5 @@
 """Linear models along a motion, sampled exactly: x[k+1] = A[k] x[k] + B[k] u[k] for constant inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

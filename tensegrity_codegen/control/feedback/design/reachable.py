@@ -6,8 +6,6 @@ Mathematicae 31, 1969). Only modes with |z| >= 1 need to be either. Whether a nu
 the units of the states, which differ (m, rad, m/s, sums of errors): rows are scaled to unit norm first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Discrete Riccati equations: the stationary solution, and the recursion backwards from it."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_discrete_are
 

@@ -1,7 +1,5 @@
 """What the sensors of a scene measure, and how that changes with the state."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

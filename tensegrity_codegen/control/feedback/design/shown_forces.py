@@ -1,7 +1,5 @@
 """Which disturbance forces measurements show: on how many coordinates a filter can estimate one."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr

@@ -1,7 +1,5 @@
 """Forces that the tensions of a motion cause, from which estimators take how large disturbances are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

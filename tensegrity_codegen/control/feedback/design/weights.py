@@ -1,7 +1,5 @@
 """Weights of quadratic objectives, checked: size, symmetry, definiteness."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

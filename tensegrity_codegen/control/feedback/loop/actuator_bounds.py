@@ -1,7 +1,5 @@
 """What the motors of a motion can do: bounds of their inputs, rates, delays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From the arrays of a simulated loop to its record."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tensions of members as functions of the actuators' inputs, and the rest lengths that give tensions."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Simulated loops beside the same ones without feedback: which one ends nearer to the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The record of a simulated closed loop."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

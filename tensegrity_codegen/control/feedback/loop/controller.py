@@ -1,7 +1,5 @@
 """The sampled controller: feedback about a motion, within what the actuators can do."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

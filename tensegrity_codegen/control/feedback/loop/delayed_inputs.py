@@ -1,7 +1,5 @@
 """Commands that arrive late: the inputs of the model over time."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.control.feedback.design.delays import split_delays

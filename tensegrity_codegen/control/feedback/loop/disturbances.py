@@ -1,7 +1,5 @@
 """Forces on nodes for a limited time."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The estimator at work: predictions of the full model, corrected by measurements."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

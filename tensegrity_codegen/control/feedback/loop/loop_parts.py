@@ -1,7 +1,5 @@
 """Gains, estimator and distribution of one loop: whether they fit each other and the motion."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

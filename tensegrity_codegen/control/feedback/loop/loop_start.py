@@ -1,7 +1,5 @@
 """What a simulated loop starts from: number of samples, state, arguments of the simulated model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The full model between two commands: integrated in C, cut where inputs or loads change."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

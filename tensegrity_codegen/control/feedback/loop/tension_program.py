@@ -1,7 +1,5 @@
 """The quadratic program of a distribution of tensions about one command."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

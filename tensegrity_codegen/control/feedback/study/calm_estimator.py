@@ -1,7 +1,5 @@
 """Estimators whose disturbance forces are as large as noise of the sensors permits."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The record of a study of feedback."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

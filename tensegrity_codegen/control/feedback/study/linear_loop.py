@@ -1,7 +1,5 @@
 """The linear closed loop at the end of a motion: stability, margins, covariance of its errors by noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """One loop of a study over all draws."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,7 +32,7 @@ class LoopResult:
     run: ControlRun
 
     @classmethod
-    def collect(cls, name: str, rows: Sequence[RunMeasures], run: ControlRun) -> LoopResult:
+    def collect(cls, name: str, rows: Sequence[RunMeasures], run: ControlRun) -> "LoopResult":
         """Return the result of a loop."""
         return cls(name, tuple(rows), run)
 

@@ -1,7 +1,5 @@
 """Files that a study reads: plans and weights."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

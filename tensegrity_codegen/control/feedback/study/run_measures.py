@@ -1,7 +1,5 @@
 """What a simulated loop is judged by: errors, tensions, limits, statuses of its steps."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What lengths and times a structure has, for weights with consistent units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Disturbances of a study: errors of the start and of stiffnesses, gusts; drawn anew for each run."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase

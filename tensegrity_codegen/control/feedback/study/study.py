@@ -1,7 +1,5 @@
 """The study of a controller: open loop, true state, estimator, over many draws of disturbances."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

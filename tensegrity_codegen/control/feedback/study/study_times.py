@@ -1,7 +1,5 @@
 """Times of a study: sample, motion, simulated time, gusts; checked before work begins."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tensegrity_codegen.control.feedback.loop.disturbances import Gust

@@ -1,7 +1,5 @@
 """What the loops of a study show: status and warnings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Weights of the regulator from the scene: each quantity over the largest value that is accepted of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Shape parameters of targets, bound to the nodes of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

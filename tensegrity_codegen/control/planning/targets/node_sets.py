@@ -1,7 +1,5 @@
 """Sets of nodes by name: lists, patterns such as "t6_*", and the rings of the shapes prism and tower."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from fnmatch import fnmatchcase

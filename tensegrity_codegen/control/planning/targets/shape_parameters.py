@@ -5,8 +5,6 @@ its normal is that of the plane of least squares. At the start normals point to 
 keep that side: where the structure bends, the centre line may become perpendicular to them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The text of a target: `twist=165`, `tilt=10,0deg`, `rotation("t6_*")=20,0,0`, `member_length["c1"]=0.2`."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -1,7 +1,5 @@
 """Targets bound to a model: their values, their derivatives along a path, and where they shall end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -89,7 +87,7 @@ class Targets:
         """Return the values of all components, (n_targets,)."""
         return np.concatenate([part.evaluate(problem, coordinate) for part in self.parts])
 
-    def follow(self, position: FloatArray) -> Targets:
+    def follow(self, position: FloatArray) -> "Targets":
         """Return the targets whose angles go on from those at node positions, also past half a turn.
 
         Goals that are not followed yet are reached by the shortest turn.

@@ -1,7 +1,5 @@
 """The fastest vibration of a structure about a state, by power iteration on differences of accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

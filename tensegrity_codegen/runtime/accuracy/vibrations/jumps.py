@@ -1,7 +1,5 @@
 """Vibrations of stiff members that damped cables excite: their force jumps where they go taut."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Vibrations of stiff members that kinks of a profile excite: forces, or their rates, jump there."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -9,8 +9,6 @@ and those of H^-1 C the same with damping constants. Cables count as taut, a mas
 H leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -8,8 +8,6 @@ with g the row of its directions. w is constant, so that s(t) is a damped cosine
 is off by what slow members at its ends and turning add to the frequency, and its size by their damping.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

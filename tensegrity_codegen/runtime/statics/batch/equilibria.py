@@ -1,7 +1,5 @@
 """The result of searching equilibria of many cases: one row a case."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Stable equilibria of many cases of one structure: loads, parameters, inputs, starts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ no neutral motion, slides alone, a turn with the slides across its axis, and all
 mean displacement and the best turn (W. Kabsch, Acta Cryst. A 32, 1976).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray

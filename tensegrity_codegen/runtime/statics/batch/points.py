@@ -1,7 +1,5 @@
 """Configurations of many cases: coordinates with their energies and forces, as arrays over cases."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -30,11 +28,11 @@ class Points:
     def __len__(self) -> int:
         return len(self.energy)
 
-    def take(self, rows: Any) -> Points:
+    def take(self, rows: Any) -> "Points":
         """Return some of the rows."""
         return Points(*(getattr(self, item.name)[rows] for item in fields(self)))
 
-    def put(self, rows: Any, other: Points) -> None:
+    def put(self, rows: Any, other: "Points") -> None:
         """Replace some of the rows."""
         for item in fields(self):
             getattr(self, item.name)[rows] = getattr(other, item.name)

@@ -4,8 +4,6 @@ Every case takes the steps that it takes alone, with its own radius. What is rar
 one case: leaving a saddle, a stiffness that is not finite, and where no step helps.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points

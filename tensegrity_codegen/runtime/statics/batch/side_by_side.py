@@ -1,7 +1,5 @@
 """Equilibria of many cases in node coordinates, searched side by side; what is rare is left out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

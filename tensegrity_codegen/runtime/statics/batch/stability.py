@@ -1,7 +1,5 @@
 """Stability of many configurations: neutral rigid motions and the smallest eigenvalue off them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Steps in trust regions for many small stiffnesses at once, by their eigendecompositions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

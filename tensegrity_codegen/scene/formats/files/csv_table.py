@@ -5,8 +5,6 @@ Accepted: byte-order mark, CRLF, spaces around cells, quoted cells, blank lines,
 by something else and no number of the table has a decimal point.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

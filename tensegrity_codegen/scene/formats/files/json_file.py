@@ -1,7 +1,5 @@
 """JSON files that are read without trust: of limited size, each key once, no NaN."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """XML files that are read without trust: no DTD, no entities of their own, of limited size and depth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Actuators of MJCF: constant forces as loads, forces at sites and on tendons as inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 from xml.etree.ElementTree import Element

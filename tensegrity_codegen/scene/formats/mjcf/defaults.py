@@ -1,7 +1,5 @@
 """Attributes of MJCF elements with those of their default classes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 

@@ -1,7 +1,5 @@
 """The bodies of a model as links: what moves as one, with its sites, mass and speed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Tendons of MJCF: spatial ones between two sites as members, fixed ones that couple masses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Rigid bodies: rods that share points, directly or through others, move as one; what keeps their shape."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 

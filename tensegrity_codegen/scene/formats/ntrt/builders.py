@@ -5,8 +5,6 @@ src/tgcreator/tgStructureInfo.cpp): the builder that was added last counts, rods
 matches where a pair, with the name of the structure that owns it, has all of its tags.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property

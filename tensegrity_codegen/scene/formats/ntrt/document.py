@@ -1,7 +1,5 @@
 """From the plan of an NTRT structure to classes, nodes and members of a scene, with notes on the physics."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

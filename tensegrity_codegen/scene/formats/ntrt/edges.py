@@ -7,8 +7,6 @@ Each edge is then replaced by two pairs that lead from its ends to the node, and
 bond are removed; rods stay.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -3,8 +3,6 @@
 Scalars stay texts, as the toolkit's own reader has them: a node may be called `no` or `1e3`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Sequence
 from pathlib import Path

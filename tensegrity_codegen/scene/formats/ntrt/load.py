@@ -5,8 +5,6 @@ and src/tgcreator/tgStructure: substructures are built first, then all of them r
 offset (times its place in a key a/b/c) and translated; pairs and bonds follow, and move with their owner.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

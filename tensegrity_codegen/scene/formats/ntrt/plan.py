@@ -1,7 +1,5 @@
 """What the pairs and nodes of an NTRT structure become: rods, cables, spheres, and rigid bodies of these."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The tree of NTRT structures: nodes, pairs and substructures, found by name as the toolkit finds them."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -38,10 +36,10 @@ class NtrtStructure:
     path: str
     nodes: dict[str, NtrtNode] = field(default_factory=dict)
     pairs: list[NtrtPair] = field(default_factory=list)
-    children: dict[str, NtrtStructure] = field(default_factory=dict)
+    children: "dict[str, NtrtStructure]" = field(default_factory=dict)
     _found: dict[str, NtrtNode] = field(default_factory=dict)
 
-    def walk(self) -> Iterator[NtrtStructure]:
+    def walk(self) -> "Iterator[NtrtStructure]":
         """Yield this structure and all below it, breadth first."""
         queue = deque([self])
         while queue:
@@ -73,7 +71,7 @@ class NtrtStructure:
             hint=suggest(last, known),
         )
 
-    def find_child(self, name: str, where: str) -> NtrtStructure:
+    def find_child(self, name: str, where: str) -> "NtrtStructure":
         """Return the nearest substructure called `name`; raises UnknownNameError."""
         for candidate in self.walk():
             if name in candidate.children:

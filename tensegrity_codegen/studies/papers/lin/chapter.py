@@ -1,7 +1,5 @@
 """The chapter on LIN: the prism under load, its tables and Fig. 4, and the largest load."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from tensegrity_codegen.report.pages.page import Chapter

@@ -1,7 +1,5 @@
 """What is wrong or missing in print, each as a check that anyone can run again."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from typing import Any
 

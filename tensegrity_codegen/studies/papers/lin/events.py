@@ -5,8 +5,6 @@ two bars the path is that of the real prism; beyond it the bars of the model pas
 limit point is what the prism would carry if they could.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

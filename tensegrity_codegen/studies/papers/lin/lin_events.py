@@ -1,7 +1,5 @@
 """LIN: the maximum of the applied force, announced and not given."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

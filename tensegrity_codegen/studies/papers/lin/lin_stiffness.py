@@ -1,7 +1,5 @@
 """LIN: the external force against the spring constants, announced in its abstract."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

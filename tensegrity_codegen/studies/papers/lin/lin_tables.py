@@ -1,7 +1,5 @@
 """LIN Tables 1 to 3 and Fig. 4: measured, computed in print, and computed here."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

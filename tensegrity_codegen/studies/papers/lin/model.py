@@ -1,7 +1,5 @@
 """The prism of three bars as the shipped scene has it, with other sides, bars or springs where asked."""
 
-from __future__ import annotations
-
 import functools
 import tomllib
 from importlib.resources import files

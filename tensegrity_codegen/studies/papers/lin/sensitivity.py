@@ -5,8 +5,6 @@ lengths of the two kinds of springs are functions of these two angles. The first
 pair of lengths that no alpha, beta have with the printed a and L.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -7,8 +7,6 @@ spring constants of all springs, of the side springs and of the top springs. Res
 that stiffer springs are tighter, too: without weight the force is proportional to the constant of all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

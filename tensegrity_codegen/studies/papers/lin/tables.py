@@ -1,7 +1,5 @@
 """Tables 1 to 3 and Fig. 4 of LIN: measured, computed in print, and computed here."""
 
-from __future__ import annotations
-
 import csv
 from importlib.resources import files
 from typing import Any

@@ -5,8 +5,6 @@ continuation, with an equilibrium solved for at every node of the quadrature. A 
 the distance along its chord in (q, lambda), which goes through limit points; points lie at every kink.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The chapter on SCS: the two-stage tower, its equilibria, its reconfigurations and where it can stand."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from tensegrity_codegen.report.pages.page import Chapter

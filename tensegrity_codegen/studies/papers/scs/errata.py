@@ -4,8 +4,6 @@ The difference of the printed and of the corrected formula from the equations ob
 largest over random symmetrical motions: the first is of the size of the terms, the second is rounding.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 A row of a comparison has equation, quantity, unit, paper, ours, difference = ours - paper.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib.resources import as_file, files
 from typing import Any

@@ -1,7 +1,5 @@
 """What SCS prints of its examples, and the data with which it comes out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose

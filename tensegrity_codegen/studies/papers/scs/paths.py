@@ -1,7 +1,5 @@
 """Azimuth and declination over time between two symmetrical configurations (SCS 36 to 41, 46 to 51)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol
@@ -78,7 +76,7 @@ class TorqueFreePath:
     @classmethod
     def of(
         cls, tower: SymmetricTower, start: SymmetricPose, alpha_end: float, duration: float
-    ) -> TorqueFreePath:
+    ) -> "TorqueFreePath":
         """Return the path of a tower from `start` to an azimuth [rad] in `duration` [s].
 
         Raises InfeasibleError if (48) has no solution somewhere on the way.

@@ -4,8 +4,6 @@ None of them is used to compute results: they are what the reduction of the full
 Angles in rad. Entries of A_r and of e are in the order delta, alpha, Z.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -28,7 +26,7 @@ class PrintedTower:
     friction: float
 
     @classmethod
-    def of(cls, tower: SymmetricTower) -> PrintedTower:
+    def of(cls, tower: SymmetricTower) -> "PrintedTower":
         """Return the closed forms with a tower's numbers."""
         return cls(tower.bar.length, tower.side, tower.bar_inertia, tower.bar_moment, tower.friction)
 

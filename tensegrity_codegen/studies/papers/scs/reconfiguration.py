@@ -5,8 +5,6 @@ lengths follow from tensions and lengths (SCS 35). A motion that leaves the boun
 needs a tendon to push is refused, with the time at which it does.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

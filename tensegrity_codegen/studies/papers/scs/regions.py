@@ -4,8 +4,6 @@ Under a force F_3 the tensions are A_r^-1 (0, 0, F_3) (SCS 31), so only the sign
 Without a force they are a null vector of A_r, which exists only on the contour det(A_r) = 0 (SCS 42).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

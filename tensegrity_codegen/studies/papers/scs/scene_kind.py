@@ -1,7 +1,5 @@
 """Whether a scene is a two-stage tower, by its bodies and classes of tendons (SCS 3)."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.structure.bodies import Bar, BodyInput, BodySystem, RigidBody
 from tensegrity_codegen.system.errors import StructureError
 

@@ -1,7 +1,5 @@
 """SCS (44), (45), (52), (53): tensions of the printed equilibria, and formulas against the full model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tensegrity_codegen.report.number_text import format_number

@@ -1,7 +1,5 @@
 """SCS (30), (42): where the tower can stand symmetrically, as maps over azimuth and declination."""
 
-from __future__ import annotations
-
 import math
 from typing import TYPE_CHECKING
 
@@ -110,7 +108,7 @@ def _map_figure(name: str, found: RegionMap) -> Figure:
     )
 
 
-def _fill_regions(axes: Axes, found: RegionMap) -> list[Patch]:
+def _fill_regions(axes: "Axes", found: RegionMap) -> "list[Patch]":
     """Fill each region with its colour and return the legend's patches."""
     from matplotlib.patches import Patch
 
@@ -131,7 +129,7 @@ def _fill_regions(axes: Axes, found: RegionMap) -> list[Patch]:
     return patches
 
 
-def _mark_poses(axes: Axes, name: str) -> None:
+def _mark_poses(axes: "Axes", name: str) -> None:
     for key in POSES[name]:
         pose = PAPER_POSES[key]
         axes.plot(pose.alpha_deg, pose.delta_deg, "o", color=INK, markersize=4.5, zorder=5)

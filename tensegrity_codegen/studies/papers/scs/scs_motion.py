@@ -1,7 +1,5 @@
 """SCS Figs 4 to 11: angles, rest lengths, tensions and torque of both reconfigurations over time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Beyond SCS: the full model of 18 coordinates, driven by the controls of a reconfiguration alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from tensegrity_codegen.report.number_text import format_number

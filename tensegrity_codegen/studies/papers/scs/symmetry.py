@@ -5,8 +5,6 @@ in the lower stage and alpha + (120, 0, 240) in the upper one. Tensions are one 
 diagonal. Any scene of the kind will do; whether it is symmetrical is found by putting the family into it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,7 +44,7 @@ class SymmetricPose:
     height: float
 
     @classmethod
-    def from_degrees(cls, alpha: float, delta: float, height: float) -> SymmetricPose:
+    def from_degrees(cls, alpha: float, delta: float, height: float) -> "SymmetricPose":
         """Return the pose of angles in degrees; NonFiniteError for numbers that are not finite."""
         if not np.isfinite([alpha, delta, height]).all():
             raise NonFiniteError("not a pose", where="alpha, delta, Z", given=(alpha, delta, height))

@@ -4,8 +4,6 @@ The generated C of all 18 coordinates starts at rest and knows nothing of symmet
 lengths and the torque M_3 as functions of time. How far it leaves the planned motion measures the plan.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

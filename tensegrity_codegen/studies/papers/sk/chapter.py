@@ -1,7 +1,5 @@
 """The chapter on S&K: node distances as coordinates, its Figs. 2 to 5 and what lies beyond them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

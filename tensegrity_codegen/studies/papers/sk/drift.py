@@ -1,7 +1,5 @@
 """The constraints L^T delta = 0 over a long simulation: a linear invariant, kept to rounding."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ sparse          D H^-1 D^T as a product of sparse arrays
 factored        nothing is formed but the n inverse masses: D (H^-1 (D^T f)) when it is applied
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable
 from functools import partial

@@ -5,8 +5,6 @@ machines several threads spoil every measurement. Run as `python -m` with the nu
 this module prints the times as one line of JSON.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """The two models that the studies compare, compiled from one structure."""
 
-from __future__ import annotations
-
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities

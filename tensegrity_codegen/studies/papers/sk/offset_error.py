@@ -5,8 +5,6 @@ offset; differences as coordinates know nothing of it. Errors are relative to th
 is computed at the origin with more digits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ The same operations in the same order as the generated C, each rounded to the ty
 `double` would compute.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The structures that the studies of node distances run on."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """S&K Fig. 2: the time to form the inverse that turns forces into accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

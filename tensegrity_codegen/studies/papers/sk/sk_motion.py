@@ -1,7 +1,5 @@
 """S&K Fig. 5: motions in node positions and in node distances, and the constraints over a long time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Beyond S&K: node positions and node distances far from the origin and in single precision."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """S&K Figs. 3 and 4: where D is not zero, and how many numbers a linear model needs a time point."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

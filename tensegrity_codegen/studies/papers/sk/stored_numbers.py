@@ -8,8 +8,6 @@ With k members and a actuated ones, in three dimensions, and n nodes:
     as printed          n (n + m)     the count that S&K 6 states for node positions, m = a inputs
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@ The map from one to the other is linear, so with equal steps the two differ by r
 1e-5 is the error of two runs whose variable steps differ, not one of the model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Other integrators over the same structure, where they are installed: one file each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 from tensegrity_codegen.studies.work_precision.contender import Contender

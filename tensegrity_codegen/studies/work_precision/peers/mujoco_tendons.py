@@ -1,7 +1,5 @@
 """MuJoCo: nodes as point masses on slide joints, or rigid bars as free bodies; springs as spatial tendons."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any

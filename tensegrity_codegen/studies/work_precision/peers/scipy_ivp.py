@@ -1,7 +1,5 @@
 """SciPy's integrators over the accelerations of the compiled model, called from Python."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial

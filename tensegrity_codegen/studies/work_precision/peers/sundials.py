@@ -1,7 +1,5 @@
 """SUNDIALS' CVODES and IDAS through CasADi, over the accelerations in node positions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial

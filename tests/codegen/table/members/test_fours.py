@@ -1,7 +1,5 @@
 """Loops over four members at a time: for free members in space, with the bits of single members."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

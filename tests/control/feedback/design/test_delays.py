@@ -1,7 +1,5 @@
 """Delays in samples, and linear models in which commands arrive late, beside small steps of the model."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

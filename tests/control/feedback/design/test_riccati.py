@@ -1,7 +1,5 @@
 """Stationary Riccati equations: closed forms, systems that the doubling algorithm leaves to QZ, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Which disturbance forces measurements tell apart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

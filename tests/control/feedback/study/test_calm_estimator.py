@@ -1,7 +1,5 @@
 """Disturbance forces of an estimator that are as large as noise of the sensors permits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

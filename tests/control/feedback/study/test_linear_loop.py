@@ -1,7 +1,5 @@
 """Linear loops: eigenvalues of gains and estimator, margins, covariance, beside simulations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Studies: what disturbs, what is measured, statuses, the worst draw."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Weights from the scene: units, levers, the rule itself, and what may be summed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

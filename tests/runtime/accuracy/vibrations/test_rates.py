@@ -1,7 +1,5 @@
 """Bounds on frequencies and decay rates: above the eigenvalues, and not far above."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Distances apart from neutral motions: closed forms against the fit for one case."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Random structures, starts and loads: rows have the verdicts and places of the search for one case."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Steps of many cases: each is the step that the search for one case takes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import sparse

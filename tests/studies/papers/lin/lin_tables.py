@@ -3,8 +3,6 @@
 Columns: the springs B1B2, B3B1, B2B3, A1B2, A3B1, A2B3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 # The scene's tendons in the order of the columns.

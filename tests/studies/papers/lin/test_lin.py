@@ -3,8 +3,6 @@
 The oracle is the derivation in docs/derivations, which has nothing in common with the generated C.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import ModuleType

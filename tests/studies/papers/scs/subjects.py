@@ -1,7 +1,5 @@
 """The paper's tower and changed ones, for the tests of its studies."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

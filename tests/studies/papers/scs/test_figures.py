@@ -1,7 +1,5 @@
 """SCS Figs 4 to 11 and equations (44), (45), (52), (53): ours beside the print, and the errata."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Azimuth and declination over time (SCS 38 to 41, 48 to 51)."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The tower driven through its 18 tendons by a table, in C, beside SciPy at its least tolerance."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Symmetrical reconfiguration (SCS 5, 6): rest lengths, tensions, torque, and what is refused."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Maps of feasible configurations (SCS 4.1, 42) and configurations that stand without load."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

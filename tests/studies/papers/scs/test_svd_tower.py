@@ -3,8 +3,6 @@
 Equation numbers are the paper's. The tower is a scene; nothing of it is written by hand in the package.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

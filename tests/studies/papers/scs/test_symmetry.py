@@ -1,7 +1,5 @@
 """SCS section 4: symmetrical motions, obtained from the model of 18 coordinates."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The full model of 18 coordinates in C, driven open loop (SCS 5, 6)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

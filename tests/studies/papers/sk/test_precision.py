@@ -1,7 +1,5 @@
 """Expressions in other precisions, against CasADi's own evaluation in double precision."""
 
-from __future__ import annotations
-
 import casadi as ca
 import numpy as np
 import pytest

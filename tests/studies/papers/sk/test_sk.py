@@ -1,7 +1,5 @@
 """The figures of S&K and what lies beyond them, in small (MODEL 2 and 3)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
