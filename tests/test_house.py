@@ -262,21 +262,36 @@ def test_every_relative_link_of_a_document_leads_somewhere() -> None:
     assert missing == []
 
 
-def test_the_readme_lists_the_verbs_of_the_command_line() -> None:
-    section = document("README.md").partition("## Command line")[2].partition("\n## ")[0]
+def test_the_page_of_the_command_line_lists_every_verb() -> None:
+    section = document("docs/reference/command_line.md").partition("## All verbs")[2].partition("\n## ")[0]
     verbs = re.findall(r"^\| `([a-z-]+)` \|", section, re.MULTILINE)
     assert sorted(verbs) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
-def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
-    code = re.search(r"```python\n(.*?)```", document("README.md"), re.DOTALL)
+def test_the_readme_is_a_first_screen() -> None:
+    assert len(document("README.md").split()) <= 900
+
+
+def test_the_python_of_the_readme_prints_what_it_says(tmp_path: Path) -> None:
+    code = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", document("README.md"), re.DOTALL)
     assert code is not None
     example = "tensegrity_codegen/scene/examples/prism.toml"
     shutil.copy(ROOT / example, tmp_path)
     done = run(sys.executable, "-W", "error", "-c", code[1], folder=tmp_path, PYTHONPATH=str(ROOT))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("ok ")
-    assert done.stdout.rstrip().endswith("(201, 6, 3)")
+    assert done.stdout == code[2]
+
+
+def test_the_map_of_folders_names_every_room() -> None:
+    table = document("CONTRIBUTING.md").partition("## Layout")[2].partition("\n## ")[0]
+    rooms = {path.name for path in (ROOT / "tensegrity_codegen").iterdir() if (path / "__init__.py").exists()}
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == rooms
+    assert len(rooms) == 15
+
+
+def test_the_citation_has_the_version_and_date_of_the_latest_release() -> None:
+    version, date = re.findall(r"^## \[([\d.]+)\] - (\S+)$", document("CHANGELOG.md"), re.MULTILINE)[0]
+    assert f"\nversion: {version}\ndate-released: {date}\n" in document("CITATION.cff")
 
 
 def test_the_scene_of_the_scene_page_is_sound() -> None:

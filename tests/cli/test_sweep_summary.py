@@ -58,7 +58,10 @@ def test_chosen_results_and_keys_are_on_the_page(stored: Path, run: Run, folder:
     assert "sweep summary" in page
     assert "tension[c1]" in page
     again = run("sweep", "summary", stored, "-o", "page.html")
-    assert again.code == 0, again.err  # a page may replace a page
+    assert again.code == 2
+    assert (folder / "page.html").read_text(encoding="utf-8") == page
+    replaced = run("sweep", "summary", stored, "-o", "page.html", "--overwrite")
+    assert replaced.code == 0, replaced.err
 
 
 def test_a_case_is_written_as_a_scene_of_its_own(stored: Path, run: Run, folder: Path) -> None:

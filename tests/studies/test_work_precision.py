@@ -291,7 +291,7 @@ def test_a_report_is_written_resumed_and_shown(tmp_path: Path, monkeypatch: pyte
     rows = data["scenes"][0]["rows"]
     assert {r["method"] for r in rows} >= {"rk4", "rk54", "rk853"}
     assert min(r["error"] for r in rows if r["error"] is not None) < 1e-10
-    again = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options)
+    again = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options, overwrite=True)
     assert [r.seconds for r in again.scenes[0].rows] == [r.seconds for r in made.scenes[0].rows]
     (journal,) = (tmp_path / "journal").iterdir()
     lines = journal.read_text().splitlines()
@@ -299,7 +299,7 @@ def test_a_report_is_written_resumed_and_shown(tmp_path: Path, monkeypatch: pyte
     spoiled["value"]["seconds"] = "soon"
     journal.write_text("\n".join([lines[0], json.dumps(spoiled), *lines[2:]])[:-9])  # and a torn last line
     monkeypatch.setattr(scene_report, "certify", None)  # the reference is in the journal
-    healed = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options)
+    healed = write_report([structure], tmp_path, t_end=0.2, samples=3, options=options, overwrite=True)
     changed = [
         a.contender
         for a, b in zip(made.scenes[0].rows, healed.scenes[0].rows, strict=False)

@@ -1,5 +1,7 @@
 """Runs the blocks of a page in its folder, in their order; names of Python last from block to block."""
 
+import contextlib
+import io
 import re
 import shlex
 import shutil
@@ -32,6 +34,7 @@ class PageRun:
     names: dict[str, object] = field(default_factory=lambda: {"__name__": "page"})
     added: list[str] = field(default_factory=list)
     count: int = 0
+    shown: str = ""  # what commands and programs have printed
 
     def all_blocks(self) -> None:
         """Run all blocks that are to be run."""
@@ -74,6 +77,9 @@ class PageRun:
             if name is not None and (self.folder / name).exists() and block.language == "toml":
                 with (self.folder / name).open("a", encoding="utf-8") as scene:  # lines that a reader adds
                     scene.write(f"\n{block.code}")
+            elif name is None and block.language == "text":
+                missing = [line for line in block.code.splitlines() if line not in self.shown]
+                assert missing == [], (block.page, block.line, self.shown)
             elif name is None:
                 check_excerpt(block)
             else:
@@ -84,12 +90,14 @@ class PageRun:
         if '__name__ == "__main__"' in block.code:
             program = self.folder / "program.py"
             program.write_text(block.code, encoding="utf-8")
-            execute([sys.executable, str(program)], self.folder)
+            self.shown += execute([sys.executable, str(program)], self.folder)
             return
         for page, start, code in BEFORE:
             if page == block.page and block.code.startswith(start):
                 exec(compile(code, f"before a block of {page}", "exec"), self.names)
-        exec(compile(block.code, f"{block.page}:{block.line}", "exec"), self.names)
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(compile(block.code, f"{block.page}:{block.line}", "exec"), self.names)
+        self.shown += printed.getvalue()
 
     def command(self, command: str) -> None:
         """Run a command as typed in the folder."""
@@ -99,6 +107,7 @@ class PageRun:
                 (self.folder / f"{words[2]}.toml").unlink(missing_ok=True)
             ended = self.run(*words[1:])
             assert ended.code == EXITS.get(command, 0), (command, ended.out, ended.err)
+            self.shown += ended.out
             return
         if words[0] == "pip":
             self.install(words)
@@ -107,7 +116,7 @@ class PageRun:
             words[0] = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang") or "cc"
         if shutil.which(words[0]) is None and not (self.folder / words[0]).exists():
             pytest.skip(f"no {words[0]} is installed; on Debian: apt install build-essential")
-        execute(words, self.folder)
+        self.shown += execute(words, self.folder)
 
     def install(self, words: list[str]) -> None:
         """Install a wheel of the folder into a folder of its own, without what it needs."""
@@ -119,10 +128,11 @@ class PageRun:
         sys.path.insert(0, str(target))
 
 
-def execute(words: list[str], folder: Path) -> None:
-    """Run a program; its exit code is 0."""
+def execute(words: list[str], folder: Path) -> str:
+    """Run a program, whose exit code is 0, and return what it printed."""
     done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, (words, done.stdout, done.stderr)
+    return done.stdout
 
 
 def find_name(block: Block) -> str | None:
@@ -137,7 +147,7 @@ def find_name(block: Block) -> str | None:
         return str(compiled[0][0])
     places = [*reversed(before[-8:]), *after[:8]]
     names = [name for line in places for name in reversed(FILE.findall(line))]
-    return next(name for name in names if name.endswith(ENDINGS[block.language]))
+    return next((name for name in names if name.endswith(ENDINGS[block.language])), None)
 
 
 def check_excerpt(block: Block) -> None:

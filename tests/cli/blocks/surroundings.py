@@ -59,7 +59,7 @@ EXITS = {"tensegrity-codegen plan prism12.toml --to twist=165 --actuate v1 --act
 
 # Example scenes that a page presupposes in the folder; pages of the gallery presuppose their own.
 SCENES = {
-    "README.md": ("prism", "prism12"),
+    "README.md": ("prism",),
     "docs/control.md": ("prism12", "pinned_prism"),
     "docs/embedding.md": ("prism", "prism12"),
     "docs/export.md": ("prism",),
@@ -118,7 +118,6 @@ BEFORE = (
 COORDINATE = "double coordinate[PRISM_N_COORDINATES] = {0};"
 # What stands before the pieces of C of a page, in the function in which they are compiled and run.
 C_BEFORE = {
-    "README.md": COORDINATE,
     "docs/embedding.md": f"{COORDINATE} double displacement[PRISM_N_COORDINATES] = {{0}};",
 }
 C_HEAD = "#include <stdio.h>\n#include <string.h>\n"
