@@ -24,10 +24,10 @@ def read_example(name: str) -> dict[str, Any]:
 
 
 def check(
-    document: dict[str, Any], sensors: list[Sensor], folder: Path, delay: Any = 0.0, **options: Any
+    document: dict[str, Any], sensors: list[Sensor], folder: Path, *, tolerance: float = 1e-12, **options: Any
 ) -> None:
     subject, request = assemble_scene(parse_scene(document), "scene")
-    check_made_up(make_up(subject, request, sensors, delay=delay), folder, **options)
+    check_made_up(make_up(subject, request, sensors, **options), folder, tolerance)
 
 
 def test_bodies_of_all_kinds(tmp_path: Path) -> None:
@@ -72,4 +72,4 @@ def test_a_free_tower_of_nodes(tmp_path: Path) -> None:
         {"name": "k", "members": ["saddle1_1"], "rate": 0.2, "delay": 0.001},
     ]
     sensors = [Sensor("member_length", (20, 3, 11), 1e-3), Sensor("node_position", (4, 16), 1e-3)]
-    check(document, sensors, tmp_path)
+    check(document, sensors, tmp_path, substeps=8)
