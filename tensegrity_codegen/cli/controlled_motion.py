@@ -62,8 +62,8 @@ def compile_control(
 ) -> "tuple[Subject, CompiledModel, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that are chosen."""
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.targets.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.control.planning.target_text import read_targets
+    from tensegrity_codegen.control.planning.targets import find_target_quantities
     from tensegrity_codegen.pipeline.analyses import find_needs, want_analyses
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.settle import with_statics

@@ -128,7 +128,7 @@ def plan(
 
 
 def _check_files(files: Sequence[Path], page: Path | None, scene: Path, overwrite: bool) -> None:
-    from tensegrity_codegen.control.planning.write_plan import ENDINGS
+    from tensegrity_codegen.control.planning.record_plan import ENDINGS
 
     for file in files:
         check_ending(file, *ENDINGS)
@@ -149,8 +149,8 @@ def _compile(
 ) -> "tuple[Subject, Any, tuple[str, ...] | None]":
     """Return the structure with its actuators, its model, and the names of the actuators that move."""
     from tensegrity_codegen.control.planning.quadratic_program import require_solver
-    from tensegrity_codegen.control.planning.targets.target_text import read_targets
-    from tensegrity_codegen.control.planning.targets.targets import find_target_quantities
+    from tensegrity_codegen.control.planning.target_text import read_targets
+    from tensegrity_codegen.control.planning.targets import find_target_quantities
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import build_library
     from tensegrity_codegen.pipeline.settle import with_statics
@@ -186,7 +186,7 @@ def _plan(
 
 
 def _write(found: "PlanResult", files: Sequence[Path], overwrite: bool) -> None:
-    from tensegrity_codegen.control.planning.write_plan import write_plan
+    from tensegrity_codegen.control.planning.record_plan import write_plan
 
     for file in files:
         write_plan(found, file, overwrite=overwrite)

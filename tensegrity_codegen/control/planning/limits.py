@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.actuation import MemberRanges
-from tensegrity_codegen.control.planning.plan_point import PlanPoint
-from tensegrity_codegen.control.planning.slopes import Slopes
+from tensegrity_codegen.control.planning.plan_point import PlanPoint, Slopes
 from tensegrity_codegen.runtime.model.arrays import to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.limits import MEMBER_LIMITS, Limits

@@ -12,10 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.limits import WITHIN, Margins, PlanLimits, compute_margins
-from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
-from tensegrity_codegen.control.planning.slopes import Slopes, compute_slopes, describe_immobility
+from tensegrity_codegen.control.planning.plan_point import (
+    PlanModel,
+    PlanPoint,
+    Slopes,
+    compute_slopes,
+    describe_immobility,
+)
 from tensegrity_codegen.control.planning.step_problem import EASED, INSIDE, Program, Step
-from tensegrity_codegen.control.planning.targets.targets import Targets
+from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
@@ -51,7 +56,7 @@ class PathPoint:
     multiplier: FloatArray
 
 
-class Path:
+class PlanPath:
     """The moving state of one plan.
 
     Parameters

@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.control.planning.actuation import Actuation, find_actuation
-from tensegrity_codegen.control.planning.fixed_shape import find_fixed_shape, find_shape_certificate
-from tensegrity_codegen.control.planning.infeasible import find_contradiction, find_unreachable_place
+from tensegrity_codegen.control.planning.infeasible import (
+    find_contradiction,
+    find_fixed_shape,
+    find_shape_certificate,
+    find_unreachable_place,
+)
 from tensegrity_codegen.control.planning.limits import (
     WITHIN,
     PlanLimits,
@@ -16,14 +20,13 @@ from tensegrity_codegen.control.planning.limits import (
     compute_margins,
     keep_taut,
 )
-from tensegrity_codegen.control.planning.path import Path, Progress
+from tensegrity_codegen.control.planning.path import PlanPath, Progress
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
 from tensegrity_codegen.control.planning.record_plan import describe_margin, record_infeasible, record_path
 from tensegrity_codegen.control.planning.start import Start, check_stability, find_start
-from tensegrity_codegen.control.planning.targets.target_text import read_targets
-from tensegrity_codegen.control.planning.targets.targets import Targets, bind_targets
-from tensegrity_codegen.control.planning.timing import check_duration, compute_times
+from tensegrity_codegen.control.planning.target_text import read_targets
+from tensegrity_codegen.control.planning.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
@@ -37,6 +40,7 @@ MOST_STEPS = 10**9
 FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
 FURTHER = 1e-3  # progress by which another path comes further
 SAME = 9  # digits that order limits which are exceeded; equal ones stay in the order of the structure
+ROUNDING = 1e-9
 
 
 def plan(
@@ -126,12 +130,12 @@ def plan(
     if proof is not None:
         return record_infeasible(plan_model, bound, start.at, *proof)
     path = _find_path(
-        partial(Path, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
+        partial(PlanPath, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
     )
     return _record(plan_model, path, start, actuation, duration)
 
 
-def _find_path(build: Callable[..., Path], max_steps: int, progress: Progress | None) -> Path:
+def _find_path(build: Callable[..., PlanPath], max_steps: int, progress: Progress | None) -> PlanPath:
     """Return the path of the smallest changes; where limits block it, the one of several that comes furthest.
 
     A path that keeps a symmetry of the structure may end where all of its bars are in the way of each other.
@@ -151,7 +155,7 @@ def _find_path(build: Callable[..., Path], max_steps: int, progress: Progress | 
     return furthest
 
 
-def _follow(path: Path, max_steps: int, progress: Progress | None, rival: Path | None = None) -> bool:
+def _follow(path: PlanPath, max_steps: int, progress: Progress | None, rival: PlanPath | None = None) -> bool:
     """Take steps until the path ends, or as many as allowed; return whether limits block it.
 
     A path that is behind its rival after twice as many steps and attempts is given up.
@@ -172,7 +176,7 @@ def _follow(path: Path, max_steps: int, progress: Progress | None, rival: Path |
 
 
 def _record(
-    plan_model: PlanModel, path: Path, start: Start, actuation: Actuation, duration: float | None
+    plan_model: PlanModel, path: PlanPath, start: Start, actuation: Actuation, duration: float | None
 ) -> PlanResult:
     change = np.array([point.at.change for point in path.points])
     time = compute_times(change, actuation.rate, duration, actuation.names)
@@ -258,3 +262,69 @@ def _check_held(plan_model: PlanModel, targets: Targets, at: PlanPoint) -> None:
                 allowed="targets that depend on the shape only, or a structure that is held",
                 hint="anchor nodes, or use height, twist, tilt, lengths, distances or tensions",
             )
+
+
+# Times of a plan: from the rates of the actuators, or from a duration.
+
+
+def check_duration(duration: float | None) -> None:
+    """Raise InvalidValueError for a duration [s] that is not a positive finite number."""
+    if duration is not None and not (is_number(duration) and duration > 0):
+        raise InvalidValueError(
+            "the duration is not positive",
+            where="duration",
+            given=duration,
+            allowed="a finite number above 0 [s]",
+        )
+
+
+def compute_times(
+    change: FloatArray, rate: FloatArray, duration: float | None, names: Sequence[str]
+) -> FloatArray | None:
+    """Return the times at which the points of a plan are reached.
+
+    Parameters
+    ----------
+    change : ndarray, shape (n_steps, n_actuators) [m]
+        Values of the inputs.
+    rate : ndarray, shape (n_actuators,) [m/s]
+        Largest rates, infinite without a limit.
+    duration : float, optional
+        Time of the whole plan [s]; by default the shortest that the rates permit.
+    names : sequence of str
+        Names of the actuators, for the error.
+
+    Returns
+    -------
+    ndarray, shape (n_steps,) [s], or None
+        None without rates and duration.
+
+    Raises
+    ------
+    InvalidValueError
+        The rates need more than the duration.
+
+    Notes
+    -----
+    Each step takes as long as its slowest actuator, with straight lines between the points. A longer duration
+    stretches all steps alike; without rates it is shared by the largest changes of the steps.
+    """
+    moved = np.abs(np.diff(change, axis=0))
+    own = (moved / rate).max(axis=1, initial=0.0)
+    if not np.any(np.isfinite(rate)):
+        if duration is None:
+            return None
+        own = moved.max(axis=1, initial=0.0)
+    elif duration is not None and own.sum() > duration * (1 + ROUNDING):
+        slowest = (moved / rate).sum(axis=0)
+        raise InvalidValueError(
+            "the rates of the actuators need more time",
+            where="duration",
+            given=f"{duration:g} s",
+            allowed=f"at least {own.sum():.6g} s",
+            hint=f"actuator {names[int(slowest.argmax())]!r} moves longest: {slowest.max():.6g} s",
+        )
+    total = float(own.sum())
+    if duration is not None and total > 0:
+        own = own * (duration / total)
+    return np.concatenate([[0.0], np.cumsum(own)])

@@ -1,16 +1,18 @@
-"""Records of plans, made from paths and proofs."""
+"""Records of plans, made from paths and proofs; and their files."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.limits import Margins, PlanLimits
-from tensegrity_codegen.control.planning.path import Path
+from tensegrity_codegen.control.planning.path import PlanPath
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
-from tensegrity_codegen.control.planning.targets.targets import Targets
+from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.runtime.analysis.certificate import Certificate
+from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.runtime.records.plan_result import (
     LIMIT_WORDS,
     Binding,
@@ -20,10 +22,13 @@ from tensegrity_codegen.runtime.records.plan_result import (
 )
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.system.files import check_ending
+from tensegrity_codegen.system.table_files import write_csv
 
 UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
 SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
 NAMED = 6  # limits that a message names
+ENDINGS = (".npz", ".csv")
 
 
 def describe_margin(
@@ -86,7 +91,7 @@ def record_infeasible(
 
 
 def record_path(
-    plan_model: PlanModel, path: Path, time: FloatArray | None, warnings: tuple[str, ...]
+    plan_model: PlanModel, path: PlanPath, time: FloatArray | None, warnings: tuple[str, ...]
 ) -> PlanResult:
     """Return the record of a path, found or blocked.
 
@@ -154,7 +159,7 @@ def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
     return ~np.asarray(structure.is_bar)
 
 
-def _find_block(plan_model: PlanModel, path: Path) -> Block:
+def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
     """Return where a path ends, with the limits that bind there by the program of most progress.
 
     Without limits where these leave a whole step, which is rejected for another reason.
@@ -193,11 +198,11 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
     return "" if kind == "least_stiffness" else manifest.member_name[index]
 
 
-def _describe_found(path: Path) -> str:
+def _describe_found(path: PlanPath) -> str:
     return f"a path of {len(path.points) - 1} steps reaches the target; every point is within all limits"
 
 
-def _describe_block(path: Path, block: Block) -> str:
+def _describe_block(path: PlanPath, block: Block) -> str:
     """Return where a path ends and what binds, and that this proves nothing about other paths."""
     parts = [
         f"{name} = {value:.6g}{' ' + unit if unit else ''} of {goal:.6g}"
@@ -216,3 +221,55 @@ def _describe_block(path: Path, block: Block) -> str:
         f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
         "Another path may exist"
     )
+
+
+# Plans in files: all arrays (.npz), and the inputs over time (.csv) as profiles of `simulate`.
+
+
+def write_plan(found: PlanResult, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write a plan to a file, whole or not at all.
+
+    Parameters
+    ----------
+    found : PlanResult
+        The plan.
+    path : str or Path
+        ``.npz``: all arrays. ``.csv``: a row for each point, the first column ``time`` [s] (``progress``
+        where there are no times), then the value of the input of each actuator [m].
+    overwrite : bool
+        Whether a file that exists is replaced.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written, exists already, or has another ending.
+    """
+    check_ending(path, *ENDINGS)
+    if Path(path).suffix.lower() == ".npz":
+        write_arrays(path, _arrays(found), overwrite=overwrite)
+        return
+    first, column = ("progress", found.progress) if found.time is None else ("time", found.time)
+    rows = np.column_stack([column, found.change]).tolist()
+    write_csv(path, (first, *found.actuator_name), rows, overwrite=overwrite)
+
+
+def _arrays(found: PlanResult) -> dict[str, NDArray[Any]]:
+    names = (
+        *("progress", "target", "goal", "change", "rest_length", "node_position", "member_tension"),
+        *("bar_distance", "smallest_eigenvalue", "residual", "coordinate"),
+    )
+    words = ("target_name", "target_unit", "actuator_name", "node_name", "member_name", "bar_pair_name")
+    arrays: dict[str, NDArray[Any]] = {name: np.asarray(getattr(found, name)) for name in names}
+    arrays |= {name: np.array(getattr(found, name), dtype=np.str_) for name in words}
+    arrays |= {"status": np.array(found.status), "message": np.array(found.message)}
+    rows = [(k, item) for k, items in enumerate(found.binding) for item in items]
+    arrays["binding_step"] = np.array([k for k, _ in rows], dtype=np.int64)
+    arrays["binding_limit"] = np.array([item.limit for _, item in rows], dtype=np.str_)
+    arrays["binding_name"] = np.array([item.name for _, item in rows], dtype=np.str_)
+    arrays["binding_multiplier"] = np.array([item.multiplier for _, item in rows], dtype=np.float64)
+    if found.time is not None:
+        arrays["time"] = found.time
+    if isinstance(found.certificate, Certificate):
+        arrays["certificate_displacement"] = found.certificate.displacement
+        arrays["certificate_elongation"] = found.certificate.elongation
+    return arrays

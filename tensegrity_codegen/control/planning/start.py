@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.fixed_shape import find_shape_certificate
+from tensegrity_codegen.control.planning.infeasible import find_shape_certificate
 from tensegrity_codegen.control.planning.limits import PlanLimits
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.runtime.analysis.certificate import Certificate

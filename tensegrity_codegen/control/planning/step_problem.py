@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.planning.limits import Margins
+from tensegrity_codegen.control.planning.plan_point import Slopes
 from tensegrity_codegen.control.planning.quadratic_program import find_largest, find_minimum
-from tensegrity_codegen.control.planning.slopes import Slopes
 from tensegrity_codegen.system.arrays import FloatArray
 
 STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths

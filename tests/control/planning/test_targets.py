@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tensegrity_codegen.control.planning.targets import shape_parameters as shapes
-from tensegrity_codegen.control.planning.targets.bind_shape import turn_near
-from tensegrity_codegen.control.planning.targets.node_sets import find_nodes, find_rings
-from tensegrity_codegen.control.planning.targets.target_text import parse_shape, read_targets, rewrite
-from tensegrity_codegen.control.planning.targets.targets import bind_targets
+from tensegrity_codegen.control.planning import shape_targets as shapes
+from tensegrity_codegen.control.planning.shape_targets import find_nodes, find_rings, turn_near
+from tensegrity_codegen.control.planning.target_text import parse_shape, read_targets, rewrite
+from tensegrity_codegen.control.planning.targets import bind_targets
 from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 from tests.control.planning.structures import actuate, build_prism, compile_plan, limit
 

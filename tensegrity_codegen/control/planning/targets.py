@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from tensegrity_codegen.control.planning.targets.bind_shape import BoundShape, bind_shape, turn_near
-from tensegrity_codegen.control.planning.targets.target_text import (
+from tensegrity_codegen.control.planning.shape_targets import BoundShape, bind_shape, turn_near
+from tensegrity_codegen.control.planning.target_text import (
     ANGLES,
     LENGTHS,
     TargetText,

@@ -1,1 +1,0 @@
-"""Targets of plans: their texts, shape parameters, values and derivatives."""
