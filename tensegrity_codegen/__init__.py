@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.equilibrium_path import EquilibriumPath
     from tensegrity_codegen.control.feedback.kalman import design_kalman
     from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-    from tensegrity_codegen.control.feedback.loop.disturbances import Gust
+    from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
@@ -138,7 +138,7 @@ _HOME = {
     "EquilibriumPath": "control.feedback.equilibrium_path",
     "Estimator": "control.feedback.design.estimator",
     "Gains": "control.feedback.design.gains",
-    "Gust": "control.feedback.loop.disturbances",
+    "Gust": "control.feedback.loop.sampled_plant",
     "LinearModel": "runtime.linear.linearize",
     "LivePage": "live.live_page",
     "LoadedController": "control.embedded.loaded",

@@ -70,14 +70,14 @@ class ControlDesign:
     def _design_estimator(self, tuning: "Tuning", gains: "Gains") -> "Estimator":
         """Return the estimator; disturbances that are not stated are as large as noise permits."""
         from tensegrity_codegen.control.feedback.kalman import design_kalman
-        from tensegrity_codegen.control.feedback.study.calm_estimator import design_calm_estimator
+        from tensegrity_codegen.control.feedback.study.linear_loop import design_slow_estimator
 
         if self.disturbance is not None:
             return design_kalman(
                 self.model, self.motion, sample=self.sample, disturbance=self.disturbance,
                 only_observable=self.only_observable, arguments=self.arguments,
             )  # fmt: skip
-        estimator, warning = design_calm_estimator(
+        estimator, warning = design_slow_estimator(
             self.model, self.motion, gains, tuning.scales, only_observable=self.only_observable,
             arguments=self.arguments,
         )  # fmt: skip

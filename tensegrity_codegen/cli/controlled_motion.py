@@ -13,7 +13,7 @@ from tensegrity_codegen.system.errors import (
 )
 
 if TYPE_CHECKING:
-    from tensegrity_codegen.control.feedback.loop.disturbances import Gust
+    from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust
     from tensegrity_codegen.runtime.model.model import CompiledModel
     from tensegrity_codegen.runtime.records.plan_result import PlanResult
@@ -32,7 +32,7 @@ def check_motion_times(
 
     is_held: whether an equilibrium is held, whose time is known.
     """
-    from tensegrity_codegen.control.feedback.study.study_times import HELD, check_times
+    from tensegrity_codegen.control.feedback.study.stated_errors import HELD_TIME, check_times
 
     if is_held and duration is not None:
         raise InvalidValueError(
@@ -40,13 +40,13 @@ def check_motion_times(
             where="--duration", given=duration, allowed="--duration with --to or --plan",
             hint="--t-end sets the simulated time",
         )  # fmt: skip
-    length = HELD if is_held and t_end is None else duration
+    length = HELD_TIME if is_held and t_end is None else duration
     check_times(sample, duration=length, t_end=t_end, last=last)
 
 
 def check_motion_gusts(gusts: "Sequence[Gust | RandomGust]", t_end: float | None) -> None:
     """Raise InvalidValueError for a gust after the simulated time, where that is known before the motion."""
-    from tensegrity_codegen.control.feedback.study.study_times import check_gust_times
+    from tensegrity_codegen.control.feedback.study.stated_errors import check_gust_times
 
     if t_end is not None:
         check_gust_times(gusts, t_end)
@@ -120,9 +120,9 @@ def find_motion(
     t_end: float | None,
 ) -> "Motion":
     """Return the motion: of a new plan, of a plan in a file, or at rest in the equilibrium."""
-    from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+    from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
     from tensegrity_codegen.control.feedback.study.read_files import read_path
-    from tensegrity_codegen.control.feedback.study.study_times import HELD
+    from tensegrity_codegen.control.feedback.study.stated_errors import HELD_TIME
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 
@@ -132,7 +132,7 @@ def find_motion(
         path = read_path(plan, model)
     else:
         found = find_equilibrium(model, arguments=arguments)
-        return build_rest(model, found, HELD if t_end is None else t_end, arguments, chosen)
+        return build_rest(model, found, HELD_TIME if t_end is None else t_end, arguments, chosen)
     try:
         with output.progress("putting the plan in time"):
             motion = time_motion(model, path, duration, arguments=arguments)

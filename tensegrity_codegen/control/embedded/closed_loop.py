@@ -19,10 +19,8 @@ from tensegrity_codegen.control.embedded.closed_loop_source import LoopSource, w
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.status import CONTROL_STATUS
 from tensegrity_codegen.control.embedded.write import ControllerFiles
-from tensegrity_codegen.control.feedback.loop.build_run import build_run
-from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, GustLoad
-from tensegrity_codegen.control.feedback.loop.sampled_plant import ENDINGS
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run
+from tensegrity_codegen.control.feedback.loop.sampled_plant import ENDINGS, NODE_LOAD, GustLoad
 from tensegrity_codegen.runtime.integrate.event_log import choose_watch
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.model.arrays import to_sized

@@ -15,8 +15,7 @@ from tensegrity_codegen.control.embedded.measured import find_measured
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.tables import build_tables
 from tensegrity_codegen.control.embedded.write import ControllerFiles, read_declarations
-from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD
-from tensegrity_codegen.control.feedback.loop.sampled_plant import ATOL, MOST_STEPS, RTOL
+from tensegrity_codegen.control.feedback.loop.sampled_plant import ATOL, MOST_STEPS, NODE_LOAD, RTOL
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.trajectory.control_quantities import CONTROL_METHOD
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec, IntegratorSpec, Manifest

@@ -9,12 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
 from tensegrity_codegen.control.embedded.distribution_tables import QP_ITERATIONS
-from tensegrity_codegen.control.feedback.design.delays import split_delays
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import check_independent, check_motion
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
-from tensegrity_codegen.control.feedback.loop.delayed_inputs import DelayedInputs
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    check_independent,
+    check_motion,
+    split_delays,
+)
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
+    ActuatorBounds,
+    DelayedInputs,
+    find_bounds,
+)
 from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.interface import Described

@@ -16,14 +16,17 @@ from tensegrity_codegen.control.embedded.parts import ControllerParts, collect_p
 from tensegrity_codegen.control.embedded.subject import find_described
 from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
-from tensegrity_codegen.control.feedback.loop.compare_runs import compare_with_open_loop
-from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, bind_gust
-from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
-from tensegrity_codegen.control.feedback.loop.loop_start import count_samples, find_given, find_start
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, compare_with_open_loop
+from tensegrity_codegen.control.feedback.loop.loop_parts import (
+    count_samples,
+    describe_unknown_delays,
+    find_given,
+    find_start,
+)
+from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, bind_gust
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities

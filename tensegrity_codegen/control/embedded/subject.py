@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.codegen.emit import emit
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -7,7 +7,7 @@ import numpy as np
 from tensegrity_codegen.control.embedded.knots import tabulate_gains, tabulate_inputs, tabulate_states
 from tensegrity_codegen.control.embedded.parts import ControllerParts
 from tensegrity_codegen.control.embedded.table_printer import Table, TablePrinter
-from tensegrity_codegen.control.feedback.design.delays import split_delays
+from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
 from tensegrity_codegen.tables.precision import Precision

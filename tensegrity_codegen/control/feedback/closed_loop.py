@@ -7,25 +7,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
-from tensegrity_codegen.control.feedback.loop.build_run import build_run
-from tensegrity_codegen.control.feedback.loop.compare_runs import compare_with_open_loop
-from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.loop.controller import Controller
-from tensegrity_codegen.control.feedback.loop.delayed_inputs import DelayedInputs
-from tensegrity_codegen.control.feedback.loop.disturbances import NODE_LOAD, Gust, bind_gust
-from tensegrity_codegen.control.feedback.loop.filter import Filter
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest, check_motion
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
+    ActuatorBounds,
+    DelayedInputs,
+    find_bounds,
+)
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, build_run, compare_with_open_loop
+from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
 from tensegrity_codegen.control.feedback.loop.loop_parts import (
     check_parts,
+    count_samples,
     describe_unknown_delays,
+    find_given,
     find_sample,
+    find_start,
 )
-from tensegrity_codegen.control.feedback.loop.loop_start import count_samples, find_given, find_start
-from tensegrity_codegen.control.feedback.loop.sampled_plant import SampledPlant
+from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust, SampledPlant, bind_gust
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT

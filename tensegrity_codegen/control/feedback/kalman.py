@@ -6,24 +6,22 @@ from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
+from scipy.linalg import expm, qr
 
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.estimator import Estimator, Sensing, find_sensing
 from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
     build_sample_time,
     check_independent,
     check_motion,
 )
-from tensegrity_codegen.control.feedback.design.reachable import (
+from tensegrity_codegen.control.feedback.design.riccati import (
     HiddenMode,
+    compute_gain,
     describe_direction,
+    find_stationary,
     find_unobserved,
 )
-from tensegrity_codegen.control.feedback.design.riccati import compute_gain, find_stationary
-from tensegrity_codegen.control.feedback.design.sensing import Sensing, find_sensing
-from tensegrity_codegen.control.feedback.design.shown_forces import find_shown_forces
-from tensegrity_codegen.control.feedback.design.usual_forces import UNKNOWN, find_usual_forces
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
@@ -38,10 +36,13 @@ from tensegrity_codegen.system.errors import FormulationError
 
 QUANTITIES = ("acceleration", "state_jacobian", "mass_matrix", "equilibrium_matrix")
 MOST_KNOTS = 25
-SHAKING = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
-REACH = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
+ACCELERATION_NOISE = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
+STABLE_STEP = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
 MOST_SUBSTEPS = 1000
 LARGEST = 1e100  # noise whose square is far from the largest double
+LEAST_SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
+GROWTH = 1.0  # [1/s] of the forces: the time in which `disturbance` states their change
+DISTURBED_PART = 0.1  # of the usual forces, by which disturbances change in a second
 
 
 def design_kalman(
@@ -130,7 +131,7 @@ def design_kalman(
     time = np.linspace(0.0, way.duration, _check_knots(knots))
     if only_observable:
         last = linearise_estimate(model, way, way.duration, given, sensing, np.flatnonzero(walk))
-        walk = _leave_out(*last, sensing, walk, sample)
+        walk = _keep_shown_forces(*last, sensing, walk, sample)
     disturbed = np.flatnonzero(walk)
     parts = [linearise_estimate(model, way, now, given, sensing, disturbed) for now in time.tolist()]
     spectrum = np.diag(np.concatenate([np.zeros(len(shake)), shake, walk[disturbed]]) ** 2)
@@ -145,7 +146,7 @@ def design_kalman(
         if hidden:
             _refuse(model.manifest.name, hidden, names, sensing)
         p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
-        gains.append(_correct(p, slope, noise))
+        gains.append(_compute_correction(p, slope, noise))
         covariances.append(p)
         innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
         residuals.append(residual)
@@ -207,7 +208,7 @@ def linearise_estimate(
     return rate, slope
 
 
-def _leave_out(
+def _keep_shown_forces(
     rate: FloatArray, slope: FloatArray, sensing: Sensing, walk: FloatArray, sample: float
 ) -> FloatArray:
     """Return how fast disturbances change, 0 for forces that the sensors do not tell apart."""
@@ -229,7 +230,7 @@ def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tupl
     return a, 0.5 * (w + w.T)
 
 
-def _correct(p: FloatArray, slope: FloatArray, noise: FloatArray) -> FloatArray:
+def _compute_correction(p: FloatArray, slope: FloatArray, noise: FloatArray) -> FloatArray:
     """Return L = P C^T (C P C^T + V)^-1."""
     return compute_gain(p, np.eye(len(p)), slope.T, noise).T
 
@@ -246,8 +247,8 @@ def _read_noise(
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
     force = find_usual_forces(model, motion, given)
     mass = np.diag(_dense(model.compute("mass_matrix", **at)))
-    walk = UNKNOWN * force if disturbance is None else _read(disturbance, n, "disturbance")
-    usual = SHAKING * force / mass
+    walk = DISTURBED_PART * force if disturbance is None else _read(disturbance, n, "disturbance")
+    usual = ACCELERATION_NOISE * force / mass
     shake = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
     return walk, shake
 
@@ -264,7 +265,7 @@ def _check_knots(knots: int) -> int:
 def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
     """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
     fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
-    return min(max(1, math.ceil(fastest * sample / REACH)), MOST_SUBSTEPS)
+    return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MOST_SUBSTEPS)
 
 
 def _dense(matrix: Any) -> FloatArray:
@@ -283,3 +284,59 @@ def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], se
         allowed="sensors that show every motion and disturbance force that does not decay",
         hint="add sensors, or estimate fewer forces (`only_observable=True`) or none (`disturbance=0`)",
     )
+
+
+# Which disturbance forces measurements show: on how many coordinates a filter can estimate one.
+
+
+def find_shown_forces(
+    a: FloatArray, slope: FloatArray, noise: FloatArray, size: FloatArray, sample: float
+) -> NDArray[np.int64]:
+    """Return as many forces as the measurements tell apart, those that they show best.
+
+    Parameters
+    ----------
+    a : ndarray, shape (n + m, n + m)
+        Transition over a sample of n states and m forces that stay constant.
+    slope : ndarray, shape (k, n + m)
+        Derivatives of the measurements.
+    noise : ndarray, shape (k,)
+        Standard deviations of the measurements.
+    size : ndarray, shape (m,)
+        Usual size of each force.
+    sample : float [s]
+        Time of a sample.
+
+    Returns
+    -------
+    ndarray of int
+        Indices of the forces, rising.
+
+    Notes
+    -----
+    Forces that grow like exp(t / 1 s) cause measurements G d, G = C (z - A)^-1 B with z = exp(sample / 1 s).
+    QR decomposition of G with pivots takes one force after the other, each time the one that adds most
+    to what the measurements show already; it ends where the next one adds less than SHOWN of the first.
+    """
+    n = len(a) - len(size)
+    z = np.exp(GROWTH * sample)
+    states = np.linalg.solve(z * np.eye(n) - a[:n, :n], a[:n, n:] * size)
+    _, triangle, order = qr((slope[:, :n] @ states) / noise[:, None], mode="economic", pivoting=True)
+    adds = np.abs(np.diag(triangle))
+    return np.sort(order[: len(adds)][adds > LEAST_SHOWN * adds[0]]).astype(np.int64)
+
+
+# Forces that the tensions of a motion cause, from which estimators take how large disturbances are.
+
+
+def find_usual_forces(model: CompiledModel, motion: Motion, given: Mapping[str, Any]) -> FloatArray:
+    """Return the force of the largest tension on each coordinate, (n_coordinates,) [N or N m].
+
+    given: run-time parameters where they differ from the scene; inputs as one array.
+    """
+    n = motion.coordinate.shape[1]
+    at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
+    matrix = model.compute("equilibrium_matrix", **at)
+    dense = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+    lever: FloatArray = np.linalg.norm(dense, axis=1)
+    return float(np.abs(motion.member_tension).max(initial=0.0)) * lever

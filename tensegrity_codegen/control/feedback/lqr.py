@@ -4,22 +4,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
-from tensegrity_codegen.control.feedback.design.delays import compute_hold, shift_commands
-from tensegrity_codegen.control.feedback.design.effects import check_effects
-from tensegrity_codegen.control.feedback.design.free_motions import name_free_motions
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import build_sample_time, sample_linear_models
-from tensegrity_codegen.control.feedback.design.reachable import (
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
+    build_sample_time,
+    compute_hold,
+    sample_linear_models,
+    shift_commands,
+)
+from tensegrity_codegen.control.feedback.design.riccati import (
     HiddenMode,
     describe_direction,
+    find_stationary,
     find_uncontrolled,
+    name_free_motions,
+    step_back,
 )
-from tensegrity_codegen.control.feedback.design.riccati import find_stationary, step_back
-from tensegrity_codegen.control.feedback.design.weights import read_weight
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -28,11 +31,17 @@ from tensegrity_codegen.runtime.model.require import require_model
 from tensegrity_codegen.runtime.model.state_names import name_states
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.structure.actuators import Actuator
+from tensegrity_codegen.structure.bodies import BodySystem, FixedBody
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
 
 MOST_PAST = 1000  # commands on their way
+SYMMETRIC = 1e-12  # of the largest entry
+SEMIDEFINITE = 1e-12  # of the largest eigenvalue
+NO_EFFECT = 1e-12  # of the largest effect of any actuator
 
 
 def design_lqr(
@@ -231,3 +240,123 @@ def _refuse(
 
 def _tell(value: complex) -> str:
     return f"{value.real:.6g}" if abs(value.imag) < 1e-9 else f"{value:.6g}"
+
+
+# Weights of quadratic objectives, checked: size, symmetry, definiteness.
+
+
+def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite: bool) -> FloatArray:
+    """Return a weight as a symmetric matrix.
+
+    Parameters
+    ----------
+    value : array_like, shape (size, size) or (size,)
+        The matrix, or its diagonal.
+    size : int
+        Number of the weighted numbers.
+    where : str
+        Name of the argument, for errors.
+    over : str
+        What is weighted, for errors.
+    definite : bool
+        Whether it must be positive definite; else positive semidefinite.
+
+    Returns
+    -------
+    ndarray, shape (size, size)
+        The matrix.
+
+    Raises
+    ------
+    InvalidValueError
+        Another size, not symmetric, or not positive (semi)definite.
+    NonFiniteError
+        A number that is not finite.
+    """
+    allowed = f"shape ({size}, {size}), or ({size},) for a diagonal: {over}"
+    given = to_doubles(value, where, allowed)
+    if given.shape not in ((size, size), (size,)):
+        raise InvalidValueError(
+            "the weight has another size", where=where, given=given.shape, allowed=allowed
+        )
+    check_finite(given, where)
+    matrix = np.diag(given) if given.ndim == 1 else given
+    scale = float(np.abs(matrix).max(initial=0.0))
+    gap = np.abs(matrix - matrix.T)
+    if gap.max(initial=0.0) > SYMMETRIC * scale:
+        i, j = (int(k) for k in np.unravel_index(int(gap.argmax()), gap.shape))
+        raise InvalidValueError(
+            "the weight is not symmetric",
+            where=where,
+            given=f"{float(matrix[i, j])!r} at ({i}, {j}), {float(matrix[j, i])!r} at ({j}, {i})",
+            allowed="a symmetric matrix",
+            hint=f"({where} + {where}.T) / 2",
+        )
+    matrix = 0.5 * (matrix + matrix.T)
+    values = np.linalg.eigvalsh(matrix) if size else np.zeros(0)
+    least = float(values.min(initial=np.inf))
+    bound = SEMIDEFINITE * float(np.abs(values).max(initial=0.0))
+    if least <= bound if definite else least < -bound:
+        raise InvalidValueError(
+            f"the weight is not positive {'definite' if definite else 'semidefinite'}",
+            where=where,
+            given=f"smallest eigenvalue {least:.3g}",
+            allowed="eigenvalues > 0" if definite else "eigenvalues >= 0",
+        )
+    return matrix
+
+
+# Actuators that cannot do their work: cables between fixed points, cables without force.
+
+
+def list_actuators(model: CompiledModel, names: Sequence[str]) -> tuple[Actuator | None, ...]:
+    """Return the scene's actuators of these inputs, None for an input that is no actuator."""
+    known = () if model.structure is None else model.structure.actuators
+    by_name = {item.name: item for item in known}
+    return tuple(by_name.get(name) for name in names)
+
+
+def check_effects(model: CompiledModel, gain: FloatArray, names: Sequence[str]) -> None:
+    """Raise InvalidValueError for an actuator that changes nothing along a whole motion.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure, which names the reason.
+    gain : ndarray, shape (n_t, n_states, n_actuators)
+        Derivatives of the state's rate by the actuators' inputs.
+    names : sequence of str
+        Names of the actuators.
+    """
+    size = np.abs(gain).max(axis=(0, 1), initial=0.0)
+    idle = np.flatnonzero(size <= NO_EFFECT * size.max(initial=0.0))
+    if not idle.size:
+        return
+    chosen = [names[int(k)] for k in idle]
+    actuator = list_actuators(model, chosen)[0]
+    reason = _find_reason(model, actuator)
+    raise InvalidValueError(
+        "an actuator has no effect",
+        where=f"actuators.{chosen[0]}",
+        given=", ".join(chosen),
+        allowed="actuators that move the structure",
+        hint=f"{reason}: remove it from the actuators",
+    )
+
+
+def _find_reason(model: CompiledModel, actuator: Actuator | None) -> str:
+    structure = model.structure
+    if actuator is None or structure is None:
+        return "the accelerations do not depend on it"
+    names = ", ".join(structure.member_name[e] for e in actuator.members)
+    ends = structure.connectivity[list(actuator.members)]
+    if _find_fixed(structure)[ends].all():
+        return f"{names} connects points that cannot move"
+    return f"{names} is slack during the whole motion, or its force has no component along a coordinate"
+
+
+def _find_fixed(structure: Structure | BodySystem) -> NDArray[np.bool_]:
+    """Return which nodes cannot move, (n_nodes,)."""
+    if isinstance(structure, BodySystem):
+        return np.array([isinstance(structure.bodies[k], FixedBody) for k in structure.node_body.tolist()])
+    return np.asarray(structure.node_anchored[:, list(structure.axes)].all(axis=1))

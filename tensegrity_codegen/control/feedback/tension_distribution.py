@@ -9,8 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
-from tensegrity_codegen.control.feedback.loop.cable_tensions import CableTensions, find_cables
-from tensegrity_codegen.control.feedback.loop.tension_program import TensionLine, TensionProgram
+from tensegrity_codegen.control.feedback.loop.cable_tensions import (
+    CableTensions,
+    TensionLine,
+    TensionProgram,
+    find_cables,
+)
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
 from tensegrity_codegen.runtime.model.arrays import to_each
 from tensegrity_codegen.runtime.model.model import CompiledModel

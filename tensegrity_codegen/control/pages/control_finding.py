@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 
-from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
+from tensegrity_codegen.control.feedback.study.control_study import ControlStudy, count_worse
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
-from tensegrity_codegen.control.feedback.study.study_warnings import count_worse
 from tensegrity_codegen.control.pages.control_studies import LIMIT_NAMES, LOOP_NAMES
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.joined_series import join_names

@@ -3,8 +3,7 @@
 import numpy as np
 
 from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
-from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
-from tensegrity_codegen.control.feedback.study.run_measures import find_cables
+from tensegrity_codegen.control.feedback.study.loop_result import LoopResult, find_cables
 from tensegrity_codegen.control.pages.control_figures import (
     build_commands,
     build_errors,

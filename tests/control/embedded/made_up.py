@@ -7,14 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.build_controller import build_controller
-from tensegrity_codegen.control.feedback.design.delays import split_delays
-from tensegrity_codegen.control.feedback.design.estimator import Estimator
+from tensegrity_codegen.control.feedback.design.estimator import Estimator, find_sensing
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.sensing import find_sensing
-from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
-from tensegrity_codegen.control.feedback.loop.controller import Controller
-from tensegrity_codegen.control.feedback.loop.delayed_inputs import DelayedInputs
-from tensegrity_codegen.control.feedback.loop.filter import Filter
+from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
+from tensegrity_codegen.control.feedback.loop.actuator_bounds import DelayedInputs, find_bounds
+from tensegrity_codegen.control.feedback.loop.controller import Controller, Filter
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.state_names import name_states

@@ -11,9 +11,9 @@ import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle, build_controller
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.compile_scene import compile_scene

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
-from tensegrity_codegen.control.feedback.loop.disturbances import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.time_motion import time_motion
 from tensegrity_codegen.control.planning.plan import plan

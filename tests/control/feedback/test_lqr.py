@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete
 from tensegrity_codegen import compile_scene, find_equilibrium
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.control.feedback.design.linear_samples import sample_linear_models
-from tensegrity_codegen.control.feedback.design.reachable import describe_direction, find_uncontrolled
+from tensegrity_codegen.control.feedback.design.riccati import describe_direction, find_uncontrolled
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion

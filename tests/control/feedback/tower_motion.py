@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
-from tensegrity_codegen.control.feedback.loop.disturbances import Gust
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.pipeline.analyses import want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
-from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures
-from tensegrity_codegen.control.feedback.study.study_warnings import find_low_tensions
+from tensegrity_codegen.control.feedback.study.control_study import find_low_tensions
+from tensegrity_codegen.control.feedback.study.loop_result import LoopResult, RunMeasures
 from tensegrity_codegen.control.pages.control_finding import describe_control_finding, find_least_bound
 from tensegrity_codegen.structure.limits import Limits
 

@@ -1,25 +1,33 @@
-"""Linear models along a motion, sampled exactly: x[k+1] = A[k] x[k] + B[k] u[k] for constant inputs."""
+"""Linear models along a motion, sampled exactly: x[k+1] = A[k] x[k] + B[k] u[k] for constant inputs.
+
+With actuators that answer late, and equilibria as motions that stay there.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
-from tensegrity_codegen.control.feedback.design.delays import hold_delayed
+from tensegrity_codegen.control.planning.actuation import find_actuation
+from tensegrity_codegen.control.planning.plan_point import PlanModel
+from tensegrity_codegen.runtime.model.arrays import check_shape, to_sized
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.checks import check_instance, check_positive
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 LINEAR_QUANTITIES = ("state_jacobian", "input_jacobian")
 MOST_SAMPLES = 100_000
-SAME = 1e-9  # of a sample, by which rounding may have the duration exceed whole samples
+ROUNDING = 1e-9  # of a sample, by which delays and durations may differ from whole samples
+FOUND_STATUSES = ("converged", "rounding_limited")
 
 
 @dataclass(frozen=True)
@@ -125,14 +133,14 @@ def build_sample_time(motion: Motion, sample: float) -> FloatArray:
     """
     check_positive(sample, "sample", "[s]")
     count = motion.duration / sample
-    if count > MOST_SAMPLES or count < 1.0 - SAME:
+    if count > MOST_SAMPLES or count < 1.0 - ROUNDING:
         raise InvalidValueError(
             "the sample time does not fit the motion",
             where="sample",
             given=f"{sample!r} s, motion of {motion.duration:g} s",
             allowed=f"{motion.duration / MOST_SAMPLES:.3g} to {motion.duration:g} s",
         )
-    return sample * np.arange(int(np.ceil(count - SAME)) + 1, dtype=float)
+    return sample * np.arange(int(np.ceil(count - ROUNDING)) + 1, dtype=float)
 
 
 def check_independent(model: Described) -> None:
@@ -161,3 +169,158 @@ def check_motion(model: Described, motion: Motion) -> None:
             given=f"{motion.coordinate.shape[1]} coordinates, inputs {names}",
             allowed=f"{n} coordinates and the {m} inputs of {model.manifest.name}",
         )
+
+
+# Delays of actuators in samples, and linear models in which commands arrive late.
+
+
+def split_delays(delay: FloatArray, sample: float) -> tuple[IntArray, FloatArray, IntArray]:
+    """Return the whole samples of delays, their rests [s], and how many commands are on their way, (n,) each.
+
+    The command of a sample acts from its rest in the sample that begins so many samples later.
+    """
+    share = delay / sample
+    whole = np.floor(share + ROUNDING)
+    rest = np.where(share - whole > ROUNDING, share - whole, 0.0) * sample
+    back = whole.astype(np.int64)
+    return back, rest, back + (rest > 0.0)
+
+
+def compute_hold(rate: FloatArray, gain: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
+    """Return the transition over one sample for a constant input.
+
+    Parameters
+    ----------
+    rate, gain : ndarray, shape (n, n) and (n, m)
+        x' = rate x + gain u.
+    sample : float [s]
+        Sample time.
+
+    Returns
+    -------
+    A, B : ndarray
+        x[k+1] = A x[k] + B u[k], same shapes.
+    """
+    n, m = gain.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = rate, gain
+    whole = expm(sample * block)
+    return whole[:n, :n], whole[:n, n:]
+
+
+def hold_delayed(
+    rate: FloatArray, gain: FloatArray, sample: float, delay: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the transition over one sample for commands that arrive after delays and are held.
+
+    Parameters
+    ----------
+    rate, gain : ndarray, shape (n, n) and (n, m)
+        x' = rate x + gain u.
+    sample : float [s]
+        Sample time.
+    delay : ndarray, shape (m,) [s]
+        Delay of each input.
+
+    Returns
+    -------
+    A, B, P : ndarray, shape (n, n), (n, m) and (n, n_past)
+        x[k+1] = A x[k] + B c[k] + P p[k], with c[k] the commands of the sample and p[k] those that are on
+        their way: of each input the latest first. Exact.
+    """
+    a, now = compute_hold(rate, gain, sample)
+    back, rest, count = split_delays(delay, sample)
+    past = np.zeros((len(a), int(count.sum())))
+    first = np.cumsum(count) - count
+    for part in np.unique(rest).tolist():
+        chosen = np.flatnonzero((rest == part) & (count > 0))
+        late = compute_hold(rate, gain[:, chosen], sample - part)[1] if part > 0.0 else now[:, chosen]
+        early = now[:, chosen] - late
+        for u, from_rest, to_rest in zip(chosen.tolist(), late.T, early.T, strict=True):
+            now[:, u] = from_rest if back[u] == 0 else 0.0
+            if back[u] > 0:
+                past[:, first[u] + back[u] - 1] = from_rest
+            if part > 0.0:
+                past[:, first[u] + back[u]] = to_rest
+    return a, now, past
+
+
+def shift_commands(delay: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
+    """Return by which matrices commands on their way follow from those before and the new ones.
+
+    Returns
+    -------
+    shift, enter : ndarray, shape (n_past, n_past) and (n_past, m)
+        p[k+1] = shift p[k] + enter c[k].
+    """
+    count = split_delays(delay, sample)[2]
+    size = int(count.sum())
+    first = (np.cumsum(count) - count)[count > 0]
+    shift, enter = np.eye(size, k=-1), np.zeros((size, len(delay)))
+    shift[first] = 0.0
+    enter[first, np.flatnonzero(count)] = 1.0
+    return shift, enter
+
+
+# An equilibrium as a motion: at rest, with constant inputs.
+
+
+def build_rest(
+    model: CompiledModel,
+    equilibrium: Equilibrium,
+    duration: float = 1.0,
+    arguments: Mapping[str, Any] | None = None,
+    actuators: Sequence[str] | None = None,
+) -> Motion:
+    """Return the motion that stays at an equilibrium.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With its structure, which has actuators.
+    equilibrium : Equilibrium
+        As of find_equilibrium, with the same arguments.
+    duration : float [s]
+        Time of the last knot.
+    arguments : mapping, optional
+        Inputs and run-time parameters where they differ from the scene.
+    actuators : sequence of str, optional
+        Names of the actuators that may move; by default all of the scene.
+
+    Returns
+    -------
+    Motion
+        Two knots.
+
+    Raises
+    ------
+    InvalidValueError
+        The equilibrium was not found, or is one of another model; the duration is no number > 0.
+    StructureError
+        The structure has no actuators.
+    """
+    check_instance(equilibrium, Equilibrium, "motion", "a Motion of time_motion, or an Equilibrium")
+    if equilibrium.status not in FOUND_STATUSES:
+        raise InvalidValueError(
+            "not an equilibrium", where="motion", given=equilibrium.status, allowed=", ".join(FOUND_STATUSES)
+        )
+    check_positive(duration, "duration", "[s]")
+    check_shape(equilibrium.coordinate, (len(model.manifest.coordinate_name),), "motion.coordinate")
+    actuation = find_actuation(model, actuators)
+    given = merge_inputs(model.manifest, arguments)
+    nominal = model.nominal(INPUT)
+    value = to_sized(given.get(INPUT, nominal), nominal.shape, f"arguments.{INPUT}").ravel()
+    still = np.zeros((2, len(equilibrium.coordinate)))
+    rest = PlanModel(model, actuation, arguments).rest_length(value[actuation.place])
+    return Motion(
+        time=np.array([0.0, duration]),
+        coordinate=np.array([equilibrium.coordinate] * 2),
+        velocity=still,
+        acceleration=still,
+        rest_length=np.array([rest] * 2),
+        input=np.array([value] * 2),
+        member_tension=np.array([equilibrium.member_tension] * 2),
+        peak_rate=np.zeros(len(rest)),
+        actuators=actuation.names,
+        input_name=model.manifest.input_name,
+    )

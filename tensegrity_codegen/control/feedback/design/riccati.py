@@ -1,14 +1,29 @@
-"""Discrete Riccati equations: the stationary solution, and the recursion backwards from it."""
+"""Discrete Riccati equations, and the modes that inputs do not change or outputs do not show."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_discrete_are
 
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.statics.neutral_motion import NeutralMotions
+from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
 RESIDUAL = 1e-10  # of |P|
 MOST_POLISHING = 20
-MOST_DOUBLINGS, DOUBLED = 60, 1e-15
+MOST_DOUBLINGS, DOUBLING_TOLERANCE = 60, 1e-15
+RANK = 1e-9  # singular value over the largest, up to which a direction is lost
+UNSTABLE = 1.0 - 1e-7  # modulus from which on a mode does not decay by itself
+NEAR_ONE = 1e-5
+NAMED_SHARE = 0.05  # of the largest part, from which on a state is named
+N_NAMED = 6
+NO_EFFECT = 1e-9  # of the largest effect of any actuator
 
 
 def compute_gain(p: FloatArray, a: FloatArray, b: FloatArray, r: FloatArray) -> FloatArray:
@@ -76,9 +91,9 @@ def find_stationary(
     stabilise the system (an unstable motion without weight), the ordered QZ decomposition of SciPy. Then the
     recursion itself, which contracts towards P.
     """
-    p = _double(a, b, q, r)
+    p = _solve_by_doubling(a, b, q, r)
     if p is None or not _is_stable(a - b @ compute_gain(p, a, b, r)):
-        p = _decompose(a, b, q, r, where)
+        p = _solve_by_decomposition(a, b, q, r, where)
     best, residual = p, np.inf
     for _ in range(MOST_POLISHING):
         following, _ = step_back(p, a, b, q, r)
@@ -98,7 +113,7 @@ def find_stationary(
     return best, residual
 
 
-def _double(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray | None:
+def _solve_by_doubling(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray | None:
     """Return the limit of the recursion from P = 0 backwards by doubling; None where it has none."""
     n = len(a)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -119,7 +134,7 @@ def _double(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> Float
         if not all(np.isfinite(item).all() for item in (cost, reach, through)):
             return None
         size = float(np.abs(cost).max())
-        if np.abs(added).max() <= DOUBLED * size:
+        if np.abs(added).max() <= DOUBLING_TOLERANCE * size:
             return cost
     return None
 
@@ -128,7 +143,9 @@ def _is_stable(closed: FloatArray) -> bool:
     return bool(np.abs(np.linalg.eigvals(closed)).max(initial=0.0) < 1.0)
 
 
-def _decompose(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, where: str) -> FloatArray:
+def _solve_by_decomposition(
+    a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, where: str
+) -> FloatArray:
     """Return the stabilising solution by the QZ decomposition; raises ConvergenceError without one."""
     try:
         p = np.asarray(solve_discrete_are(a, b, q, r), dtype=np.float64)
@@ -140,3 +157,150 @@ def _decompose(a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, where
             hint="give all states a weight, or scale the weights nearer to each other",
         ) from error
     return 0.5 * (p + p.T)
+
+
+# Which modes of a sampled linear model inputs can change, and which outputs can show: rank tests.
+#
+# A mode with eigenvalue z is stabilisable if [z 1 - A, B] has full rank, and detectable if [z 1 - A; C] has
+# (M. L. J. Hautus, "Controllability and observability conditions of linear autonomous systems", Indagationes
+# Mathematicae 31, 1969). Only modes with |z| >= 1 need to be either. Whether a number counts as zero depends
+# on the units of the states, which differ (m, rad, m/s, sums of errors): rows are scaled to unit norm first.
+
+
+@dataclass(frozen=True)
+class HiddenMode:
+    """A mode that inputs do not change, or outputs do not show.
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        Of the sampled system; modulus 1 or more does not decay.
+    direction : ndarray, shape (n_states,)
+        Unit vector of the states that take part.
+    rank, size : int
+        Rank of the test matrix, and the rank that it should have.
+    """
+
+    eigenvalue: complex
+    direction: FloatArray
+    rank: int
+    size: int
+
+
+def find_uncontrolled(a: FloatArray, b: FloatArray) -> list[HiddenMode]:
+    """Return the modes that do not decay and that no input changes.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (n, n) and (n, m)
+        x[k+1] = a x[k] + b u[k].
+
+    Returns
+    -------
+    list of HiddenMode
+        Empty if the system is stabilisable.
+    """
+    return _test(a.T, b.T)
+
+
+def find_unobserved(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
+    """Return the modes that do not decay and that no output shows.
+
+    Parameters
+    ----------
+    a, c : ndarray, shape (n, n) and (k, n)
+        x[k+1] = a x[k], y = c x.
+
+    Returns
+    -------
+    list of HiddenMode
+        Empty if the system is detectable.
+    """
+    return _test(a, c)
+
+
+def describe_direction(direction: FloatArray, names: Sequence[str]) -> str:
+    """Return the largest parts of a direction in words, such as "0.71 top_x - 0.71 top_y"."""
+    size = np.abs(direction)
+    order = [int(k) for k in np.argsort(-size, kind="stable") if size[k] >= NAMED_SHARE * size.max()]
+    if not order:
+        return "none"
+    turned = direction * np.sign(direction[order[0]])
+    words = " ".join(f"{'+-'[int(turned[k] < 0)]} {abs(turned[k]):.2g} {names[k]}" for k in order[:N_NAMED])
+    return words.removeprefix("+ ") + (f" and {len(order) - N_NAMED} more" if len(order) > N_NAMED else "")
+
+
+def _test(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
+    n = len(a)
+    norm = np.linalg.norm(c, axis=1)
+    rows = c[norm > 0.0] / norm[norm > 0.0][:, None]
+    found: list[HiddenMode] = []
+    values = np.linalg.eigvals(a)
+    chosen = values[(np.abs(values) >= UNSTABLE) & (values.imag >= 0.0)]
+    chosen[np.abs(chosen - 1.0) < NEAR_ONE] = 1.0  # rounding splits the double eigenvalue of a free motion
+    for value in _distinct(chosen):
+        matrix = np.vstack([value * np.eye(n) - a, rows])
+        _, singular, right = np.linalg.svd(matrix)
+        rank = int((singular > RANK * singular[0]).sum())
+        for vector in right[rank:].conj():
+            whole = np.concatenate([vector.real, vector.imag])
+            half = whole[:n] if np.linalg.norm(whole[:n]) >= np.linalg.norm(whole[n:]) else whole[n:]
+            found.append(HiddenMode(complex(value), half / np.linalg.norm(half), rank, n))
+    return found
+
+
+def _distinct(values: NDArray[np.complex128]) -> list[complex]:
+    """Return the values, of those that differ by rounding only one."""
+    kept: list[complex] = []
+    for value in values.tolist():
+        if all(abs(value - other) > 1e-6 for other in kept):
+            kept.append(value)
+    return kept
+
+
+# Rigid motions of a whole structure that its actuators cannot change.
+
+
+def name_free_motions(
+    model: CompiledModel, coordinate: FloatArray, gain: FloatArray, arguments: Mapping[str, Any]
+) -> tuple[str, ...]:
+    """Return the rigid motions that no actuator changes, such as "slide along x".
+
+    Parameters
+    ----------
+    model : CompiledModel
+        With `mass_matrix`; of bodies none are found.
+    coordinate : ndarray, shape (n_coordinates,)
+        Configuration.
+    gain : ndarray, shape (n_coordinates, n_actuators)
+        Derivatives of the accelerations by the actuators' inputs.
+    arguments : mapping
+        Run-time parameters where they differ from the scene.
+
+    Returns
+    -------
+    tuple of str
+        Names; empty where the anchors permit no rigid motion.
+
+    Notes
+    -----
+    Rigid motions R for which R^T M gain = 0: internal forces change neither momentum.
+    """
+    manifest = model.manifest
+    if not manifest.coordinate_node_axis or not model.has("mass_matrix"):
+        return ()
+    position = place_nodes(model, coordinate, arguments.get("anchor_position"), arguments=arguments)
+    rigid = build_rigid_motions(manifest, position)
+    mass = model.compute("mass_matrix", **{**arguments, "coordinate": coordinate})
+    effect = rigid.T @ (mass @ gain)
+    scale = np.linalg.norm(mass @ gain)
+    left, size, _ = np.linalg.svd(effect)
+    rank = int((size > NO_EFFECT * scale).sum())
+    free = rigid @ left[:, rank:]
+    velocity = np.zeros((len(position), 3, free.shape[1]))
+    node, axis = manifest.coordinate_place.T
+    velocity[node, axis] = free
+    local = position - position.mean(axis=0)
+    whole = np.array([(np.cross(turn[:3], local) + turn[3:]).ravel() for turn in np.eye(6)]).T
+    twist = np.linalg.lstsq(whole, velocity.reshape(-1, free.shape[1]), rcond=None)[0].T
+    return NeutralMotions(position.mean(axis=0), twist, np.zeros((len(position), 3, 0))).names

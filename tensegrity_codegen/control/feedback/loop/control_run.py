@@ -1,16 +1,24 @@
-"""The record of a simulated closed loop."""
+"""The record of a simulated closed loop, and its comparison with the same loop without feedback."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.placement import place_nodes
+from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.frozen import freeze_fields
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.summaries import Summarised
+from tensegrity_codegen.tables.manifest import Manifest
+
+COMPARED_PART = 1.0 / 6.0  # of the simulated time, in which errors are compared
+LEAST_WORSE = 0.005  # of the size of the structure, by which a loop may end further away than the open loop
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,3 +120,136 @@ class ControlRun(Summarised):
         """Return the arrays by name, with the names of actuators, coordinates and members."""
         kept = {name: value for name, value in vars(self).items() if name != "warnings"}
         return {name: np.asarray(value) for name, value in kept.items() if value is not None}
+
+
+# From the arrays of a simulated loop to its record.
+
+
+def build_run(
+    manifest: Manifest,
+    motion: Motion,
+    sample: float,
+    *,
+    state: FloatArray,
+    command: FloatArray,
+    input: FloatArray,
+    tension: FloatArray,
+    known: FloatArray | None,
+    statuses: Sequence[str],
+    word: str,
+    yielding: NDArray[np.bool_] | None = None,
+) -> ControlRun:
+    """Return the record of a run.
+
+    Parameters
+    ----------
+    manifest : Manifest
+        Of the simulated model.
+    motion : Motion
+        The motion to hold.
+    sample : float [s]
+        Time between two commands.
+    state : ndarray, shape (n_t, n_states)
+        Coordinates and velocities at the samples.
+    command, input : ndarray, shape (n_t - 1, n_actuators) and (n_t - 1, n_inputs)
+        Of each sample.
+    tension : ndarray, shape (n_t, n_members) [N]
+        Tensions at the samples.
+    known : ndarray, shape (n_t - 1, n_states + n_coordinates), or None
+        Estimated states and disturbance forces, with an estimator.
+    statuses : sequence of str
+        Status of each step.
+    word : str
+        ``"ok"``, or why the run ended.
+    yielding : ndarray of bool, shape (n_t - 1, n_members), optional
+        Members whose least tension yields.
+
+    Returns
+    -------
+    ControlRun
+        The record.
+    """
+    n_t, n = len(state), len(manifest.coordinate_name)
+    time = sample * np.arange(n_t, dtype=float)
+    goal = np.array([motion.at(float(now)).coordinate for now in time])
+    limited = sum(status != "ok" for status in statuses)
+    is_ok, has_known = word == "ok", known is not None and len(known) > 0
+    return ControlRun(
+        status="ok" if is_ok else "unstable",
+        message=f"{n_t - 1} samples, {limited} limited" if is_ok else f"{word} at {time[-1]:.6g} s",
+        time=time,
+        coordinate=state[:, :n],
+        velocity=state[:, n:],
+        error=state[:, :n] - goal,
+        command=command.reshape(n_t - 1, len(motion.actuators)),
+        input=input.reshape(n_t - 1, len(manifest.input_name)),
+        member_tension=tension,
+        estimate=known[:, : 2 * n] if known is not None and has_known else None,
+        disturbance=known[:, 2 * n :] if known is not None and has_known else None,
+        step_status=tuple(statuses),
+        actuators=motion.actuators,
+        coordinate_name=manifest.coordinate_name,
+        member_name=manifest.member_name,
+        yielding=yielding,
+    )
+
+
+# Simulated loops beside the same ones without feedback: which one ends nearer to the motion.
+
+
+def compare_with_open_loop(
+    model: CompiledModel, motion: Motion, run: ControlRun, run_open: Callable[[], ControlRun]
+) -> ControlRun:
+    """Return a run with the status ``"does_not_hold"`` where it ends further away than the open loop.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        The model that was simulated.
+    motion : Motion
+        The motion.
+    run : ControlRun
+        The run with feedback.
+    run_open : callable
+        Simulates the same draw without feedback, where the error at the end is large enough to need it.
+
+    Returns
+    -------
+    ControlRun
+        The run; its message has both errors where they were compared.
+    """
+    if run.status != "ok":
+        return run
+    position = place_nodes(model, motion.coordinate[0])
+    most = LEAST_WORSE * float(np.ptp(position, axis=0).max(initial=0.0))
+    error = _find_end_error(model, run)
+    if error <= most:
+        return run
+    other = run_open()
+    if other.status != "ok":
+        return run
+    without = _find_end_error(model, other)
+    message = (
+        f"{run.message}; at the end {1000 * error:.3g} mm from the motion, {1000 * without:.3g} mm without "
+        "feedback"
+    )
+    return replace(run, status="does_not_hold" if error > without + most else "ok", message=message)
+
+
+def find_displacement(model: CompiledModel, run: ControlRun, since: float = 0.0) -> FloatArray:
+    """Return the distance of each node from the motion at the samples from a time [s] on, (n_t, n_nodes)."""
+    rows = run.time >= since - 1e-12
+    coordinate, error = run.coordinate[rows], run.error[rows]
+    if model.manifest.coordinate_node_axis:
+        moved = np.zeros((len(error), len(model.manifest.node_name), 3))
+        node, axis = model.manifest.coordinate_place.T
+        moved[:, node, axis] = error
+        return np.asarray(np.linalg.norm(moved, axis=2))
+    pairs = zip(coordinate, error, strict=True)
+    away = [np.linalg.norm(place_nodes(model, q) - place_nodes(model, q - e), axis=1) for q, e in pairs]
+    return np.array(away)
+
+
+def _find_end_error(model: CompiledModel, run: ControlRun) -> float:
+    """Return the largest distance of a node from the motion at the end [m]."""
+    return float(find_displacement(model, run, (1.0 - COMPARED_PART) * float(run.time[-1])).max())

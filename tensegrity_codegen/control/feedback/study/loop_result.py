@@ -1,16 +1,130 @@
-"""One loop of a study over all draws."""
+"""Results of loops: errors, tensions, limits and statuses of one run, and of all draws of a study."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
-from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures
-from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.control.feedback.loop.control_run import ControlRun, find_displacement
+from tensegrity_codegen.control.feedback.study.tuning import find_angles
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.structure.limits import Limits
+from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
+ROUNDING = 1e-6  # of a limit, by which it may be exceeded
 OPEN = "open"
 LOOPS = (OPEN, "true_state", "estimator")
+
+
+@dataclass(frozen=True)
+class RunMeasures:
+    """Measures of one run; those of the end are over the last part of the time.
+
+    status: of the run; end_error, peak_error [m]: largest distance of a node from the motion, at the end and
+    at all; end_angle [rad]: largest error of an angle at the end, nan without angles; end_node: the node;
+    least_tension [N], least_member: of cables over all times; end_tension [N]: at the end;
+    broken: limits of the scene that are exceeded at the end, with the members; steps: number of commands of
+    each status; command_peak [m/s]: largest rate of the commands.
+    """
+
+    status: str
+    end_error: float
+    peak_error: float
+    end_angle: float
+    end_node: str
+    least_tension: float
+    least_member: str
+    end_tension: float
+    broken: Mapping[str, tuple[str, ...]]
+    steps: Mapping[str, int]
+    command_peak: float
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the simulation stopped."""
+        return self.status not in ("ok", "does_not_hold")
+
+
+def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasures:
+    """Return the measures of a run.
+
+    Parameters
+    ----------
+    model : CompiledModel
+        The model that was simulated.
+    run : ControlRun
+        The run; where it stopped, its end is that time.
+    last : float [s]
+        Time before the end that counts as the end.
+
+    Returns
+    -------
+    RunMeasures
+        Errors, tensions, limits, statuses.
+    """
+    away = find_displacement(model, run)
+    ending = run.time >= run.time[-1] - last - 1e-12
+    angles = find_angles(model)
+    tension = run.member_tension
+    cables = find_cables(model)
+    step, node = np.unravel_index(int(away[ending].argmax()), away[ending].shape)
+    least, member, end = np.nan, "", np.nan
+    if len(cables):
+        least = float(tension[:, cables].min())
+        member = run.member_name[int(cables[tension[:, cables].min(axis=0).argmin()])]
+        end = float(tension[ending][:, cables].min())
+    rates = (
+        np.diff(run.command, axis=0) / (run.time[1] - run.time[0]) if len(run.command) > 1 else np.zeros(1)
+    )
+    return RunMeasures(
+        status=run.status,
+        end_error=float(away[ending][step, node]),
+        peak_error=float(away.max()),
+        end_angle=float(np.abs(run.error[ending][:, angles]).max()) if angles.any() else np.nan,
+        end_node=model.manifest.node_name[int(node)],
+        least_tension=least,
+        least_member=member,
+        end_tension=end,
+        broken=_find_broken(model, run, ending),
+        steps=dict(Counter(run.step_status)),
+        command_peak=float(np.abs(rates).max(initial=0.0)),
+    )
+
+
+def find_cables(model: CompiledModel) -> NDArray[np.int64]:
+    """Return the indices of the members that carry tension only."""
+    structure = model.structure
+    found = np.zeros(0) if structure is None else np.asarray(structure.tension_only)
+    return np.flatnonzero(found).astype(np.int64)
+
+
+def _find_broken(model: CompiledModel, run: ControlRun, ending: BoolArray) -> dict[str, tuple[str, ...]]:
+    """Return the limits of tensions and clearance that are exceeded at the end."""
+    structure = model.structure
+    if structure is None:
+        return {}
+    limits: Limits = structure.limits
+    tension = run.member_tension[ending]
+    tests = {
+        "least_tension": tension.min(axis=0) < limits.least_tension - ROUNDING * np.abs(limits.least_tension),
+        "most_tension": tension.max(axis=0) > limits.most_tension + ROUNDING * np.abs(limits.most_tension),
+    }
+    found = {
+        name: tuple(run.member_name[e] for e in np.flatnonzero(rows))
+        for name, rows in tests.items()
+        if rows.any()
+    }
+    if np.isfinite(limits.clearance) and model.has("bar_distance"):
+        pairs = np.array([model.compute("bar_distance", coordinate=q) for q in run.coordinate[ending]])
+        near = np.flatnonzero(pairs.min(axis=0) < limits.clearance)
+        if len(near):
+            found["clearance"] = tuple(" and ".join(model.manifest.bar_pair[k]) for k in near)
+    return found
+
+
+# One loop of a study over all draws.
 
 
 @dataclass(frozen=True, eq=False)

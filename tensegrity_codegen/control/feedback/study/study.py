@@ -7,31 +7,40 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
-from tensegrity_codegen.control.feedback.design.at_rest import build_rest
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
+from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
 from tensegrity_codegen.control.feedback.lqr import design_lqr
-from tensegrity_codegen.control.feedback.study.calm_estimator import design_calm_estimator
-from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
-from tensegrity_codegen.control.feedback.study.linear_loop import build_linear_loop, find_margins
-from tensegrity_codegen.control.feedback.study.loop_result import LOOPS, OPEN, LoopResult
-from tensegrity_codegen.control.feedback.study.run_measures import RunMeasures, measure_run
+from tensegrity_codegen.control.feedback.study.control_study import (
+    ControlStudy,
+    find_time_constants,
+    judge_study,
+)
+from tensegrity_codegen.control.feedback.study.linear_loop import (
+    build_linear_loop,
+    design_slow_estimator,
+    find_margins,
+)
+from tensegrity_codegen.control.feedback.study.loop_result import (
+    LOOPS,
+    OPEN,
+    LoopResult,
+    RunMeasures,
+    measure_run,
+)
 from tensegrity_codegen.control.feedback.study.stated_errors import (
+    HELD_TIME,
     DrawnErrors,
     StatedErrors,
     check_errors,
-    draw_errors,
-)
-from tensegrity_codegen.control.feedback.study.study_times import (
-    HELD,
     check_gust_times,
     check_times,
+    draw_errors,
     find_default_times,
     read_times,
 )
-from tensegrity_codegen.control.feedback.study.study_warnings import find_time_constants, judge_study
 from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -141,7 +150,7 @@ def study_control(
     check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")
     check_callback(batch, "batch")
     check_callback(progress, "progress")
-    held = HELD if t_end is None else t_end
+    held = HELD_TIME if t_end is None else t_end
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     given = merge_inputs(model.manifest, arguments)
     chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
@@ -277,7 +286,7 @@ def _find_estimator(
     check_choice(estimator, (SENSORS,), "estimator", "estimator")
     if model.structure is None or not model.structure.sensors:
         return None, None
-    return design_calm_estimator(model, motion, gains, tuning.scales, arguments=arguments)
+    return design_slow_estimator(model, motion, gains, tuning.scales, arguments=arguments)
 
 
 def _rank(row: RunMeasures) -> float:

@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import ControlStudy, Gust, RandomGust, StatedErrors, simulate_control, study_control
-from tensegrity_codegen.control.feedback.loop.compare_runs import find_displacement
-from tensegrity_codegen.control.feedback.study.linear_loop import Margins
-from tensegrity_codegen.control.feedback.study.scales import find_scales
-from tensegrity_codegen.control.feedback.study.stated_errors import draw_errors
-from tensegrity_codegen.control.feedback.study.study_times import find_default_times
-from tensegrity_codegen.control.feedback.study.study_warnings import (
+from tensegrity_codegen.control.feedback.loop.control_run import find_displacement
+from tensegrity_codegen.control.feedback.study.control_study import (
     count_worse,
     find_margin_warnings,
     find_warnings,
     judge_study,
 )
-from tensegrity_codegen.control.feedback.study.tuning import choose_weights
+from tensegrity_codegen.control.feedback.study.linear_loop import Margins
+from tensegrity_codegen.control.feedback.study.stated_errors import draw_errors, find_default_times
+from tensegrity_codegen.control.feedback.study.tuning import choose_weights, find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.records.timed_motion import Motion

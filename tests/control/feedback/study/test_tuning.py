@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen import choose_weights, compile_scene, design_lqr
-from tensegrity_codegen.control.feedback.study.scales import find_scales
+from tensegrity_codegen.control.feedback.study.tuning import find_scales
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError
@@ -73,7 +73,7 @@ def test_more_coordinates_than_actuators_sum_what_these_can_move(
     path = tmp_path / "four.toml"
     path.write_text(parts[0] + "".join("[[actuators]]" + part for part in parts[1:5]), encoding="utf-8")
     from tensegrity_codegen import find_equilibrium
-    from tensegrity_codegen.control.feedback.design.at_rest import build_rest
+    from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 
     four = compile_scene(path, for_=("equilibrium", "control"))
     rest = build_rest(four, find_equilibrium(four), 2.0)

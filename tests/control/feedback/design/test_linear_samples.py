@@ -3,7 +3,11 @@
 import numpy as np
 from scipy.linalg import expm
 
-from tensegrity_codegen.control.feedback.design.delays import hold_delayed, shift_commands, split_delays
+from tensegrity_codegen.control.feedback.design.linear_samples import (
+    hold_delayed,
+    shift_commands,
+    split_delays,
+)
 
 SAMPLE = 0.1
 DELAY = np.array([0.0, 0.03, 0.1, 0.23, 0.03, 0.3 - 1e-12])
