@@ -43,8 +43,7 @@ def test_tensions_balance_and_all_cables_are_taut(stages: int, bars: int, overla
 
 def test_the_twist_is_the_one_that_a_scan_finds() -> None:
     known = {k: find_tower_twist(TowerShape(**shape(k))) for k in (4, 8)}
-    four = TowerShape(**shape(4))
-    found = find_long_twist(lambda twist: tower._frame_equations(four, twist), known, 12)
+    found = find_long_twist(lambda twist: tower._frame_equations(4, 3, 0.2, twist), known, 12)
     assert found == pytest.approx(find_tower_twist(TowerShape(**shape(12))), abs=1e-9)
 
 
