@@ -1,6 +1,6 @@
 """What all formulations in free node coordinates share: places, members, masses, weights, energies."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from tensegrity_codegen.symbolic.interference import BarPairs, pair_members
 from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_blocks import MemberBlocks
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
+from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 
 Scalar = Any
@@ -57,13 +58,32 @@ class NodeCoordinates:
         """Weight, load and member forces on every node [N]."""
         return self.members.add_to(self.external_force, self.members.densities)
 
+    def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
+        """Return what quantities of nodes may use -> function that returns it of all nodes."""
+        return {
+            "position": lambda: self.arguments.position,
+            "velocity": lambda: self.arguments.velocity,
+            "mass": self.inertia.weight_mass,
+            "load": lambda: self.external_force,
+            "force": lambda: self.net_force,
+            "static_force": lambda: self.net_static_force,
+            "spring_force": lambda: self.net_static_force,
+            "cable_force": lambda: self.cable_force,
+        }
+
+    def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of all quantities of nodes."""
+        parts = {"n_coordinates": self.map.free, "n_anchored_coordinates": self.map.anchored}
+        return build_node_quantities(self.node_values(), self.structure.n_nodes, parts)
+
     # Two-sided linear members apart from the others, for integrators whose unknowns their tensions are
 
-    def cable_force(self) -> ca.SX:
-        """Return the force of weights, loads and cables on the free coordinates, (n_coordinates, 1) [N]."""
+    @cached_property
+    def cable_force(self) -> list[Vector]:
+        """Weight, load and forces of cables on every node [N]."""
         zero = ca.SX(0.0)
         densities = [zero if member.is_mixed else member.density for member in self.members.members]
-        return self.map.free(self.members.add_to(self.external_force, densities))
+        return self.members.add_to(self.external_force, densities)
 
     def member_law(self) -> ca.SX:
         """Return rest length, spring constant, damping and anchored part of d_e, (3 + n_axes, n_members)."""
@@ -84,10 +104,6 @@ class NodeCoordinates:
     def net_static_force(self) -> list[Vector]:
         """Weight, load and member forces on every node at rest [N]."""
         return self.members.add_to(self.external_force, self.members.static_densities)
-
-    def node_residual(self) -> ca.SX:
-        """Return -dU/dq, (n_coordinates, 1) [N]."""
-        return self.map.free(self.net_static_force)
 
     def tangent_stiffness(self) -> ca.SX:
         """Return the Hessian of U, sparse (n_coordinates, n_coordinates) [N/m]."""

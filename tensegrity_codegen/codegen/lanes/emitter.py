@@ -22,12 +22,16 @@ from tensegrity_codegen.codegen.unrolled import UNROLLED
 from tensegrity_codegen.symbolic.formulations.node_position import NodePosition
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.tables.precision import Precision
+from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 # What depends on members through the net forces alone, and whether these are without damping.
+_IS_STATIC = {"force": False, "static_force": True, "spring_force": True}
 FORCE_QUANTITIES: Mapping[str, bool] = {
-    "node_residual": True,
-    "support_reaction": True,
-    "node_force": False,
+    **{
+        item.name: _IS_STATIC[item.uses[0]]
+        for item in NODE_QUANTITIES
+        if item.uses[0] in _IS_STATIC and len(item.uses) == 1
+    },
     "acceleration": False,
     "state_derivative": False,
 }

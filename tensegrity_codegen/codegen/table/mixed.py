@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.member_stages import force_stages
 from tensegrity_codegen.codegen.table.members.function import Recipe
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes
@@ -24,12 +23,6 @@ class AddCablesToNodes(AddToNodes):
         """Return the members that touch a wanted node and whose tension is no unknown."""
         chosen = super().select(model, member)
         return chosen[~model.structure.is_mixed[chosen]]
-
-
-def cable_force(model: TableModel) -> Recipe:
-    """Return how the force without two-sided linear members is made."""
-    stages = force_stages(model, "pull", AddCablesToNodes("cable_force", model.coordinate))
-    return Recipe((model.n_coordinates, 1), tuple(stages))
 
 
 def member_law(model: TableModel) -> Recipe:

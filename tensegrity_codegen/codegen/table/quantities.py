@@ -19,12 +19,13 @@ from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.sinks import AddToNodes, AddUp, StoreForMembers, StoreForSome
 from tensegrity_codegen.codegen.table.members.stage import Stage
 from tensegrity_codegen.codegen.table.members.text import Statements
-from tensegrity_codegen.codegen.table.mixed import cable_force, member_law
+from tensegrity_codegen.codegen.table.mixed import member_law
+from tensegrity_codegen.codegen.table.node_quantities import node_builders
 from tensegrity_codegen.codegen.table.rest_lengths import REST_LENGTHS
 from tensegrity_codegen.codegen.table.work import ExternalWork
-from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.quantities.members import MEMBER_QUANTITIES, MemberQuantity, check_values
+from tensegrity_codegen.tables.quantities.nodes import NODE_QUANTITIES
 
 
 def _of_members(kernel: str, quantity: str, rows: int = 1) -> Callable[[TableModel], Recipe]:
@@ -60,35 +61,10 @@ def _of_some(model: TableModel, kernel: str, quantity: str, mask: NDArray[np.boo
     return Recipe((len(chosen), 1), tuple(member_loops(model, kernel, StoreForSome(quantity, chosen))))
 
 
-def _forces(model: TableModel, index: IntArray, target: str, pull: str) -> list[Stage]:
-    """Return the stages that fill `target` with the net force on the components `index` >= 0."""
-    return force_stages(model, pull, AddToNodes(target, index))
-
-
-def _node_force(model: TableModel) -> Recipe:
-    count, n_axes = model.structure.n_nodes, model.n_axes
-    index = np.arange(count * n_axes).reshape(count, n_axes)
-    return Recipe((n_axes, count), tuple(_forces(model, index, "node_force", "pull")))
-
-
-def _node_residual(model: TableModel) -> Recipe:
-    stages = _forces(model, model.coordinate, "node_residual", "static_pull")
-    return Recipe((model.n_coordinates, 1), tuple(stages))
-
-
-def _support_reaction(model: TableModel) -> Recipe:
-    count = int((~model.free).sum())
-    if not count:
-        return Recipe((0, 1), ())
-    name = "support_reaction"
-    turn = Statements.loop("k", count, [f"{name}[k] = -{name}[k];"])
-    return Recipe((count, 1), (*_forces(model, model.anchored, name, "static_pull"), turn))
-
-
 def _accelerations(model: TableModel, target: str) -> list[Stage]:
     check_mass(model)
     return [
-        *_forces(model, model.coordinate, target, "pull"),
+        *force_stages(model, "pull", AddToNodes(target, model.coordinate)),
         DivideByMass(model, target),
         SolveCoupled(model, target),
     ]
@@ -140,10 +116,7 @@ PARTS: Mapping[str, Callable[[TableModel], list[Stage]]] = {
 BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     **{record.name: _of_record(record) for record in MEMBER_QUANTITIES},
     "spring_tension": _of_members("static_tension", "spring_tension"),
-    "node_force": _node_force,
-    "node_residual": _node_residual,
-    "support_reaction": _support_reaction,
-    "cable_force": cable_force,
+    **node_builders(),
     "member_law": member_law,
     **{name: _energy(*parts) for parts, name in QUANTITY_OF.items()},
     "acceleration": _acceleration,
@@ -154,18 +127,17 @@ BUILDERS: Mapping[str, Callable[[TableModel], Recipe]] = {
     "switch_margin": _switch_margin,
 }
 
-# What loops serve where bars are rigid: all that needs no force of theirs.
-WITH_RIGID_BARS = (
-    *(record.name for record in MEMBER_QUANTITIES if not record.follows_tension),
-    *("cable_margin", "switch_margin"),
-    *("spring_tension", *REST_LENGTHS),
-    *("node_residual", "tangent_stiffness", "elastic_energy", "potential_energy", "kinetic_energy"),
-    *("total_energy", "mass_matrix", "cable_force", "member_law"),
-    *("material_stiffness", "geometric_stiffness", "damping_matrix", "equilibrium_matrix"),
+# What needs the tensions of rigid bars, which loops do not have.
+NEED_RIGID_BARS = frozenset(
+    (
+        *(record.name for record in MEMBER_QUANTITIES if record.follows_tension),
+        *(record.name for record in NODE_QUANTITIES if record.follows_bars),
+        *("acceleration", "state_derivative", "state_jacobian", "input_jacobian", "rest_length_jacobian"),
+    )
 )
 
 
 def served_quantities(formulation: str) -> tuple[str, ...]:
     """Return the names of all quantities that loops over tables serve in a formulation."""
     rigid = find_formulation(formulation).has_rigid_bars
-    return tuple(n for n in BUILDERS if (n in WITH_RIGID_BARS if rigid else n != "spring_tension"))
+    return tuple(n for n in BUILDERS if (n not in NEED_RIGID_BARS if rigid else n != "spring_tension"))

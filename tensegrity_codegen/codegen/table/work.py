@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tensegrity_codegen.codegen.table.members.access import position_reader
+from tensegrity_codegen.codegen.table.members.access import held_arguments, vector_texts
 from tensegrity_codegen.codegen.table.members.external import ExternalForce
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.stage import loop
@@ -38,11 +38,8 @@ class ExternalWork:
         """Names of the arguments that it reads."""
         acting = self.external.acting
         place = self.model.place
-        held = -1 - place[acting]
         used = {"coordinate"} if (place[acting] >= 0).any() else set()
-        if ((held >= 0) & (held < self.model.n_held_arguments)).any():
-            used.add("anchor_position")
-        return self.external.arguments | used
+        return self.external.arguments | used | held_arguments(self.model, place[acting])
 
     @property
     def operations(self) -> int:
@@ -68,12 +65,6 @@ class ExternalWork:
         else:
             table = writer.reals("work_force", self.external.constant[self.node])
             force = [f"{table}[{n_axes} * n + {k}]" for k in range(n_axes)]
-        place = model.place[self.node]
-        if (place[:, 0] >= 0).all() and (place == place[:, :1] + np.arange(n_axes)).all():
-            start = writer.index_at("work_coordinate", place[:, 0], "n")
-            position = [f"coordinate[{start} + {k}]" for k in range(n_axes)]
-        else:
-            at, read = writer.integers("work_place", place), position_reader(writer, False)
-            position = [f"{read}{at}[{n_axes} * n + {k}])" for k in range(n_axes)]
+        position = vector_texts(writer, "work", model.place[self.node])
         terms = " + ".join(f"{f} * {r}" for f, r in zip(force, position, strict=True))
         return loop("n", len(self.node), [*lines, f"{self.target} += {terms};"])

@@ -5,6 +5,7 @@ A = dl/dq, C from the friction of joints and the damping of tendons, H from the 
 constant direction enter through their potential.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +25,7 @@ from tensegrity_codegen.symbolic.members.member import Member
 from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.members.member_law import MemberLaw
 from tensegrity_codegen.symbolic.model import Frame, SymbolicModel
+from tensegrity_codegen.symbolic.node_quantities import build_node_quantities, stack_nodes
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 
@@ -31,7 +33,7 @@ Scalar = Any
 Vector = list[Scalar]
 
 QUANTITIES = (
-    "node_position", "node_velocity", "node_jacobian", "chart_margin",
+    "node_jacobian", "chart_margin",
     "cable_margin", "switch_margin",
     "elastic_energy", "potential_energy", "kinetic_energy", "total_energy", "energy_rate",
     "coordinate_force", "unpotential_force", "coriolis_force", "acceleration", "state_derivative",
@@ -78,7 +80,7 @@ def build_bodies(system: BodySystem, request: ModelRequest) -> SymbolicModel:
     """
     _check_inertia(system)
     parts = _Bodies(BodyArguments(system, request.parameters))
-    builders = {name: getattr(parts, name) for name in QUANTITIES}
+    builders = parts.node_quantities() | {name: getattr(parts, name) for name in QUANTITIES}
     builders |= build_member_quantities(system, lambda: parts.members)
     builders |= build_bar_quantities(parts.bar_pairs, parts.q)
     return SymbolicModel("bodies", system, parts.frame(), parts.arguments.ordered(), builders, WORDS)
@@ -113,7 +115,7 @@ class _Bodies:
 
     def frame(self) -> Frame:
         system = self.system
-        speed = ca.Function("node_velocity", [self.q, self.v], [self.node_velocity()])
+        speed = ca.Function("node_velocity", [self.q, self.v], [stack_nodes(self.node_rates)])
         return Frame(
             axes=(0, 1, 2),
             node_name=system.node_name,
@@ -147,11 +149,17 @@ class _Bodies:
     def stacked_points(self) -> ca.SX:
         return ca.vertcat(*[ca.SX(component) for point in self.points for component in point])
 
-    def node_position(self) -> ca.SX:
-        return ca.reshape(self.stacked_points, 3, self.system.n_nodes)
+    @cached_property
+    def node_rates(self) -> list[Vector]:
+        rates = ca.jtimes(self.stacked_points, self.q, self.v)
+        return [ca.vertsplit(rate) for rate in ca.vertsplit(rates, 3)]
 
-    def node_velocity(self) -> ca.SX:
-        return ca.reshape(ca.jtimes(self.stacked_points, self.q, self.v), 3, self.system.n_nodes)
+    def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        values: dict[str, Callable[[], Sequence[Any]]] = {
+            "position": lambda: self.points,
+            "velocity": lambda: self.node_rates,
+        }
+        return build_node_quantities(values, self.system.n_nodes, has_states=True)
 
     def node_jacobian(self) -> ca.SX:
         return ca.jacobian(self.stacked_points, self.q)

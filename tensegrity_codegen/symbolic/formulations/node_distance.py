@@ -7,6 +7,7 @@ H_delta delta'' + L lambda = f, L^T delta'' = 0    the same as a saddle system, 
 Member vectors are coordinates: no difference of large numbers enters a tension.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +31,7 @@ from tensegrity_codegen.symbolic.jacobians import below_zeros, by_inputs, by_par
 from tensegrity_codegen.symbolic.members.member_family import build_member_quantities
 from tensegrity_codegen.symbolic.members.member_set import MemberSet
 from tensegrity_codegen.symbolic.model import Frame, ModelArgument, SymbolicModel, frame_structure
+from tensegrity_codegen.symbolic.node_quantities import build_node_quantities
 from tensegrity_codegen.symbolic.rigid_bar_check import check_no_rigid_bar
 from tensegrity_codegen.symbolic.scatter import CoordinateMap
 from tensegrity_codegen.system.errors import FormulationError
@@ -122,11 +124,8 @@ class _NodeDistance:
         """Return quantity name -> builder."""
         members = self.members
         return {
-            "node_position": lambda: _columns(self.positions),
-            "node_velocity": lambda: _columns(self.velocities),
+            **self.node_quantities(),
             **build_member_quantities(self.structure, lambda: members.members),
-            "node_force": lambda: _columns(self.net_force),
-            "support_reaction": self.support_reaction,
             "elastic_energy": members.elastic_energy,
             "potential_energy": self.potential_energy,
             "kinetic_energy": self.kinetic_energy,
@@ -171,9 +170,22 @@ class _NodeDistance:
     def net_force(self) -> list[Vector]:
         return self.members.add_to(self.external_force, self.members.densities)
 
-    def support_reaction(self) -> ca.SX:
-        static = self.members.add_to(self.external_force, self.members.static_densities)
-        return -CoordinateMap(self.structure).anchored(static)
+    @cached_property
+    def net_static_force(self) -> list[Vector]:
+        return self.members.add_to(self.external_force, self.members.static_densities)
+
+    def node_quantities(self) -> dict[str, Callable[[], ca.SX]]:
+        """Return the builders of quantities of nodes, but those of free node coordinates."""
+        values: dict[str, Callable[[], Sequence[Any]]] = {
+            "position": lambda: self.positions,
+            "velocity": lambda: self.velocities,
+            "mass": self.inertia.weight_mass,
+            "load": lambda: self.external_force,
+            "force": lambda: self.net_force,
+            "static_force": lambda: self.net_static_force,
+        }
+        parts = {"n_anchored_coordinates": CoordinateMap(self.structure).anchored}
+        return build_node_quantities(values, self.structure.n_nodes, parts, has_states=True)
 
     def potential_energy(self) -> Scalar:
         work = ca.SX(0.0)
@@ -271,7 +283,3 @@ class _NodeDistance:
 
     def parameter_jacobian(self) -> ca.SX:
         return by_parameters(self.acceleration(), self.arguments)
-
-
-def _columns(vectors: list[Vector]) -> ca.SX:
-    return ca.horzcat(*[ca.vertcat(*vector) for vector in vectors])

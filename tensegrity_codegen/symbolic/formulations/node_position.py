@@ -43,11 +43,8 @@ class _NodePosition(NodeCoordinates):
         members = self.members
         return {
             **build_member_quantities(self.structure, lambda: members.members),
-            "node_force": self.node_force,
-            "node_residual": self.node_residual,
-            "cable_force": self.cable_force,
+            **self.node_quantities(),
             "member_law": self.member_law,
-            "support_reaction": self.support_reaction,
             "elastic_energy": members.elastic_energy,
             "potential_energy": self.potential_energy,
             "kinetic_energy": self.kinetic_energy,
@@ -76,14 +73,6 @@ class _NodePosition(NodeCoordinates):
         result = _NodePosition(self.structure, self.arguments)
         vars(result).update(net_force=force, net_static_force=force)
         return result
-
-    # Forces on nodes
-
-    def node_force(self) -> ca.SX:
-        return ca.horzcat(*[ca.vertcat(*force) for force in self.net_force])
-
-    def support_reaction(self) -> ca.SX:
-        return -self.map.anchored(self.net_static_force)
 
     # Dynamics
 

@@ -7,7 +7,7 @@ H is constant. S is diagonal in class-1 structures, so that every multiplier is 
 sparse LDL^T is part of the code. Lengths are constant (l' = 0), or follow the tension to first order.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
@@ -113,8 +113,7 @@ class _RigidBar(NodeCoordinates):
             "cable_margin": members.cable_margin,
             "switch_margin": members.switch_margin,
             **build_member_quantities(self.elastic, self.each_with_bars),
-            "node_force": self.node_force,
-            "support_reaction": self.support_reaction,
+            **self.node_quantities(),
             "equilibrium_matrix": self.equilibrium_matrix,
             "material_stiffness": lambda: self.of_springs(Member.material_block),
             "geometric_stiffness": lambda: self.of_springs(Member.geometric_block),
@@ -148,7 +147,6 @@ class _RigidBar(NodeCoordinates):
         rest = self.arguments.rest_length
         laws = [(e, kept.get(e, rest[e])) for e in range(len(self.ends))]
         return {
-            "cable_force": self.cable_force,
             "member_law": lambda: ca.horzcat(*[self._law(e, length) for e, length in laws]),
         }
 
@@ -157,7 +155,6 @@ class _RigidBar(NodeCoordinates):
         if self.is_corrected:
             return {}
         return {
-            "node_residual": self.node_residual,
             "tangent_stiffness": self.tangent_stiffness,
             "spring_tension": self.members.spring_tension,
             "residual_rest_length_jacobian": self.residual_rest_length_jacobian,
@@ -264,12 +261,22 @@ class _RigidBar(NodeCoordinates):
     def _kept_length(self, b: int) -> Scalar:
         return self.arguments.rest_length[self.bars[b]] if self.is_corrected else self.lengths[b]
 
-    def node_force(self) -> ca.SX:
-        return ca.horzcat(*[ca.vertcat(*row) for row in self._with_bars(self.net_force)])
+    def node_values(self) -> dict[str, Callable[[], Sequence[Any]]]:
+        """Return what quantities of nodes may use; forces without bars where these only keep lengths."""
+        values = super().node_values()
+        values["force"] = lambda: self.net_force_with_bars
+        values["static_force"] = lambda: self.net_static_force_with_bars
+        if self.is_corrected:
+            del values["spring_force"], values["cable_force"]
+        return values
 
-    def support_reaction(self) -> ca.SX:
-        """Return minus the force on anchors, bars included, (n_anchored_coordinates, 1) [N]."""
-        return -self.map.anchored(self._with_bars(self.net_static_force))
+    @cached_property
+    def net_force_with_bars(self) -> list[Vector]:
+        return self._with_bars(self.net_force)
+
+    @cached_property
+    def net_static_force_with_bars(self) -> list[Vector]:
+        return self._with_bars(self.net_static_force)
 
     def equilibrium_matrix(self) -> ca.SX:
         """Return unit vectors of all members, rigid ones too, (n_coordinates, n_members)."""

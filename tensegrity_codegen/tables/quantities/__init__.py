@@ -17,6 +17,7 @@ from tensegrity_codegen.tables.quantities.bodies import BODIES
 from tensegrity_codegen.tables.quantities.distances import DISTANCES
 from tensegrity_codegen.tables.quantities.interference import INTERFERENCE
 from tensegrity_codegen.tables.quantities.members import MEMBERS
+from tensegrity_codegen.tables.quantities.nodes import NODES
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 from tensegrity_codegen.tables.quantities.structures import STRUCTURES
 
@@ -29,7 +30,7 @@ ARGUMENTS = _table(*ARGUMENT_ROWS)
 
 PARAMETERS = tuple(name for name in ARGUMENTS if name not in ("coordinate", "velocity", "input"))
 
-QUANTITIES = _table(*MEMBERS, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES)
+QUANTITIES = _table(*MEMBERS, *NODES, *STRUCTURES, *BODIES, *INTERFERENCE, *DISTANCES)
 
 
 def find_quantity(name: str) -> Quantity:

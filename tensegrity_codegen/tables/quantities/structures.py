@@ -1,10 +1,8 @@
-"""Quantities of any structure: geometry, forces, energies, motion, stiffness, Jacobians."""
+"""Quantities of any structure: member laws, energies, motion, stiffness, Jacobians."""
 
 from tensegrity_codegen.tables.quantities.quantity import Quantity
 
 STRUCTURES = (
-    Quantity("node_position", "r", "m", ("n_nodes", "n_axes"), "Positions of all nodes.", "S&K 3"),
-    Quantity("node_velocity", "r'", "m/s", ("n_nodes", "n_axes"), "Velocities of all nodes.", "S&K 3"),
     Quantity(
         "spring_tension",
         "t_s",
@@ -13,35 +11,11 @@ STRUCTURES = (
         "Tensions of springs at rest, mu_e (l_e - rho_e); zero in slack cables and in rigid bars.",
     ),
     Quantity(
-        "node_force", "f", "N", ("n_nodes", "n_axes"), "Sum of member forces, weight and loads on every node."
-    ),
-    Quantity(
-        "node_residual",
-        "-dU/dq",
-        "N",
-        ("n_coordinates",),
-        "Static force (no damping) on every free coordinate; zero in equilibrium.",
-    ),
-    Quantity(
-        "cable_force",
-        "f_c",
-        "N",
-        ("n_coordinates",),
-        "Force on every free coordinate by weight, loads and cables, without two-sided members.",
-    ),
-    Quantity(
         "member_law",
         "rho, mu, c, a",
         "m, N/m, N s/m, m",
         ("n_members", "n_law_values"),
         "Rest length, spring constant and damping, member by member, and what anchored ends add to d_e.",
-    ),
-    Quantity(
-        "support_reaction",
-        "R",
-        "N",
-        ("n_anchored_coordinates",),
-        "Static force that the anchors exert on the structure, anchored coordinate by coordinate.",
     ),
     Quantity("elastic_energy", "U_e", "J", (), "Strain energy sum mu_e (l_e - rho_e)^2 / 2 of taut members."),
     Quantity("potential_energy", "U", "J", (), "Strain energy minus the work of gravity and loads."),

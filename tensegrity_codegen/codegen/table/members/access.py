@@ -35,17 +35,13 @@ class MemberAccess:
         for name in kernel.inputs:
             if name in ("start", "end"):
                 used |= {"coordinate"} if (self.place >= 0).any() else set()
-                held = -1 - self.place
-                used |= {"anchor_position"} if self._reads_held_argument(held) else set()
+                used |= held_arguments(self.model, self.place)
             elif name in ("start_rate", "end_rate"):
                 used |= {"velocity"} if (self.place >= 0).any() else set()
             elif name != "mu":
                 used |= {name} if cls.source(name) == ARGUMENT else set()
                 used |= {"input"} if name == "rest_length" and cls.n_inputs else set()
         return frozenset(used)
-
-    def _reads_held_argument(self, held: IntArray) -> bool:
-        return bool(((held >= 0) & (held < self.model.n_held_arguments)).any())
 
     def declarations(self, writer: Writer) -> list[str]:
         """Return the statements that a loop begins with: the offsets of both ends."""
@@ -104,6 +100,25 @@ class MemberAccess:
         table = self.model.rest_input_table
         first = np.searchsorted(table[:, 0], self.member)
         return [table[first + k, 1] for k in range(self.group.member_class.n_inputs)]
+
+
+def held_arguments(model: TableModel, place: IntArray) -> set[str]:
+    """Return {"anchor_position"} if some of these places are entries of that argument, else nothing."""
+    held = -1 - place
+    return {"anchor_position"} if ((held >= 0) & (held < model.n_held_arguments)).any() else set()
+
+
+def vector_texts(writer: Writer, name: str, place: IntArray, is_rate: bool = False) -> list[str]:
+    """Return the C expressions of positions or rates of node `n`; place: (n, n_axes), see TableModel.place.
+
+    name: what the names of the tables begin with.
+    """
+    n_axes = place.shape[1]
+    if (place[:, 0] >= 0).all() and (place == place[:, :1] + np.arange(n_axes)).all():
+        start = writer.index_at(f"{name}_coordinate", place[:, 0], "n")
+        return [f"{'velocity' if is_rate else 'coordinate'}[{start} + {k}]" for k in range(n_axes)]
+    at, read = writer.integers(f"{name}_place", place), position_reader(writer, is_rate)
+    return [f"{read}{at}[{n_axes} * n + {k}])" for k in range(n_axes)]
 
 
 def position_reader(writer: Writer, is_rate: bool) -> str:

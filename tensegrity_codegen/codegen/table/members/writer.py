@@ -17,6 +17,9 @@ from tensegrity_codegen.tables.precision import Precision
 
 Array = NDArray[Any]
 
+# What kernels take over the modelled axes: of both ends of a member, and of a node.
+IN_AXES = (*VECTORS, "position", "velocity", "load")
+
 
 class Writer:
     """Collects what stands before the bodies; equal arrays, kernels and helpers get one name.
@@ -75,6 +78,10 @@ class Writer:
             self._kernels[key] = self._define(f"{name}_of_member", lambda symbol: self._print(symbol, kernel))
         return self._kernels[key], kernel
 
+    def node_kernel(self, kernel: MemberKernel) -> str:
+        """Return the C name of the kernel of a quantity of nodes."""
+        return self._define(f"{kernel.name}_of_node", lambda symbol: self._print(symbol, kernel))
+
     def density(self, kind: KernelKind) -> DensityKernel:
         """Return the kernel of the force densities of members of a kind, in lanes."""
         if kind not in self._densities:
@@ -124,12 +131,12 @@ class Writer:
         """Return the scalar arguments of a kernel, in order."""
         names: list[str] = []
         for name in kernel.inputs:
-            names += [f"{name}{k}" for k in range(self.model.n_axes)] if name in VECTORS else [name]
+            names += [f"{name}{k}" for k in range(self.model.n_axes)] if name in IN_AXES else [name]
         return names
 
     def _print(self, symbol: str, kernel: MemberKernel) -> str:
         def place(name: str, k: int) -> str:
-            return f"{name}{k}" if name in VECTORS or name.startswith("*") else name
+            return f"{name}{k}" if name in IN_AXES or name.startswith("*") else name
 
         body = print_body(kernel.function, kernel.inputs, ["*result"], self.precision, place)
         return render(
