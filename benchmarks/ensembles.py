@@ -32,9 +32,8 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.work_precision.contender import Contender, Unavailable, measure
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Unavailable, measure
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, sundials
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.tables.request import ModelRequest
 
 FloatArray = NDArray[np.float64]

@@ -20,8 +20,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from tensegrity_codegen.studies.stability.outcome import Limits
-from tests.studies.fuzz import draw_example, run_example
+from tensegrity_codegen.studies.stability.judge import Limits
+from tests.studies.test_fuzz import draw_example, run_example
 
 GRACE = 2.0  # seconds beyond its limit that a run may take until it looks at the clock
 LARGEST = 2**62

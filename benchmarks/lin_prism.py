@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
-from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_load
+from tensegrity_codegen.studies.papers.lin.tables import compile_prism, place_load
 
 CALLS = 200
 ROUNDS = 9

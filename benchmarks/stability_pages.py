@@ -21,8 +21,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from tensegrity_codegen.studies.stability.finding import WORDS  # noqa: E402
 from tensegrity_codegen.studies.stability.judge import VERDICTS  # noqa: E402
+from tensegrity_codegen.studies.stability.page import WORDS  # noqa: E402
 from tensegrity_codegen.system.processor import name_processor  # noqa: E402
 from tests.common_prism import BARS, PLACES, STRINGS, span  # noqa: E402
 

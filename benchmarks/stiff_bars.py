@@ -28,12 +28,16 @@ from large_scenes import write_scene_of
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability.changes import as_springs
-from tensegrity_codegen.studies.work_precision.certify import Reference
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.stability.cases import as_springs
+from tensegrity_codegen.studies.work_precision.measure import (
+    Contender,
+    MotionProblem,
+    Reference,
+    Run,
+    Unavailable,
+)
 from tensegrity_codegen.studies.work_precision.own import own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 
 EXAMPLES = Path(__file__).parent.parent / "tensegrity_codegen" / "scene" / "examples"
 EXPLICIT = ("node_position, rk54", "node_position, rk853", "node_position, rk4")

@@ -27,7 +27,7 @@ from harness.tables import acceptance_cells
 from harness.tools import Tools, find_tools
 from tensegrity_codegen.cli.progress_bar import ProgressBar
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
-from tensegrity_codegen.studies.identity import hash_run
+from tensegrity_codegen.studies.study import hash_run
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.resumption import Resumption
 

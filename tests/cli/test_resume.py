@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from tensegrity_codegen.report.pages.page import Section
-from tensegrity_codegen.studies import identity
+from tensegrity_codegen.studies import study
 from tensegrity_codegen.studies.papers.sk import chapter
-from tensegrity_codegen.studies.stability import all_cases
+from tensegrity_codegen.studies.stability import run_cases
 from tensegrity_codegen.system import forked
 from tests.cli.conftest import Run
 from tests.cli.test_processes import environment
@@ -46,10 +46,10 @@ main()
 STABILITY = """
 import os, time
 from pathlib import Path
-from tensegrity_codegen.studies.stability import all_cases
+from tensegrity_codegen.studies.stability import run_cases
 from tensegrity_codegen.cli.supervised import main
 
-generate, run = all_cases.generate_cases, all_cases._run
+generate, run = run_cases.generate_cases, run_cases._run
 chosen = []
 
 def few(structure, t_end):
@@ -62,7 +62,7 @@ def work(models, limits, case):
         time.sleep(600.0)
     return run(models, limits, case)
 
-all_cases.generate_cases, all_cases._run = few, work
+run_cases.generate_cases, run_cases._run = few, work
 main()
 """
 
@@ -178,8 +178,8 @@ def test_killed_processes_leave_whole_results_and_no_process(folder: Path, two_n
 def test_results_of_another_scene_or_code_are_not_used(
     run: Run, two_nodes: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    generate = all_cases.generate_cases
-    monkeypatch.setattr(all_cases, "generate_cases", lambda *given: list(generate(*given))[:1])
+    generate = run_cases.generate_cases
+    monkeypatch.setattr(run_cases, "generate_cases", lambda *given: list(generate(*given))[:1])
     words = ("stability", two_nodes, "--t-end", "0.1", "--no-peers", "--limit", "60", "--overwrite", "--json")
     assert run(*words).data["resumed"] == []
     assert [item["taken"] for item in run(*words).data["resumed"]] == [1]
@@ -191,5 +191,5 @@ def test_results_of_another_scene_or_code_are_not_used(
     two_nodes.write_text(text.replace("spring_constant = 80", "spring_constant = 81"), encoding="utf-8")
     assert run(*words).data["resumed"][0]["taken"] == 0
     two_nodes.write_text(text, encoding="utf-8")
-    monkeypatch.setattr(identity, "_surroundings", lambda: ("another version",))
+    monkeypatch.setattr(study, "_surroundings", lambda: ("another version",))
     assert run(*words).data["resumed"][0]["taken"] == 0

@@ -21,7 +21,7 @@ from tensegrity_codegen.runtime.simulate.margins import build_contact_margins, b
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
-from tensegrity_codegen.studies.papers.sk.precision import evaluate_in
+from tensegrity_codegen.studies.papers.sk.offset import evaluate_in
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import (
     AbiMismatchError,

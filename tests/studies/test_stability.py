@@ -15,17 +15,19 @@ import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.stability import all_cases, peers
-from tensegrity_codegen.studies.stability.cases import Case, generate_cases, is_essential
-from tensegrity_codegen.studies.stability.changes import as_springs
-from tensegrity_codegen.studies.stability.judge import certify_case, is_agreed, judge, judge_peer
-from tensegrity_codegen.studies.stability.models import CaseModels, values_of
-from tensegrity_codegen.studies.stability.neighbours import find_snap
-from tensegrity_codegen.studies.stability.outcome import Limits
-from tensegrity_codegen.studies.stability.own import Ending, run_own
+from tensegrity_codegen.studies.stability import peers, run_cases
+from tensegrity_codegen.studies.stability.cases import (
+    Case,
+    as_springs,
+    find_snap,
+    generate_cases,
+    is_essential,
+)
+from tensegrity_codegen.studies.stability.extended import certify_extended
+from tensegrity_codegen.studies.stability.judge import Limits, certify_case, is_agreed, judge, judge_peer
+from tensegrity_codegen.studies.stability.own import CaseModels, Ending, run_own, values_of
 from tensegrity_codegen.studies.stability.report import StabilityReport, write_stability
-from tensegrity_codegen.studies.stability.run import run_case
-from tensegrity_codegen.studies.stability.second_opinion import certify_extended
+from tensegrity_codegen.studies.stability.run_cases import run_case
 from tensegrity_codegen.system.errors import DuplicateNameError, InvalidValueError
 from tensegrity_codegen.system.forked import can_fork
 from tests.common_prism import common_prism
@@ -147,7 +149,7 @@ def test_essential_cases_are_run_first(tmp_path: Path, monkeypatch: pytest.Monke
         order.extend(cases)
         yield from ()
 
-    monkeypatch.setattr(all_cases, "run_pieces", record)
+    monkeypatch.setattr(run_cases, "run_pieces", record)
     write_stability(
         [prism()], tmp_path, t_end=0.1, limits=Limits(peers=False), compiler=None, flags="reference"
     )
@@ -315,7 +317,7 @@ def write_few(
 ) -> StabilityReport:
     """Write the page of three cases of the smallest scene."""
     structure = load_nodes(EXAMPLES / "two_nodes.toml")
-    monkeypatch.setattr(all_cases, "generate_cases", lambda *words: list(generate_cases(*words))[:3])
+    monkeypatch.setattr(run_cases, "generate_cases", lambda *words: list(generate_cases(*words))[:3])
     given = Limits(run=5.0, reference=5.0, peers=False, **limits)
     return write_stability(
         [structure], folder, t_end=0.1, limits=given, compiler=None, flags="reference", overwrite=overwrite
@@ -350,7 +352,7 @@ def test_finished_cases_are_taken_from_the_journal(tmp_path: Path, monkeypatch: 
             file.write(f"{item.group}: {item.name}\n")
         return run_case(models, item, limits)
 
-    monkeypatch.setattr(all_cases, "_run", count)
+    monkeypatch.setattr(run_cases, "_run", count)
     second = write_few(tmp_path, monkeypatch, overwrite=True)
     again = (tmp_path / "ran").read_text().splitlines()
     assert sorted(again) == sorted(json.loads(line)["name"] for line in lines[1:])

@@ -10,11 +10,14 @@ import pytest
 from tensegrity_codegen.report.pages.page import Figure, Page
 from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
-from tensegrity_codegen.studies.stability import error_figure
-from tensegrity_codegen.studies.stability.finding import describe_counts, describe_finding, sort_worst
-from tensegrity_codegen.studies.stability.judge import VERDICTS
-from tensegrity_codegen.studies.stability.outcome import Limits, Outcome
-from tensegrity_codegen.studies.stability.page import build_page
+from tensegrity_codegen.studies.stability import page
+from tensegrity_codegen.studies.stability.judge import VERDICTS, Limits, Outcome
+from tensegrity_codegen.studies.stability.page import (
+    build_page,
+    describe_counts,
+    describe_finding,
+    sort_worst,
+)
 from tensegrity_codegen.system.errors import MissingExtraError
 from tensegrity_codegen.system.extras import require_plot
 from tests.report.page_checks import check_in_browser, in_browser
@@ -51,7 +54,7 @@ def spoil(rows: Sequence[Outcome], *places: int) -> tuple[Outcome, ...]:
 
 def build(outcomes: dict[str, tuple[Outcome, ...]], *, draws: bool = False) -> Page:
     """Return the page, without diagrams unless they are looked at."""
-    with patch.object(error_figure, "require_plot", require_plot if draws else refuse):
+    with patch.object(page, "require_plot", require_plot if draws else refuse):
         return build_page(outcomes, 0.1, Limits())
 
 

@@ -16,8 +16,17 @@ from tensegrity_codegen.pipeline.compile_scene import load_nodes
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.work_precision import scene_report
-from tensegrity_codegen.studies.work_precision.certify import Reference, certify
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, measure
+from tensegrity_codegen.studies.work_precision.measure import (
+    Contender,
+    Reference,
+    Row,
+    Run,
+    certify,
+    find_front,
+    measure,
+    recommend,
+    set_problem,
+)
 from tensegrity_codegen.studies.work_precision.own import VARIANTS, describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import (
     mujoco_tendons,
@@ -25,9 +34,7 @@ from tensegrity_codegen.studies.work_precision.peers import (
     scipy_ivp,
     sundials,
 )
-from tensegrity_codegen.studies.work_precision.problem import set_problem
 from tensegrity_codegen.studies.work_precision.report import write_report
-from tensegrity_codegen.studies.work_precision.row import Row, find_front, recommend
 from tensegrity_codegen.studies.work_precision.scene_report import Options
 from tensegrity_codegen.system.errors import (
     ConvergenceError,

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tensegrity_codegen.studies import identity
-from tensegrity_codegen.studies.identity import hash_study
+from tensegrity_codegen.studies import study
+from tensegrity_codegen.studies.study import hash_study
 from tensegrity_codegen.system import journal
 from tensegrity_codegen.system.errors import OutputError
 from tensegrity_codegen.system.journal import Journal, read_record
@@ -124,10 +124,10 @@ def test_the_key_of_a_study_changes_with_code_scene_options_and_machine(
     assert hash_study(heavier, None, "reference", "0.1") != key
     for name in ("hash_package", "name_processor", "_version"):
         with monkeypatch.context() as patch:
-            patch.setattr(identity, name, lambda *_: "another")
-            identity._surroundings.cache_clear()
+            patch.setattr(study, name, lambda *_: "another")
+            study._surroundings.cache_clear()
             assert hash_study(structure, None, "reference", "0.1") != key, name
-    identity._surroundings.cache_clear()
+    study._surroundings.cache_clear()
 
 
 def test_a_fresh_journal_forgets_the_results_of_its_key_alone(tmp_path: Path) -> None:

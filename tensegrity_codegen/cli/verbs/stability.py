@@ -50,10 +50,8 @@ def stability(
     output = Output(json)
     with output.guard():
         from tensegrity_codegen.pipeline.compile_scene import load_nodes
-        from tensegrity_codegen.studies.stability.finding import WORDS
-        from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
-        from tensegrity_codegen.studies.stability.outcome import NOT_RUN, Limits
-        from tensegrity_codegen.studies.stability.page_tables import RULE_WORDS
+        from tensegrity_codegen.studies.stability.judge import NOT_RUN, RULES, VERDICTS, Limits
+        from tensegrity_codegen.studies.stability.page import RULE_WORDS, WORDS
         from tensegrity_codegen.studies.stability.report import write_stability
 
         check_folder(out, ["stability.html", "stability.json"], inputs=scenes, overwrite=overwrite)

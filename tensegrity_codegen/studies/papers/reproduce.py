@@ -12,15 +12,15 @@ import numpy as np
 from tensegrity_codegen.report.number_text import format_number
 from tensegrity_codegen.report.pages.page import CAUSES, Chapter, Page, Section
 from tensegrity_codegen.report.pages.render_page import render_page
-from tensegrity_codegen.studies.identity import hash_run
 from tensegrity_codegen.studies.papers.errata import ERRATA, ERRATA_TITLE
 from tensegrity_codegen.studies.papers.lin.chapter import build_lin_chapter
 from tensegrity_codegen.studies.papers.scs.chapter import build_scs_chapter
 from tensegrity_codegen.studies.papers.sk.chapter import build_sk_chapter
+from tensegrity_codegen.studies.study import hash_run, make_folder
 from tensegrity_codegen.system.errors import UnknownNameError, suggest
 from tensegrity_codegen.system.extras import require_plot
 from tensegrity_codegen.system.journal import Journal
-from tensegrity_codegen.system.output_folder import check_folder, write_folder
+from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import ProgressFunction, part_of
 from tensegrity_codegen.system.provenance import describe_provenance
 from tensegrity_codegen.system.resumption import Resumption
@@ -105,8 +105,7 @@ def reproduce(
     """
     names = choose_papers(papers)
     require_plot()
-    check_folder(folder, [PAGE_NAME, DATA_NAME], overwrite=overwrite)
-    target = write_folder(folder, {})  # before the long work: that the result has a place
+    target = make_folder(folder, (PAGE_NAME, DATA_NAME), overwrite=overwrite)
     key = hash_run("reproduce", str(quick))
     journal = Journal(target / JOURNAL_NAME, key, fresh=fresh, notice=notice)
     page = build_page(names, quick=quick, progress=progress, journal=journal)

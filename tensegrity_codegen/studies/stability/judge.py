@@ -1,14 +1,71 @@
 """What an ending is worth: against a reference that two methods certify, or by its status alone."""
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.stability.cases import Case
 from tensegrity_codegen.studies.stability.own import Ending, tolerance_of
-from tensegrity_codegen.studies.stability.tension_rule import tension_tolerance
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.checks import check_positive
+from tensegrity_codegen.system.journal import read_record
+
+ROUNDING = 1e-15  # of positions, in lengths of members and so in their tensions
+
+
+def tension_tolerance(
+    structure: Structure, state: FloatArray, allowed: FloatArray, own: NDArray[np.bool_]
+) -> FloatArray:
+    """Return what errors `allowed` (n_t, n_states) of states come to in tensions, (n_t, n_members) [N].
+
+    own: which members have tensions that do not follow from lengths, rigid ones at least.
+
+        mu dl + c (dl' + 2 |d'| dl / l)      of a spring; of a damped cable near its kink c |l'| besides
+        m (2 |d'| dl' / l + |d'|^2 dl / l^2) + what the others come to + sqrt(mu m) dl'      of these
+    """
+    position, velocity = np.split(state, 2, axis=1)
+    place, speed = _of_nodes(structure, position, structure.node_position), _of_nodes(structure, velocity)
+    far, fast = (_of_nodes(structure, part) for part in np.split(allowed, 2, axis=1))
+    i, j = structure.connectivity.T
+    vector, moving = place[:, i] - place[:, j], speed[:, i] - speed[:, j]
+    length = np.maximum(np.linalg.norm(vector, axis=2), 1e-300)
+    pace = np.linalg.norm(moving, axis=2)
+    dl, dv = (np.linalg.norm(x[:, i], axis=2) + np.linalg.norm(x[:, j], axis=2) for x in (far, fast))
+    dl = dl + ROUNDING * np.abs(place).max(axis=(1, 2), initial=0.0)[:, None]
+    turned = dv + 2.0 * pace * dl / length
+    mu, c = structure.mu, structure.damping
+    springs = mu * dl + c * turned
+    near = structure.tension_only & (np.abs(length - structure.rest_length) <= dl)
+    springs += np.where(near, c * np.abs(np.sum(vector * moving, axis=2)) / length, 0.0)
+    mass = structure.node_mass.copy()
+    np.add.at(mass, structure.connectivity.ravel(), np.repeat(structure.member_mass / 2, 2))
+    rigid = (mass[i] + mass[j]) * (2.0 * pace * dv / length + (pace / length) ** 2 * dl)
+    rigid += springs[:, ~own].sum(axis=1)[:, None]
+    rigid += np.sqrt(mu * _reduced(structure, mass)) * dv.max(axis=0)
+    found: FloatArray = np.where(own, rigid, springs)
+    return found
+
+
+def _reduced(structure: Structure, mass: FloatArray) -> FloatArray:
+    """Return the masses (n_members,) with which members vibrate, 1 / (1 / m_i + 1 / m_j)."""
+    held = structure.node_anchored[:, list(structure.axes)].all(axis=1)
+    inverse = np.where(held, 0.0, 1.0 / np.maximum(mass, 1e-300))[structure.connectivity].sum(axis=1)
+    return np.asarray(np.where(inverse > 0.0, 1.0 / np.maximum(inverse, 1e-300), 0.0))
+
+
+def _of_nodes(structure: Structure, values: FloatArray, others: FloatArray | float = 0.0) -> FloatArray:
+    """Return values (n_t, n_coordinates) as (n_t, n_nodes, 3), those of anchored axes as in `others`."""
+    node, axis = structure.coordinate_node_axis.T
+    found = np.zeros((len(values), structure.n_nodes, 3))
+    found += others
+    found[:, node, axis] = values
+    return found
+
 
 Runs = Sequence[Callable[[float], Ending]]
 
@@ -187,3 +244,79 @@ def _allowed(case: Case, state: FloatArray) -> FloatArray:
     length = float(case.structure.member_length().mean())
     speed = max(float(np.abs(state[:, n:]).max()), length / case.t_end)
     return np.repeat([length, speed], n)[None, :] * LOST / ALLOWED + np.zeros_like(state)
+
+
+NOT_RUN = "not run"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How long a run may take, a reference, and all runs together.
+
+    Attributes
+    ----------
+    run, reference : float
+        CPU time of one run, and of one run for a reference [s].
+    total : float
+        Time by the clock for all cases of all scenes [s]. Cases that are not done by then are not run.
+    peers : bool
+        Whether peers are run too.
+    compiles : bool
+        Whether a reference may be compiled for one case alone, where two methods do not certify it.
+    """
+
+    run: float = 2.0
+    reference: float = 4.0
+    total: float = 540.0
+    peers: bool = True
+    compiles: bool = True
+
+    def check(self) -> None:
+        """Raise InvalidValueError if a time is out of range."""
+        for key, value in (("limit", self.run), ("limit", self.reference), ("budget", self.total)):
+            check_positive(value, key, "[s]")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One case with one method.
+
+    error: of ours, the largest certified error over the tolerance; of a peer, the largest error of a
+    coordinate [m]; None where nothing certifies. rule: one of RULES by which it was judged, "" where none;
+    tension_error: of ours, the largest error of a tension over the largest tension.
+    """
+
+    group: str
+    case: str
+    contender: str
+    is_own: bool
+    verdict: str
+    error: float | None
+    status: str
+    message: str
+    seconds: float
+    rule: str
+    tension_error: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome in JSON's types."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def not_run(cls, group: str, case: str, contender: str, is_own: bool, why: str) -> "Outcome":
+        """Return the outcome of what was not run, with the reason."""
+        return cls(group, case, contender, is_own, NOT_RUN, None, NOT_RUN, why, 0.0, "", None)
+
+
+def read_outcomes(data: Any, contenders: Mapping[str, bool]) -> list[Outcome] | None:
+    """Return the outcomes of a case from a journal, None if they are not those of just these contenders.
+
+    contenders: name -> whether it is one of our methods.
+    """
+    if not isinstance(data, list):
+        return None
+    found = [outcome for item in data if (outcome := read_record(Outcome, item)) is not None]
+    if len(found) != len(data) or {row.contender: row.is_own for row in found} != dict(contenders):
+        return None
+    known = all(row.verdict in VERDICTS and row.rule in ("", *RULES) for row in found)
+    return found if known and len(found) == len(contenders) else None

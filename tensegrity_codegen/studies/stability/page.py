@@ -1,21 +1,239 @@
 """The page of outcomes: what is wrong, verdicts by method, errors, all cases, messages."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from tensegrity_codegen.report.pages.page import Block, Chapter, Page, Remark, Section, Verdict
-from tensegrity_codegen.report.pages.page_table import Column, Table, text_cell
-from tensegrity_codegen.studies.stability.error_figure import draw_errors
-from tensegrity_codegen.studies.stability.finding import WORDS, describe_counts, describe_finding
-from tensegrity_codegen.studies.stability.judge import RULES, VERDICTS
-from tensegrity_codegen.studies.stability.outcome import NOT_RUN, Limits, Outcome
-from tensegrity_codegen.studies.stability.page_tables import (
-    RULE_WORDS,
-    build_grid,
-    build_messages,
-    build_verdicts,
-    build_worst,
+from tensegrity_codegen.report.number_text import format_number
+from tensegrity_codegen.report.pages.diagram import Diagram
+from tensegrity_codegen.report.pages.method_style import choose_styles, method_series
+from tensegrity_codegen.report.pages.page import (
+    Block,
+    Chapter,
+    Figure,
+    Page,
+    Remark,
+    Section,
+    Verdict,
+    diagram_figure,
 )
+from tensegrity_codegen.report.pages.page_table import Cell, Column, Table, number_cell, text_cell
+from tensegrity_codegen.studies.stability.judge import ALLOWED, NOT_RUN, RULES, VERDICTS, Limits, Outcome
+from tensegrity_codegen.system.errors import MissingExtraError
+from tensegrity_codegen.system.extras import require_plot
 from tensegrity_codegen.system.provenance import describe_provenance
+
+Outcomes = Mapping[str, Sequence[Outcome]]
+
+# Verdict -> how a page writes it.
+WORDS = {
+    "survived": "right",
+    "stopped": "stopped",
+    "over time": "over the time limit",
+    "unchecked": "no reference",
+    "wrong": "wrong",
+    "not able": "not possible",
+    "not run": "not run",
+}
+CHECKED = ("survived", "wrong")
+
+
+def describe_finding(outcomes: Outcomes) -> str:
+    """Return how many checked results of our methods are wrong, of which methods, and what was not run."""
+    own = [row for rows in outcomes.values() for row in rows if row.is_own]
+    checked = sum(row.verdict in CHECKED for row in own)
+    wrong = Counter(row.contender for row in own if row.verdict == "wrong")
+    if not checked:
+        return f"0 results of {count_cases(outcomes):,} cases could be checked"
+    text = f"{wrong.total():,} of {checked:,} checked results wrong"
+    if wrong:
+        text += ": " + ", ".join(f"{name} {count:,}" for name, count in wrong.most_common())
+    missing = sum(row.verdict == NOT_RUN for row in own)
+    return f"{text}; {missing:,} of {len(own):,} runs not made" if missing else text
+
+
+def describe_counts(outcomes: Outcomes) -> str:
+    """Return cases, methods, and every other verdict on our methods, as sentences."""
+    own = [row for rows in outcomes.values() for row in rows if row.is_own]
+    counts = Counter(row.verdict for row in own)
+    methods = len({row.contender for row in own})
+    cases = count_cases(outcomes)
+    plural = "" if cases == 1 else "s"
+    first = f"{cases:,} case{plural} of {', '.join(outcomes)}, run with {methods} methods: {len(own):,} runs."
+    parts = [f"{counts['survived']:,} results are right"]
+    texts = {
+        "wrong": "{} wrong",
+        "stopped": "{} runs stopped with a status",
+        "over time": "{} took longer than the time limit",
+        "unchecked": "{} have no certified reference",
+        NOT_RUN: "{} were not run",
+    }
+    parts += [text.format(f"{counts[key]:,}") for key, text in texts.items() if counts[key]]
+    return f"{first} {', '.join(parts)}."
+
+
+def count_cases(outcomes: Outcomes) -> int:
+    """Return the number of cases of all scenes."""
+    return len({(scene, row.group, row.case) for scene, rows in outcomes.items() for row in rows})
+
+
+def sort_worst(rows: Iterable[Outcome]) -> list[Outcome]:
+    """Return checked outcomes, wrong ones first, then by error, the largest first."""
+    checked = [row for row in rows if row.error is not None or row.verdict == "wrong"]
+    return sorted(checked, key=lambda row: (row.verdict != "wrong", -(row.error or 0.0)))
+
+
+# Rule -> how a page writes it.
+RULE_WORDS = {
+    "plain": "positions and velocities",
+    "told": "positions, and the stated bound of velocities",
+    "positions": "positions only",
+}
+MARKS = {"told": " *", "positions": " **"}
+MOST_WORST, MOST_HEAD = 10, 8
+
+
+def build_verdicts(rows: Sequence[Outcome]) -> Table:
+    """Return how often each method and each peer has which verdict, verdicts that never occur left out."""
+    counts = Counter((row.contender, row.verdict) for row in rows)
+    used = [
+        word for word in VERDICTS if word in ("survived", "wrong") or any(r.verdict == word for r in rows)
+    ]
+    own = {row.contender: row.is_own for row in sorted(rows, key=lambda row: not row.is_own)}
+    columns = (
+        Column("method", numeric=False),
+        Column("code", numeric=False),
+        *(Column(WORDS[word]) for word in used),
+    )
+    cells = tuple(
+        (
+            text_cell(name),
+            text_cell("ours" if is_own else "other"),
+            *(text_cell(str(counts[name, word])) for word in used),
+        )
+        for name, is_own in own.items()
+    )
+    return Table("Number of cases by verdict", columns, cells)
+
+
+def build_worst(own: Sequence[Outcome]) -> Table:
+    """Return the largest certified errors of our methods, wrong results first."""
+    worst = sort_worst(own)[:MOST_WORST]
+    columns = (
+        Column("case", numeric=False),
+        Column("value", numeric=False),
+        Column("method", numeric=False),
+        Column("error over tolerance"),
+        Column("error of tensions", "%"),
+        Column("verdict", numeric=False),
+    )
+    cells = tuple(
+        (
+            text_cell(row.group),
+            text_cell(row.case),
+            text_cell(row.contender),
+            number_cell(row.error, ".3g"),
+            number_cell(None if row.tension_error is None else 100 * row.tension_error, ".1e"),
+            text_cell(_verdict(row)),
+        )
+        for row in worst
+    )
+    count = sum(row.error is not None for row in own)
+    return Table(
+        f"The {len(worst)} largest of {count:,} certified errors", columns, cells, note=_explain(worst)
+    )
+
+
+def build_grid(rows: Sequence[Outcome], what: str) -> Table:
+    """Return a row a case, a column a method; `what` the number beside a verdict is."""
+    contenders = list(dict.fromkeys(row.contender for row in rows))
+    by_case: dict[tuple[str, str], dict[str, Outcome]] = {}
+    for row in rows:
+        by_case.setdefault((row.group, row.case), {})[row.contender] = row
+    columns = (
+        Column("case", numeric=False),
+        Column("value", numeric=False),
+        *(Column(name, numeric=False) for name in contenders),
+    )
+    cells = tuple(
+        (text_cell(group), text_cell(case), *(_cell(found.get(name)) for name in contenders))
+        for (group, case), found in by_case.items()
+    )
+    order = list(dict.fromkeys((row.group, row.case) for row in sort_worst(rows)))
+    places = {case: k for k, case in enumerate(by_case)}
+    head = tuple(places[case] for case in order[:MOST_HEAD])
+    wrong = len({(row.group, row.case) for row in rows if row.verdict == "wrong"})
+    note = f"{len(head)} with the largest errors" + (f", {wrong} with wrong results first" if wrong else "")
+    return Table(
+        f"Verdict and {what}", columns, cells, note=_explain(rows), head=head, head_note=note if head else ""
+    )
+
+
+def build_messages(rows: Sequence[Outcome], caption: str) -> Table:
+    """Return what runs reported."""
+    columns = tuple(Column(name, numeric=False) for name in ("case", "value", "method", "verdict", "message"))
+    cells = tuple(
+        tuple(text_cell(word) for word in (r.group, r.case, r.contender, _verdict(r), r.message))
+        for r in rows
+    )
+    return Table(caption, columns, cells)
+
+
+def _verdict(row: Outcome) -> str:
+    if row.verdict == "stopped":
+        return f"stopped: {row.status.replace('_', ' ')}"
+    return WORDS[row.verdict] + (MARKS.get(row.rule, "") if row.is_own else "")
+
+
+def _cell(row: Outcome | None) -> Cell:
+    if row is None:
+        return text_cell("–")
+    if row.error is None:
+        return text_cell(_verdict(row))
+    mark = MARKS.get(row.rule, "") if row.is_own else ""
+    return Cell((("", f"{WORDS[row.verdict]}, {format_number(row.error, '.3g')}{mark}"),), row.error)
+
+
+def _explain(rows: Sequence[Outcome]) -> str:
+    """Return what the marks in cells mean, of those that occur."""
+    used = [rule for rule in RULES if rule in MARKS and any(row.is_own and row.rule == rule for row in rows)]
+    return " ".join(f"{MARKS[rule].strip()} Checked by {RULE_WORDS[rule]}." for rule in used)
+
+
+LEAST = 1e-8  # errors over tolerance below are drawn here
+
+
+def draw_errors(rows: Sequence[Outcome], scene: str, name: str) -> Iterator[Figure]:
+    """Yield the diagram of outcomes that have an error; nothing where pictures cannot be drawn.
+
+    Cases stand from left to right in the order in which they are made; `name` is unique on the page.
+    """
+    try:
+        require_plot()
+    except MissingExtraError:
+        return
+    cases = {case: k + 1 for k, case in enumerate(dict.fromkeys((row.group, row.case) for row in rows))}
+    styles = choose_styles(dict.fromkeys(row.contender for row in rows))
+    series = []
+    for method, style in styles.items():
+        own = [row for row in rows if row.contender == method]
+        x = [cases[row.group, row.case] for row in own]
+        y = [max(row.error or 0.0, LEAST) for row in own]
+        series.append(replace(method_series(method, x, y, style), style="points"))
+    diagram = Diagram(
+        "number of the case",
+        "error / tolerance",
+        series,
+        log_y=True,
+        horizontal=((ALLOWED, "wrong above"),),
+        legend_columns=5,
+    )
+    caption = (
+        f"{scene}: certified errors of {len(rows)} results in {len(cases)} cases; below the dotted line a "
+        f"result is right. Errors below {LEAST:g} are drawn there."
+    )
+    yield diagram_figure(name, diagram, caption, f"Error over tolerance of {len(rows)} results, logarithmic.")
+
 
 LEAD = (
     "A result that a method reports as good is right if its certified error is at most ten times the "

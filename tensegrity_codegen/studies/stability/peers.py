@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.studies.stability.cases import Case
-from tensegrity_codegen.studies.stability.models import CaseModels, values_of
-from tensegrity_codegen.studies.stability.own import SAMPLES, Ending
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.stability.own import SAMPLES, CaseModels, Ending, values_of
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.system.forked import can_fork
 
 PEER_STEP = 1e-3  # of the time span, for those who take a step and no tolerance

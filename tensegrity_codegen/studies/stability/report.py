@@ -10,15 +10,12 @@ from typing import Any
 
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.identity import hash_study
-from tensegrity_codegen.studies.scene_names import check_scene_names
-from tensegrity_codegen.studies.stability.all_cases import run_cases
-from tensegrity_codegen.studies.stability.judge import RULES
-from tensegrity_codegen.studies.stability.outcome import NOT_RUN, Limits, Outcome
+from tensegrity_codegen.studies.stability.judge import NOT_RUN, RULES, Limits, Outcome
 from tensegrity_codegen.studies.stability.page import build_page
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.studies.stability.run_cases import run_cases
+from tensegrity_codegen.studies.study import hash_study, prepare_study
 from tensegrity_codegen.system.journal import Journal
-from tensegrity_codegen.system.output_folder import check_folder, write_folder
+from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption
 
@@ -91,12 +88,8 @@ def write_stability(
     OutputError
         For a folder that cannot be written, or that holds these files, without `overwrite`.
     """
-    if not (0.0 < t_end < float("inf")):
-        raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
     limits.check()
-    check_scene_names(structures)
-    check_folder(folder, [PAGE_NAME, DATA_NAME], overwrite=overwrite)
-    write_folder(folder, {})  # before the long work: that the result has a place
+    prepare_study(structures, t_end, folder, (PAGE_NAME, DATA_NAME), overwrite=overwrite)
     end, outcomes = time.monotonic() + limits.total, dict[str, tuple[Outcome, ...]]()
     options = (t_end.hex(), repr(dataclasses.replace(limits, total=0.0)))  # the total changes no result
     for number, structure in enumerate(structures):

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tensegrity_codegen.studies.work_precision.row import Row
+from tensegrity_codegen.studies.work_precision.measure import Row
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 
 WANTED = 1e-6  # the error of the headline [m], where methods reach it

@@ -17,9 +17,7 @@ from tensegrity_codegen.runtime.model.placement import place_nodes
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.runtime.trajectory.evaluate_trajectory import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
-from tensegrity_codegen.studies.work_precision.row import Row
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Row, Run, Unavailable
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation

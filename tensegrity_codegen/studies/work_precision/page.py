@@ -23,7 +23,7 @@ from tensegrity_codegen.studies.work_precision.finding import (
     describe_rows,
     find_fastest_peer,
 )
-from tensegrity_codegen.studies.work_precision.row import Row, find_front
+from tensegrity_codegen.studies.work_precision.measure import Row, find_front
 from tensegrity_codegen.studies.work_precision.scene_report import SceneReport
 from tensegrity_codegen.system.provenance import describe_provenance
 

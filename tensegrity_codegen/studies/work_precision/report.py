@@ -10,10 +10,9 @@ from typing import Any
 
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.scene_names import check_scene_names
+from tensegrity_codegen.studies.study import prepare_study
+from tensegrity_codegen.studies.work_precision.measure import Row, set_problem
 from tensegrity_codegen.studies.work_precision.page import build_page, say_recommendation
-from tensegrity_codegen.studies.work_precision.problem import set_problem
-from tensegrity_codegen.studies.work_precision.row import Row
 from tensegrity_codegen.studies.work_precision.scene_report import (
     Options,
     SceneReport,
@@ -22,7 +21,7 @@ from tensegrity_codegen.studies.work_precision.scene_report import (
 )
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.system.extras import require_plot
-from tensegrity_codegen.system.output_folder import check_folder, write_folder
+from tensegrity_codegen.system.output_folder import write_folder
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption
 
@@ -77,16 +76,12 @@ def write_report(
     name, MissingExtraError without matplotlib, ConvergenceError where nothing certifies a reference,
     OutputError where files cannot be written or, without `overwrite`, exist.
     """
-    if not (0.0 < t_end < float("inf")):
-        raise InvalidValueError("out of range", where="t_end", given=t_end, allowed="a finite number > 0 [s]")
     if not 2 <= samples <= MOST_SAMPLES:
         raise InvalidValueError(
             "out of range", where="samples", given=samples, allowed=f"2 to {MOST_SAMPLES}"
         )
-    check_scene_names(structures)
     require_plot()
-    check_folder(folder, [PAGE_NAME, TABLE_NAME, DATA_NAME], overwrite=overwrite)
-    write_folder(folder, {})  # before the long work: that the result has a place
+    prepare_study(structures, t_end, folder, (PAGE_NAME, TABLE_NAME, DATA_NAME), overwrite=overwrite)
     reports = []
     for number, structure in enumerate(structures):
         move = part_of(progress, number / len(structures), 1.0 / len(structures))

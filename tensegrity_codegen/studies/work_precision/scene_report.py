@@ -7,14 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.studies.identity import hash_study
-from tensegrity_codegen.studies.work_precision.certify import Reference, certify
-from tensegrity_codegen.studies.work_precision.contender import Contender, Unavailable, measure
+from tensegrity_codegen.studies.study import hash_study
+from tensegrity_codegen.studies.work_precision.measure import (
+    Contender,
+    MotionProblem,
+    Reference,
+    Row,
+    Unavailable,
+    certify,
+    find_front,
+    find_length_error,
+    is_clearly_slower,
+    measure,
+    recommend,
+)
 from tensegrity_codegen.studies.work_precision.own import describe_simulation, own_contenders
 from tensegrity_codegen.studies.work_precision.peers import peer_contenders
-from tensegrity_codegen.studies.work_precision.physics import find_length_error
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
-from tensegrity_codegen.studies.work_precision.row import Row, find_front, is_clearly_slower, recommend
 from tensegrity_codegen.system.journal import Journal
 from tensegrity_codegen.system.progress import part_of
 from tensegrity_codegen.system.resumption import Resumption

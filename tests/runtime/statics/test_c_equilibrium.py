@@ -15,7 +15,7 @@ from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.studies.papers.lin.events import follow_load
-from tensegrity_codegen.studies.papers.lin.model import compile_prism, place_load
+from tensegrity_codegen.studies.papers.lin.tables import compile_prism, place_load
 from tensegrity_codegen.system.errors import (
     ConvergenceError,
     FormulationError,

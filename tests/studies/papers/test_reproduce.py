@@ -19,18 +19,18 @@ from tensegrity_codegen.report.pages.page_table import Table
 from tensegrity_codegen.report.pages.render_page import render_page
 from tensegrity_codegen.studies.papers import reproduce as module
 from tensegrity_codegen.studies.papers.errata import ERRATA
-from tensegrity_codegen.studies.papers.lin.lin_tables import (
+from tensegrity_codegen.studies.papers.lin.chapter import (
     error_section,
     extension_section,
     measured_section,
 )
 from tensegrity_codegen.studies.papers.lin.tables import compare_tables
 from tensegrity_codegen.studies.papers.reproduce import PAPERS, build_page, choose_papers, reproduce
+from tensegrity_codegen.studies.papers.scs.chapter import equilibrium_section
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower
-from tensegrity_codegen.studies.papers.scs.scs_equilibria import equilibrium_section
-from tensegrity_codegen.studies.papers.scs.scs_map import map_section
+from tensegrity_codegen.studies.papers.scs.maps import map_section
 from tensegrity_codegen.studies.papers.sk import chapter as sk
-from tensegrity_codegen.studies.papers.sk import sk_inverse
+from tensegrity_codegen.studies.papers.sk import inverse_time
 from tensegrity_codegen.studies.papers.sk.inverse_time import METHODS
 from tensegrity_codegen.system.errors import ConvergenceError, OutputError, UnknownNameError
 from tests.report.browser import find_browser, open_page
@@ -235,8 +235,8 @@ def test_the_time_to_apply_an_inverse_is_stated_beside_the_time_to_form_it(
         "apply_exponent": dict.fromkeys(METHODS, 1.0),
         "largest_difference": 1e-14,
     }
-    monkeypatch.setattr(sk_inverse, "measure_inverse_times", lambda nodes: measured)
-    result = sk_inverse.inverse_section([12, 24]).result
+    monkeypatch.setattr(inverse_time, "measure_inverse_times", lambda nodes: measured)
+    result = inverse_time.inverse_section([12, 24]).result
     assert "400 times less to form" in result
     assert "79 µs to apply for 38 µs" in result
 

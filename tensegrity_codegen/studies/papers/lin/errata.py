@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.studies.papers.lin.model import (
+from tensegrity_codegen.studies.papers.lin.tables import (
     COLUMNS,
     LOADS,
     TOPS,
     compile_prism,
+    compute_extensions,
+    find_nearest_symmetrical,
     place_load,
+    read_tables,
     settle,
 )
-from tensegrity_codegen.studies.papers.lin.sensitivity import find_nearest_symmetrical
-from tensegrity_codegen.studies.papers.lin.tables import compute_extensions, read_tables
 from tensegrity_codegen.system.arrays import FloatArray
 
 # The order that Appendix A and section 2 suggest: L_1..L_3 side springs (A.1-A.3), L_4..L_6 top springs.

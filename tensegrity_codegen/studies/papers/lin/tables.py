@@ -1,14 +1,80 @@
-"""Tables 1 to 3 and Fig. 4 of LIN: measured, computed in print, and computed here."""
+"""The prism of LIN, and its Tables 1 to 3 and Fig. 4: measured, computed in print, and computed here."""
 
 import csv
+import functools
+import tomllib
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
+from tensegrity_codegen.pipeline.analyses import equilibrium_quantities
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.studies.papers.lin.model import COLUMNS, SPRINGS, compile_prism, place_load, settle
+from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver, SolvedPath
+from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.subject import assemble_scene
 from tensegrity_codegen.system.arrays import FloatArray
+
+SCENE = "lin_prism"
+PRINTED_SIDE = 0.41  # a [m]
+PRINTED_LENGTH = 0.578  # L [m]
+LOADS = -np.arange(11.0)  # F_3z of the tables [N]
+TOPS = ("bar1_B", "bar2_B", "bar3_B")  # B_1, B_2, B_3
+# Springs in the order of the tables' columns dL1..dL6, by their ends and by their names in the scene.
+COLUMNS = ("B1B2", "B3B1", "B2B3", "A1B2", "A3B1", "A2B3")
+SPRINGS = ("top1", "top3", "top2", "side1", "side3", "side2")
+
+
+@functools.cache
+def compile_prism(
+    side: float = PRINTED_SIDE, bar_length: float = PRINTED_LENGTH, tension_only: bool = False
+) -> CompiledModel:
+    """Return the compiled prism; loads on its tops and spring constants may change at run time.
+
+    side: distance of two anchors [m]; bar_length [m], whose mass goes with it; tension_only: springs that go
+    slack, in place of the paper's linear ones.
+    """
+    text = files("tensegrity_codegen.scene").joinpath("examples", f"{SCENE}.toml").read_text(encoding="utf-8")
+    document: dict[str, Any] = tomllib.loads(text)
+    points = document["bodies"]["base"]["points"]
+    for name, place in points.items():
+        points[name] = [x * (side / PRINTED_SIDE) for x in place]
+    for name, body in document["bodies"].items():
+        if name != "base":
+            body["length"] = bar_length
+    document["classes"]["spring"]["tension_only"] = tension_only
+    system, request = assemble_scene(parse_scene(document, SCENE), SCENE)
+    wanted = request.wanting(
+        *equilibrium_quantities(system, request),
+        "member_extension",
+        "bar_distance",
+        solvers=("equilibrium",),
+        parameters={
+            "node_load": tuple(system.node_name.index(name) for name in TOPS),
+            "spring_constant": tuple(range(system.n_members)),
+        },
+    )
+    return build_library(system, wanted).load()
+
+
+def place_load(top: int, force: Any) -> FloatArray:
+    """Return the loads on all tops, (3, 3) [N], with one force (3,) on top 1, 2 or 3."""
+    loads = np.zeros((len(TOPS), 3))
+    loads[top - 1] = force
+    return loads
+
+
+def settle(model: CompiledModel, loads: FloatArray, **arguments: Any) -> SolvedPath:
+    """Return the equilibria under loads (n, 3, 3) [N], found in C one from the other, beginning without load.
+
+    Raises ConvergenceError where there is none.
+    """
+    solver = EquilibriumSolver(model)
+    start = solver.find(tolerance=1e-11, **arguments).check()
+    return solver.follow(loads, start.coordinate[0], tolerance=1e-11, **arguments).check()
+
 
 MM = 1e3
 
@@ -114,3 +180,81 @@ def compare_unloaded(model: CompiledModel | None = None) -> list[dict[str, Any]]
         }
         for name, unit, paper, ours in rows
     ]
+
+
+# How near other parameters come to Table 2, and why the printed ones cannot reach its first row.
+#
+# Without load the configuration is symmetrical: all azimuths alpha and all elevations beta are equal, and the
+# lengths of the two kinds of springs are functions of these two angles. The first row of Table 2 asks for a
+# pair of lengths that no alpha, beta have with the printed a and L.
+
+
+CHANGES: dict[str, dict[str, float]] = {
+    "printed": {},
+    "a = 0.4129 m": {"side": 0.4129},
+    "L = 0.5768 m": {"bar_length": 0.5768},
+}
+
+
+def compare_sensitivity() -> list[dict[str, Any]]:
+    """Return, for the printed parameters and two changed ones, how far we are from Tables 1 and 2.
+
+    Rows: name, side a [m], bar_length L [m], largest_difference to Table 2 [mm], mean_error against the
+    measurements, and nearest: the least difference [mm] of any symmetrical configuration to the first row.
+    """
+    printed = read_tables()
+    rows = []
+    for name, change in CHANGES.items():
+        side = change.get("side", PRINTED_SIDE)
+        bar_length = change.get("bar_length", PRINTED_LENGTH)
+        model = compile_prism(side, bar_length)
+        ours = compute_extensions(LOADS, model)
+        rows.append(
+            {
+                "name": name,
+                "side": side,
+                "bar_length": bar_length,
+                "largest_difference": float(np.abs(ours - printed["computed"]).max()),
+                "mean_error": float(relative_error(ours, printed["measured"]).mean()),
+                "nearest": find_nearest_symmetrical(model)["distance"],
+            }
+        )
+    return rows
+
+
+def find_nearest_symmetrical(model: CompiledModel | None = None) -> dict[str, float]:
+    """Return the symmetrical configuration whose springs are nearest to the first row of Table 2.
+
+    azimuth, elevation [deg]; side, top: extensions there [mm]; distance: the root of the sum of the squares
+    of both differences [mm].
+    """
+    model = model or compile_prism()
+    first = read_tables()["computed"][0]
+    wanted = np.array([first[3:].mean(), first[:3].mean()])
+    kinds = [model.manifest.member_name.index(name) for name in (SPRINGS[3], SPRINGS[0])]
+
+    def difference(angles: FloatArray) -> FloatArray:
+        extension = model.compute("member_extension", coordinate=_spread(model, angles))
+        return np.asarray(MM * extension[kinds] - wanted)
+
+    starts = [np.array([a, e]) for a in np.linspace(-3, 3, 9) for e in (0.3, 0.8, 1.3)]
+    found = min((optimize.least_squares(difference, start, xtol=1e-15) for start in starts), key=_cost)
+    side, top = difference(found.x) + wanted
+    return {
+        "azimuth": float(np.degrees(found.x[0])),
+        "elevation": float(np.degrees(found.x[1])),
+        "side": float(side),
+        "top": float(top),
+        "distance": float(np.linalg.norm(difference(found.x))),
+    }
+
+
+def _cost(result: Any) -> float:
+    return float(result.cost)
+
+
+def _spread(model: CompiledModel, angles: FloatArray) -> FloatArray:
+    """Return coordinates (6,) in which all bars have these azimuth and elevation [rad]."""
+    azimuth, elevation = (float(angle) for angle in angles)
+    names = model.manifest.coordinate_name
+    return np.array([azimuth if name.endswith("azimuth") else elevation for name in names])

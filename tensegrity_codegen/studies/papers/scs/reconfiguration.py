@@ -16,8 +16,7 @@ from scipy.optimize import brentq
 
 from tensegrity_codegen.runtime.model.array_file import write_arrays
 from tensegrity_codegen.studies.papers.scs.paths import MotionPath, QuinticPath, TorqueFreePath
-from tensegrity_codegen.studies.papers.scs.scene_kind import GROUPS
-from tensegrity_codegen.studies.papers.scs.symmetry import CROSSING, SymmetricPose, SymmetricTower
+from tensegrity_codegen.studies.papers.scs.symmetry import CROSSING, GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.symbolic.restriction import Control
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InfeasibleError, InvalidValueError, NonFiniteError

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from tensegrity_codegen.studies.papers.scs.scene_kind import GROUPS
-from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
+from tensegrity_codegen.studies.papers.scs.symmetry import GROUPS, SymmetricPose, SymmetricTower
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 

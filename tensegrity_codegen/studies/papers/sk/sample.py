@@ -4,9 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from tensegrity_codegen.pipeline.build_library import build_library
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.scene.assemble.assemble import assemble
 from tensegrity_codegen.scene.read import parse_scene
 from tensegrity_codegen.structure.structure import ActuatedInput, Structure
+from tensegrity_codegen.tables.request import ModelRequest
 
 # The three-link prism of S&K Fig. 1, free in space; the paper gives no data. Bars are 20 times as stiff as
 # cables.
@@ -84,3 +88,14 @@ def sample_structure(n_nodes: int, kind: str = "sparse", seed: int = 0) -> Struc
         radius=np.zeros(n_members),
         inputs=tuple(ActuatedInput(f"u{k}", "rest_length", (int(e),)) for k, e in enumerate(cables)),
     )
+
+
+def compile_in(structure: Structure, formulation: str, *quantities: str, **options: str) -> CompiledModel:
+    """Return the compiled model in a formulation, fit for simulation, with some more quantities."""
+    request = ModelRequest(
+        (*simulation_quantities(formulation), *quantities),
+        integrators=("rk4", "rk54"),
+        formulation=formulation,
+        options=options,
+    )
+    return build_library(structure, request).load()

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Iterator
 
-from tensegrity_codegen.studies.work_precision.contender import Contender
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem
 from tensegrity_codegen.studies.work_precision.own import CompiledMotion
 from tensegrity_codegen.studies.work_precision.peers import mujoco_tendons, scipy_ivp, sundials
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 
 
 def peer_contenders(

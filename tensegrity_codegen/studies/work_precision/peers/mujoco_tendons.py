@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.structure.structure import Structure
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.system.arrays import FloatArray
 
 INTEGRATORS = ("RK4", "implicitfast", "Euler")

@@ -9,9 +9,8 @@ import casadi as ca
 import numpy as np
 
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.studies.work_precision.contender import Contender, Run, Unavailable
+from tensegrity_codegen.studies.work_precision.measure import Contender, MotionProblem, Run, Unavailable
 from tensegrity_codegen.studies.work_precision.own import ATOL_OF_RTOL
-from tensegrity_codegen.studies.work_precision.problem import MotionProblem
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.request import ModelRequest

@@ -16,21 +16,21 @@ from tensegrity_codegen.runtime.paths.continuation import StepControl
 from tensegrity_codegen.studies.papers.lin.errata import check_errata
 from tensegrity_codegen.studies.papers.lin.events import (
     DIRECTIONS,
+    compare_work,
     find_load_events,
     follow_load,
     reach_load,
     survey_directions,
 )
-from tensegrity_codegen.studies.papers.lin.model import compile_prism
-from tensegrity_codegen.studies.papers.lin.sensitivity import compare_sensitivity
 from tensegrity_codegen.studies.papers.lin.stiffness import compare_stiffness, find_force
 from tensegrity_codegen.studies.papers.lin.tables import (
+    compare_sensitivity,
     compare_tables,
     compare_unloaded,
+    compile_prism,
     compute_extensions,
     read_tables,
 )
-from tensegrity_codegen.studies.papers.lin.work import compare_work
 from tensegrity_codegen.system.errors import ConvergenceError
 
 ROOT = Path(__file__).resolve().parents[4]

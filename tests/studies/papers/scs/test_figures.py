@@ -1,16 +1,21 @@
 """SCS Figs 4 to 11 and equations (44), (45), (52), (53): ours beside the print, and the errata."""
 
+import math
+
 import numpy as np
 import pytest
 
-from tensegrity_codegen.studies.papers.scs.errata import check_errata
 from tensegrity_codegen.studies.papers.scs.figures import (
+    check_errata,
     compare_equilibria,
     compare_tracking,
     compute_figures,
     compute_paper_maps,
 )
-from tests.studies.papers.scs.subjects import tower
+from tensegrity_codegen.studies.papers.scs.printed import PAPER_POSES, PrintedTower
+from tensegrity_codegen.studies.papers.scs.regions import find_prestressable, map_regions
+from tensegrity_codegen.system.errors import InvalidValueError
+from tests.studies.papers.scs.subjects import pose, tower
 
 
 def test_every_printed_number_is_met() -> None:
@@ -66,3 +71,81 @@ def test_every_erratum_is_one_and_its_correction_is_right() -> None:
 def test_errata_hold_for_every_draw() -> None:
     first, second = (check_errata(tower(), samples=5, seed=seed) for seed in (2, 3))
     assert first[0]["error_as_printed"] != pytest.approx(second[0]["error_as_printed"])
+
+
+@pytest.mark.parametrize("key", ["44", "45", "52"])
+def test_the_printed_equilibria_are_in_the_feasible_region(key: str) -> None:
+    item = PAPER_POSES[key]
+    grid = {"alpha_deg": np.array([item.alpha_deg]), "delta_deg": np.array([item.delta_deg])}
+    found = map_regions(tower(), item.height, item.force, **grid)
+    assert found.feasible.all()
+    assert found.tension[0, 0] == pytest.approx(tower().equilibrium(item.pose, item.force), rel=1e-10)
+
+
+def test_codes_say_which_tendons_push() -> None:
+    alpha, delta = np.array([20.0, 30.0, 55.0, 80.0, 200.0]), np.array([10.0, 40.0, 70.0])
+    found = map_regions(tower(), 0.9, -50.0, alpha_deg=alpha, delta_deg=delta)
+    assert (found.code[0] == -1).all()  # Z < l cos(10 deg)
+    assert (found.code[:, 1] == -1).all()  # alpha = 30 deg
+    for row, column in zip(*np.nonzero(found.code >= 0), strict=True):
+        tension = tower().equilibrium(pose(alpha[column], delta[row], 0.9), -50.0)
+        assert found.code[row, column] == sum(
+            bit for bit, t in zip((1, 2, 4), tension, strict=True) if t <= 0
+        )
+        assert found.tension[row, column] == pytest.approx(tension, rel=1e-9)
+    assert np.isnan(found.determinant[0]).all()
+
+
+def test_the_opposite_force_reverses_every_tension() -> None:
+    up, down = (map_regions(tower(), 1.3, force, alpha_deg=np.arange(0, 360, 7.0)) for force in (50.0, -50.0))
+    inside = up.code >= 0
+    assert (up.code[inside] + down.code[inside] == 7).all()
+
+
+def test_prestressable_configurations_balance_without_load() -> None:
+    (found,) = find_prestressable(tower(), math.radians(40.0), 1.11066)
+    matrix = tower().matrix(found.pose.parameter[None])[0]
+    assert np.abs(matrix @ found.tension).max() < 1e-13
+    assert (found.tension > 0).all()
+    assert np.linalg.norm(found.tension) == pytest.approx(1.0)
+    # SCS (42) holds there, by its closed form.
+    assert abs(PrintedTower.of(tower()).determinant_condition(*found.pose.parameter)) < 1e-14
+
+
+def test_prestressable_configurations_border_on_the_feasible_ones_of_both_forces() -> None:
+    (found,) = find_prestressable(tower(), math.radians(40.0), 1.11066)
+    degrees = found.pose.in_degrees
+    sides = [degrees[0] - 0.01, degrees[0] + 0.01]
+    grids = [
+        map_regions(tower(), 1.11066, force, alpha_deg=np.array(sides), delta_deg=np.array([40.0])).feasible[
+            0
+        ]
+        for force in (50.0, -50.0)
+    ]
+    assert sorted(grid.tolist() for grid in grids) == [[False, True], [True, False]]
+
+
+def test_no_prestressable_configuration_where_no_null_vector_has_one_sign() -> None:
+    assert find_prestressable(tower(), math.radians(55.0), 1.2) == ()
+
+
+def test_shares_of_the_codes_add_up() -> None:
+    found = map_regions(tower(), 1.2, 50.0, alpha_deg=np.arange(0.0, 360.0, 10.0))
+    assert sum(found.summary()["share"].values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("height", "force", "more", "where"),
+    [
+        (1.2, 0.0, {}, "force"),
+        (1.2, math.inf, {}, "force"),
+        (-1.0, 50.0, {}, "height"),
+        (1.2, 50.0, {"alpha_deg": np.array([])}, "alpha_deg, delta_deg"),
+        (1.2, 50.0, {"alpha_deg": np.array([math.nan])}, "alpha_deg, delta_deg"),
+        (1.2, 50.0, {"alpha_deg": np.linspace(0, 1, 20000)}, "alpha_deg, delta_deg"),
+    ],
+)
+def test_wrong_maps_are_refused(height: float, force: float, more: dict[str, np.ndarray], where: str) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        map_regions(tower(), height, force, **more)
+    assert caught.value.where == where

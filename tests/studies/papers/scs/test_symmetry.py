@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tensegrity_codegen.structure.bodies import Bar
-from tensegrity_codegen.studies.papers.scs.paper_values import PAPER_POSES
-from tensegrity_codegen.studies.papers.scs.printed import PrintedTower
+from tensegrity_codegen.studies.papers.scs.printed import PAPER_POSES, PrintedTower
 from tensegrity_codegen.studies.papers.scs.symmetry import SymmetricPose, SymmetricTower
 from tensegrity_codegen.system.errors import (
     InfeasibleError,

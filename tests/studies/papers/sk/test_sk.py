@@ -1,22 +1,31 @@
 """The figures of S&K and what lies beyond them, in small (MODEL 2 and 3)."""
 
+import casadi as ca
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
 
-from tensegrity_codegen.codegen.prune import prune
-from tensegrity_codegen.studies.papers.sk.drift import measure_constraint_drift
-from tensegrity_codegen.studies.papers.sk.inverse_time import compare_inverse_times
-from tensegrity_codegen.studies.papers.sk.offset_error import compare_offset_trajectories, compare_offsets
-from tensegrity_codegen.studies.papers.sk.sample import sample_prism, sample_structure
-from tensegrity_codegen.studies.papers.sk.stored_numbers import (
+from tensegrity_codegen.codegen.prune import PrunedFunction, prune
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.studies.papers.sk.chapter import (
     compare_stored_numbers,
     count_stored_numbers,
     find_difference_pattern,
 )
-from tensegrity_codegen.studies.papers.sk.trajectory_difference import compare_trajectories
+from tensegrity_codegen.studies.papers.sk.inverse_time import compare_inverse_times
+from tensegrity_codegen.studies.papers.sk.motion import compare_trajectories, measure_constraint_drift
+from tensegrity_codegen.studies.papers.sk.offset import (
+    compare_offset_trajectories,
+    compare_offsets,
+    evaluate_in,
+)
+from tensegrity_codegen.studies.papers.sk.sample import sample_prism, sample_structure
 from tensegrity_codegen.symbolic.build import build_model
+from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.quantities import find_quantity
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.comparison import dense, run_in_casadi
+from tests.random_structures import structures
 
 TOLERANCES = (1e-3, 1e-6, 1e-9)
 
@@ -158,3 +167,27 @@ def test_sample_structures_hang_together(n: int) -> None:
         assert sum(name.startswith("centre") for name in model.frame.coordinate_name) == 3
         pairs = {frozenset(pair) for pair in structure.connectivity.tolist()}
         assert len(pairs) == members
+
+
+@given(structures(most_nodes=8))
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+def test_double_is_bit_equal_and_single_and_extended_are_near(structure: Structure) -> None:
+    model = build_model(structure, ModelRequest(()))
+    (function,) = prune(model, ("member_tension",))
+    arguments = {name: model.arguments[name].nominal for name in function.arguments}
+    expected = run_in_casadi(function, arguments)
+    np.testing.assert_array_equal(evaluate_in(np.float64, function, arguments), expected)
+    single = evaluate_in(np.float32, function, arguments)
+    assert single.dtype == np.float32
+    scale = (structure.spring_constant + structure.axial_stiffness / structure.rest_length).max()
+    np.testing.assert_allclose(single, expected, rtol=0, atol=3e-5 * max(scale, np.abs(expected).max()))
+    more = evaluate_in(np.longdouble, function, arguments)
+    np.testing.assert_allclose(more.astype(float), expected, rtol=0, atol=1e-12 * scale)
+
+
+def test_an_unknown_operation_is_refused() -> None:
+    x = ca.SX.sym("x", 2)
+    function = ca.Function("f", [x], [ca.sin(x)], ["coordinate"], ["y"])
+    pruned = PrunedFunction(find_quantity("member_length"), function, ("coordinate",))
+    with pytest.raises(FormulationError, match="no meaning in other precisions"):
+        evaluate_in(np.float32, pruned, {"coordinate": np.ones(2)})

@@ -1,0 +1,125 @@
+"""What all studies share: identity of a run, names of scenes, sections kept in a journal."""
+
+import functools
+import importlib.util
+import platform
+from collections import Counter
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TypeVar
+
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_package, hash_scene, hash_text
+from tensegrity_codegen.codegen.compilation.flags import describe_toolchain, find_flags
+from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
+from tensegrity_codegen.codegen.print.render import template_folder
+from tensegrity_codegen.report.pages.page import Section
+from tensegrity_codegen.report.pages.page_json import read_section, section_as_json
+from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.system.checks import check_positive
+from tensegrity_codegen.system.errors import DuplicateNameError, TensegrityError
+from tensegrity_codegen.system.journal import Journal
+from tensegrity_codegen.system.output_folder import check_folder, write_folder
+from tensegrity_codegen.system.processor import name_processor
+from tensegrity_codegen.system.progress import ProgressFunction
+from tensegrity_codegen.system.version import VERSION
+from tensegrity_codegen.tables.request import ModelRequest
+
+PACKAGES = ("casadi", "matplotlib", "mujoco", "numpy", "scipy")
+
+
+def hash_run(*words: str) -> str:
+    """Return the sha256 of `words` with the source code, the packages in use and the machine."""
+    return hash_text(*_surroundings(), *words)
+
+
+def hash_study(structure: Structure, compiler: str | None, flags: str, *words: str) -> str:
+    """Return the sha256 of a study of a structure by compiled models; words: its options.
+
+    Raises CompilerMissingError, or UnknownNameError for unknown flags.
+    """
+    toolchain = describe_toolchain(find_compiler(compiler), find_flags(flags))
+    return hash_run(hash_scene(structure, ModelRequest(())), toolchain, *words)
+
+
+def prepare_study(
+    structures: Sequence[Structure], t_end: float, folder: Path, names: Sequence[str], *, overwrite: bool
+) -> None:
+    """Check the time [s], names of scenes and files of a study, and make its folder before the long work.
+
+    Raises InvalidValueError, DuplicateNameError for two scenes of one name, or OutputError for a folder that
+    cannot be written or, without `overwrite`, holds these files.
+    """
+    check_positive(t_end, "t_end", "[s]")
+    for name, count in Counter(structure.name for structure in structures).items():
+        if count > 1:
+            raise DuplicateNameError(
+                f"{count} scenes have the same name",
+                where="SCENE",
+                given=name,
+                allowed="one scene of each name",
+                hint="give each scene a `name` of its own",
+            )
+    make_folder(folder, names, overwrite=overwrite)
+
+
+def make_folder(folder: str | Path, names: Sequence[str], *, overwrite: bool) -> Path:
+    """Return the folder, made if need be, if files of these names may be written into it later."""
+    check_folder(folder, names, overwrite=overwrite)
+    return write_folder(folder, {})
+
+
+@functools.cache
+def _surroundings() -> tuple[str, ...]:
+    machine = (platform.system(), platform.machine(), platform.node(), name_processor())
+    source = hash_package(Path(__file__).resolve().parent.parent, template_folder())
+    return (VERSION, source, platform.python_version(), *machine, *map(_version, PACKAGES))
+
+
+def _version(package: str) -> str:
+    if importlib.util.find_spec(package) is None:
+        return "not installed"
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+Result = TypeVar("Result")
+# Name of the study, its share of the time, and what computes its section.
+Step = tuple[str, float, Callable[[], Section]]
+
+
+def build_sections(
+    steps: Sequence[Step], progress: ProgressFunction | None = None, journal: Journal | None = None
+) -> tuple[Section, ...]:
+    """Return the sections of the steps in their order; `progress` is called with the fraction done.
+
+    Sections that the journal has are taken from there; others are kept in it as soon as they are built.
+    """
+    journal = journal or Journal(None)
+    sections = {name: read_section(journal.find(name)) for name, _, _ in steps}
+    kept = [name for name, section in sections.items() if section is not None]
+    journal.announce(steps[0][0].split()[0], "sections", len(kept), len(steps))
+    total = sum(share for _, share, _ in steps)
+    done = sum(share for name, share, _ in steps if name in kept)
+    if progress is not None:
+        progress(min(done / total, 1.0))
+    for name, share, build in steps:
+        if sections[name] is not None:
+            continue
+        sections[name] = section = run_study(name, build)
+        journal.store(name, section_as_json(section))
+        done += share
+        if progress is not None:
+            progress(min(done / total, 1.0))
+    return tuple(section for section in sections.values() if section is not None)
+
+
+def run_study(name: str, build: Callable[[], Result]) -> Result:
+    """Return what `build` returns; the place of an error starts with the study's name."""
+    try:
+        return build()
+    except TensegrityError as error:
+        error.where = f"study {name}" + (f": {error.where}" if error.where else "")
+        raise
