@@ -17,8 +17,8 @@ from tensegrity_codegen.studies.stability.own import CaseModels, list_methods
 from tensegrity_codegen.studies.stability.run_cases import run_case
 from tests.runtime.build import bar, cable, make_structure, prism, spring
 
-# benchmarks/fuzz.py runs the same examples. Compiling takes longer than running: a few structures are compiled
-# once each, with everything that may differ as run-time arguments, and drawn many times.
+# benchmarks/fuzz.py runs the same examples. Compiling takes longer than running: a few structures are
+# compiled once each, with everything that may differ as run-time arguments, and drawn many times.
 FloatArray = NDArray[np.float64]
 
 
