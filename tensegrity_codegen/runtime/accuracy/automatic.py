@@ -6,20 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from tensegrity_codegen.runtime.accuracy.choice import Choice, choose_method
-from tensegrity_codegen.runtime.accuracy.damped_out import (
-    find_left_out,
-    is_crowded,
-    note_left_out,
-    tell_left_out,
-    trust_in_radau,
+from tensegrity_codegen.runtime.accuracy.damped_vibration import (
+    find_min_counted,
+    is_held_up,
+    note_vibration,
+    read_vibration,
+    tell_vibration,
 )
 from tensegrity_codegen.runtime.accuracy.error_control import Checks, tighten_until_converged
-from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_samples
+from tensegrity_codegen.runtime.accuracy.explicit import integrate_explicit_to_samples, integrate_scheduled
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
-from tensegrity_codegen.runtime.accuracy.scheduled import integrate_scheduled
-from tensegrity_codegen.runtime.accuracy.vibrations.jumps import bound_jumps
-from tensegrity_codegen.runtime.accuracy.vibrations.kinks import bound_kinks
-from tensegrity_codegen.runtime.accuracy.vibrations.vibration import Vibration
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -30,7 +26,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.tables.formulations import find_formulation
 
-FAR = 1e5  # from the origin, over the size of the structure
+MAX_DISTANCE = 1e5  # from the origin, over the size of the structure
 
 
 def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
@@ -51,19 +47,20 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     if options.control == "steps":
         return replace(_run_once(motion, options, choice), why=choice.why)
     if choice.name != "radau":
-        found = _run_explicit(motion, replace(options, method=choice.name))
+        found = _by_auto(integrate_explicit_to_samples(motion, replace(options, method=choice.name)))
         return _advise(replace(found, why=choice.why), motion.model)
     found = _run_radau(motion, options, choice)
-    if is_crowded(motion, found):
+    if is_held_up(motion, found):
         found = _run_radau(replace(motion, watch=Watch()), options, choice)
     if found.status == "ok" and (found.error_estimate or 0.0) <= 1.0:
-        return tell_left_out(replace(found, why=choice.why), options)
+        return tell_vibration(replace(found, why=choice.why), options)
     if choice.otherwise:
         most = min(options.max_steps, choice.most_otherwise)
-        other = _run_explicit(motion, replace(options, method=choice.otherwise, max_steps=most))
+        options_of_other = replace(options, method=choice.otherwise, max_steps=most)
+        other = _by_auto(integrate_explicit_to_samples(motion, options_of_other))
         if other.status == "ok":
             return replace(other, why=f"{choice.why}; radau missed the tolerance, so {choice.otherwise}")
-    return _advise(tell_left_out(replace(found, why=choice.why), options), motion.model)
+    return _advise(tell_vibration(replace(found, why=choice.why), options), motion.model)
 
 
 def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
@@ -74,15 +71,10 @@ def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTraject
     return _by_auto(integrate_adaptive(motion, options))
 
 
-def _run_explicit(motion: Motion, options: RunOptions) -> RawTrajectory:
-    """Return a run of the explicit method of the options, its error within the tolerance."""
-    return _by_auto(integrate_explicit_to_samples(motion, options))
-
-
 def _run_radau(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return a run of radau, its error within the tolerance."""
     run = _prepare_radau(motion, options, choice)
-    checks = Checks(left_out=find_left_out, trust=trust_in_radau(motion))
+    checks = Checks(vibration=read_vibration, min_counted=find_min_counted(motion))
     tolerance = tolerance_of_options(motion.model.manifest, options)
     return _by_auto(tighten_until_converged(run, tolerance, checks))
 
@@ -97,7 +89,11 @@ def _prepare_radau(
 
     def run(rtol: float, atol: float) -> RawTrajectory:
         raw = integrate_radau(smooth, options.within(rtol, atol), quiet=choice.quiet)
-        return raw if vibration is None else _with_vibration(raw, motion, vibration, choice.frequency)
+        if vibration is None:
+            return raw
+        error = vibration.error(float(motion.sample_time[1]), motion.t_end)
+        noted = note_vibration(motion, raw, error, raw.tension_member, choice.frequency)
+        return vibration.add_to(noted, motion.state)
 
     return run
 
@@ -113,20 +109,10 @@ def _advise(raw: RawTrajectory, model: CompiledModel) -> RawTrajectory:
     size = float(np.ptp(place, axis=0).max(initial=0.0))
     far = float(np.abs(place).max(initial=0.0))
     in_nodes = find_formulation(model.manifest.formulation).in_nodes
-    if raw.status != "not_converged" or not in_nodes or far <= FAR * size:
+    if raw.status != "not_converged" or not in_nodes or far <= MAX_DISTANCE * size:
         return raw
     message = (
         f"{raw.message}; positions of {far:.2g} m have rounding errors of {far * 1.1e-16:.2g} m: "
         "move the structure to the origin, or use formulation node_distance"
     )
     return replace(raw, message=message)
-
-
-def _with_vibration(
-    raw: RawTrajectory, motion: Motion, vibration: Vibration, frequency: float
-) -> RawTrajectory:
-    """Return a run of radau with the vibrations that it leaves out, and with how far off these may be."""
-    off = vibration.error(float(motion.sample_time[1]), motion.t_end)
-    jumps = bound_jumps(motion, raw, raw.tension_member, frequency)
-    kinks = bound_kinks(motion, raw, raw.tension_member)
-    return note_left_out(vibration.add_to(raw, motion.state), off + jumps + kinks)

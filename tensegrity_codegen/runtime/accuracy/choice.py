@@ -9,9 +9,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_noise
-from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates, find_rates
-from tensegrity_codegen.runtime.accuracy.vibrations.vibration import Vibration, find_vibration
+from tensegrity_codegen.runtime.accuracy.rates import Rates, find_noise, find_rates
+from tensegrity_codegen.runtime.accuracy.vibration import Vibration, find_vibration
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
@@ -24,18 +23,18 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 EXPLICIT = ("rk853", "rk54")
-CHEAP = 5_000  # steps that resolve every vibration in hundredths of a second
-LOOSE = 1e-3  # relative tolerance above which order 5 is as good as order 8
-JUMPS_LOOSE = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
-MOSTLY = 0.8  # of the explicit steps, that cables alone need where not bars limit them
-RADAU_STEP = 1.5  # time of a step of radau over that of one of rk853
-MOST_EXPLICIT = 100_000  # steps, at most, where radau misses the tolerance
-SAME = 1.5  # stiffness over that of cables, below which it is worth no word
-STIFF = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
-LARGEST = 2**62
-MOST_ROUND = 10  # times the estimate, that steps of a tightened run may be
-MOST_KNOTS = 9  # of a profile, at which rates are looked at
-FEWEST = 2_000  # steps that radau may take even where the explicit method needs no more
+MAX_CHEAP_STEPS = 5_000  # steps that resolve every vibration in hundredths of a second
+LOOSE_RTOL = 1e-3  # relative tolerance above which order 5 is as good as order 8
+LOOSE_RTOL_WITH_JUMPS = 1e-7  # the same where forces jump: steps end there, and short ones cost rk54 less
+CABLE_SHARE = 0.8  # of the explicit steps, that cables alone need where not bars limit them
+RADAU_STEP_COST = 1.5  # time of a step of radau over that of one of rk853
+MAX_EXPLICIT_STEPS = 100_000  # steps, at most, where radau misses the tolerance
+MIN_TOLD_RATIO = 1.5  # stiffness over that of cables, below which it is worth no word
+MIN_STIFF_RATIO = 100.0  # stiffness over that of cables, from which on a library shall hold radau too
+UNLIMITED = 2**62
+STEP_RESERVE = 10  # times the estimate, that steps of a tightened run may be
+MAX_KNOTS = 9  # of a profile, at which rates are looked at
+MIN_ALLOWED_STEPS = 2_000  # steps that radau may take even where the explicit method needs no more
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,8 @@ class Choice:
     otherwise: str = ""
     noise: float = 0.0
     frequency: float = 0.0
-    most_steps: int = LARGEST
-    most_otherwise: int = LARGEST
+    most_steps: int = UNLIMITED
+    most_otherwise: int = UNLIMITED
     quiet: float = 0.0
     vibration: Vibration | None = None
 
@@ -81,8 +80,8 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
     free = np.asarray(~structure.node_anchored[:, list(structure.axes)].all(axis=1))
     stiff = structure.is_mixed & (mu > 0) & free[structure.connectivity].any(axis=1)
     soft = float(mu[~structure.is_mixed].max(initial=0.0))
-    is_stiff = find_formulation(formulation).in_nodes and bool(np.any(mu[stiff] >= STIFF * soft))
-    if is_stiff and rtol <= LOOSE:
+    is_stiff = find_formulation(formulation).in_nodes and bool(np.any(mu[stiff] >= MIN_STIFF_RATIO * soft))
+    if is_stiff and rtol <= LOOSE_RTOL:
         explicit = "rk853"  # vibrations take most steps, not jumps
     return (explicit, "radau") if is_stiff else (explicit,)
 
@@ -114,7 +113,7 @@ def _find_rates(motion: Motion, stiff: tuple[int, ...]) -> Rates | None:
     if first is None or not isinstance(motion.schedule, DrivenArguments):
         return first
     times = motion.schedule.pieces.time
-    chosen = times[np.unique(np.linspace(0, len(times) - 1, MOST_KNOTS).astype(np.int64))]
+    chosen = times[np.unique(np.linspace(0, len(times) - 1, MAX_KNOTS).astype(np.int64))]
     cases = [{**motion.arguments, **motion.schedule(float(time))} for time in chosen]
     found = [
         first,
@@ -128,24 +127,22 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
     model, state, rtol = motion.model, motion.state, options.rtol
     first, last = float(motion.sample_time[1]), motion.t_end
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    explicit = replace(
-        explicit, noise=find_noise(state[: len(state) // 2], rates.frequency), frequency=rates.frequency
-    )
+    explicit = replace(explicit, noise=find_noise(motion, rates.frequency), frequency=rates.frequency)
     steps = _explicit_steps(rates.frequency, rates.decay, last, rtol)
     ratio = _tell_ratio(rates)
-    if steps <= CHEAP:
+    if steps <= MAX_CHEAP_STEPS:
         why = f"{explicit.why}; {ratio}; about {_number(steps)} explicit steps resolve all vibrations"
         return replace(explicit, why=why)
-    if rtol <= LOOSE and any(spec.name == "rk853" for spec in model.manifest.integrators):
+    if rtol <= LOOSE_RTOL and any(spec.name == "rk853" for spec in model.manifest.integrators):
         explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
     spec = next(spec for spec in model.manifest.integrators if spec.name == "radau")
     slow_decay = 0.0 if spec.damped else rates.slow_decay  # in radau's matrix it costs no steps
     by_radau = _radau_steps(rates.slow_frequency, slow_decay, last, rtol)
     compared = f"estimated {_number(steps)} explicit steps, {_number(by_radau)} steps of radau"
-    if RADAU_STEP * by_radau >= steps:
+    if RADAU_STEP_COST * by_radau >= steps:
         is_damped = slow_decay > 10.0 * rates.slow_frequency
         cause = f"{'damping of cables limits' if is_damped else 'cables limit'} the steps, not bars"
-        if MOSTLY * steps > _explicit_steps(rates.slow_frequency, rates.slow_decay, last, rtol):
+        if CABLE_SHARE * steps > _explicit_steps(rates.slow_frequency, rates.slow_decay, last, rtol):
             cause = f"{ratio}: {compared}, which take longer each"
         return replace(explicit, why=f"{explicit.why}; {cause}")
     amplitude = listen_to_members(motion)["vibration"]
@@ -158,9 +155,11 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         explicit,
         name="radau",
         why=f"{ratio} and vibrate by {amplitude:.2g} m: {compared}",
-        otherwise=explicit.name if steps <= MOST_EXPLICIT else "",
-        most_steps=int(FEWEST + steps / RADAU_STEP) if steps <= MOST_EXPLICIT else LARGEST,
-        most_otherwise=int(FEWEST + MOST_ROUND * steps),
+        otherwise=explicit.name if steps <= MAX_EXPLICIT_STEPS else "",
+        most_steps=int(MIN_ALLOWED_STEPS + steps / RADAU_STEP_COST)
+        if steps <= MAX_EXPLICIT_STEPS
+        else UNLIMITED,
+        most_otherwise=int(MIN_ALLOWED_STEPS + STEP_RESERVE * steps),
         quiet=float(vibration.others[0]),
         vibration=vibration,
     )
@@ -170,7 +169,7 @@ def _tell_ratio(rates: Rates) -> str:
     """Return how much stiffer bars are than cables, in words."""
     if not np.isfinite(rates.stiffness_ratio):
         return "bars and no cables"
-    if rates.stiffness_ratio < SAME:
+    if rates.stiffness_ratio < MIN_TOLD_RATIO:
         return "bars are no stiffer than cables"
     return f"bars are {_number(rates.stiffness_ratio)} times stiffer than cables"
 
@@ -214,7 +213,7 @@ def _tell_rigid(model: CompiledModel) -> str:
 
 
 def _explicit_for(rtol: float, jumps: bool) -> str:
-    return "rk54" if rtol > LOOSE or (jumps and rtol > JUMPS_LOOSE) else "rk853"
+    return "rk54" if rtol > LOOSE_RTOL or (jumps and rtol > LOOSE_RTOL_WITH_JUMPS) else "rk853"
 
 
 def _need(model: CompiledModel, choice: Choice) -> Choice:

@@ -1,51 +1,95 @@
-"""Control of the error at the end, not of each step: tighten the steps until two runs agree."""
+"""Control of the error at the samples, not of each step: tighten the steps until two runs agree.
+
+Rounding limits that: positions x are held to eps |x|, which stiff members turn into forces. A force that is
+off by mu eps |x| in a step, at random, drives a vibration of the frequency w to w eps |x| in about one
+period, and on with the root of the number of steps. No tolerance of steps makes it smaller.
+"""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.accuracy.rounding import Rounding
 from tensegrity_codegen.runtime.accuracy.tolerance import Comparison, Tolerance, compare_runs
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.system.arrays import FloatArray
 
 Run = Callable[[float, float], RawTrajectory]
 
-MOST_ROUNDS = 7
-TIGHTEST_RTOL = 1e-15  # below, a step's error is rounding; of methods in C
-LEAST_SHRINK = 0.03  # where vibrations that steps leave out keep the rounds going: they end all at once
-MOST_WORK = 3e10  # evaluations times states; some minutes on one core
+MAX_ROUNDS = 7
+MIN_RTOL = 1e-15  # below, a step's error is rounding; of methods in C
+# Where vibrations that steps leave out keep the rounds going: they end all at once.
+MIN_FACTOR_WITH_VIBRATION = 0.03
+MAX_WORK = 3e10  # evaluations times states; some minutes on one core
 ORDER = 5  # the number of steps grows as the tolerance to the power -1 / ORDER
-FLOORS_APART = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
-STUCK = 0.5  # of the difference before: a difference that rounding keeps from becoming smaller
-LOOSE = 1e-3  # relative tolerance of steps above which two runs may pass over the same events and agree
-SAFETY = 3.0  # times the difference of two runs that rounding keeps apart: the error of either
-USELESS = 5e-3  # of the largest speed: velocities that may be so wrong are of no use
-CROWDED = "too_many_events"  # the status of a run that events hold up
+MIN_ATOL_RATIO = 3.0  # times the least tolerance: nearer to it two runs are as wrong as each other
+MAX_STALLED_RATIO = 0.5  # of the difference before: a difference that rounding keeps from becoming smaller
+LOOSE_RTOL = 1e-3  # relative tolerance of steps above which two runs may pass over the same events and agree
+ROUNDING_SAFETY = 3.0  # times the difference of two runs that rounding keeps apart: the error of either
+MAX_SPEED_ERROR = 5e-3  # of the largest speed: velocities that may be so wrong are of no use
+ROUNDING_SPREAD = 3.0  # measured: up to 1.5 times the root of the number of steps
+EPS = float(np.finfo(np.float64).eps)
+MIN_COUNTED_WITH_KINKS = 0.7  # of the difference of two runs counts where steps do not end at kinks
+TOO_MANY_EVENTS = "too_many_events"  # the status of a run that events hold up
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """The effect of rounding on a run.
+
+    find_frequency: returns the fastest frequency [rad/s]; is_centre (n_coordinates,): coordinates that no
+    force of a member depends on, see Manifest: far from the origin they are large, and make no vibration.
+    """
+
+    find_frequency: Callable[[], float]
+    is_centre: NDArray[np.bool_]
+
+    def least(self, run: RawTrajectory) -> float:
+        """Return the error of velocities [m/s] that rounding leaves in any run."""
+        return self.find_frequency() * EPS * self._largest(run)
+
+    def noise(self, run: RawTrajectory) -> FloatArray:
+        """Return what it comes to at most by the end of a run, [m] and [m/s]."""
+        farthest = float(np.abs(run.state[:, : run.state.shape[1] // 2]).max(initial=0.0))
+        steps = ROUNDING_SPREAD * np.sqrt(max(run.n_steps, 1))
+        return np.asarray(steps * EPS * np.array([farthest, self._largest(run) * self.find_frequency()]))
+
+    def words(self, run: RawTrajectory, bound: float) -> str:
+        """Return the words for a bound of velocities [m/s]."""
+        rounded = EPS / 2 * self._largest(run)
+        return (
+            f"velocities may be wrong by up to {bound:.2g} m/s, since positions have rounding errors of "
+            f"{rounded:.1g} m"
+        )
+
+    def _largest(self, run: RawTrajectory) -> float:
+        """Return the largest coordinate that forces depend on."""
+        n = run.state.shape[1] // 2
+        return float(np.abs(run.state[:, :n][:, ~self.is_centre]).max(initial=0.0))
 
 
 @dataclass(frozen=True)
 class Checks:
     """What is known of the errors of runs beside their differences.
 
-    left_out: run -> amounts (2,) [m], [m/s] that all runs are off by alike. They do not keep the rounds
-    going; those of positions count in the estimate, those of velocities are the caller's to state.
-    resolves_left_out: whether tighter steps leave less out, so that amounts of positions keep the rounds
+    vibration: run -> amounts (2,) [m], [m/s] of vibrations that all runs leave out alike. They do not keep
+    the rounds going; those of positions count in the estimate, those of velocities are the caller's to state.
+    resolves_vibration: whether tighter steps leave less out, so that amounts of positions keep the rounds
     going after all. lost: run -> error over the tolerance by vibrations that tighter steps keep. least_atol:
     below which the steps' absolute tolerance does not go; there the whole difference to a run with ten times
-    that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. trust: the part
-    of a difference that counts at least, for methods that pass over kinks.
-    rounding: what it makes of velocities.
+    that counts. least_rtol: the same of the relative one, for which rounding ends the rounds. min_counted:
+    the part of a difference that counts at least, for methods that pass over kinks. rounding: what it makes
+    of velocities.
     """
 
-    left_out: Callable[[RawTrajectory], FloatArray] | None = None
-    resolves_left_out: bool = False
+    vibration: Callable[[RawTrajectory], FloatArray] | None = None
+    resolves_vibration: bool = False
     lost: Callable[[RawTrajectory], float] | None = None
     least_atol: float = 0.0
-    least_rtol: float = TIGHTEST_RTOL
-    trust: float = 0.0
+    least_rtol: float = MIN_RTOL
+    min_counted: float = 0.0
     rounding: Rounding | None = None
 
 
@@ -60,7 +104,7 @@ def tighten_until_converged(run: Run, tolerance: Tolerance, checks: Checks | Non
     off they may be (`vibration_speed_error` in its evidence), unless that is beyond use.
 
     Status "ok" means an estimated error of at most 1; "not_converged" with the last run and estimate if the
-    rounds do not come together, or the next one would take all beyond MOST_WORK.
+    rounds do not come together, or the next one would take all beyond MAX_WORK.
     """
     rounds = _Rounds(run, tolerance, checks or Checks())
     return rounds.beyond_rounding() if tolerance.rtol < 10.0 * rounds.checks.least_rtol else rounds.result()
@@ -73,18 +117,19 @@ class _Rounds:
         self.run, self.tolerance, self.checks = run, tolerance, checks
         self.rtol, self.atol = tolerance.rtol, min(tolerance.atol, tolerance.atol_speed)
         self.least = checks.least_atol
-        self.factor, self.error, self.where, self.left_out = 1.0, np.inf, "", 0.0
-        self.last, self.apart = 0.1, np.inf  # tightening and difference of the round before
+        self.factor, self.error, self.where = 1.0, np.inf, ""
+        self.vibration = 0.0  # part of the tolerance that vibrations take which steps leave out
+        self.tightened, self.difference = 0.1, np.inf  # tightening and difference of the round before
         self.n_evaluations = 0
 
     def result(self) -> RawTrajectory:
         """Return the first run that meets the tolerance, or the last one with what is wrong with it."""
         self.previous = self._try(self.rtol, self.atol)
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             found = self._go_on()
             if found is not None:
                 return found
-        return self._give_up(self.previous, f"no convergence after {MOST_ROUNDS} refinements")
+        return self._give_up(self.previous, f"no convergence after {MAX_ROUNDS} refinements")
 
     def beyond_rounding(self) -> RawTrajectory:
         """Return the best run there is for a tolerance below rounding, and how far it is from that."""
@@ -110,16 +155,18 @@ class _Rounds:
             return replace(previous, method=_name(previous))
         if previous.status != "ok":
             return self._give_up(previous, previous.message, previous.status)
+        # Refuse a run that would take too long.
         shrink = self._next_shrink()
         expected = self.n_evaluations + previous.n_evaluations * shrink ** (-1.0 / ORDER)
-        if expected * previous.state.shape[1] > MOST_WORK:
+        if expected * previous.state.shape[1] > MAX_WORK:
             steps = self.rtol * self.factor * shrink
             return self._give_up(previous, f"a run with steps of rtol = {steps:.3g} would take too long")
+        # Do the next run, and at the least tolerance another one that is as far from it as it can be.
         before = max(self.atol * self.factor, self.least)
         finer = self._try_finer(shrink)
         if finer.status != "ok":
             return self._give_up(previous, finer.message, finer.status)
-        if self.atol * self.factor <= self.least and before < FLOORS_APART * self.least:
+        if self.atol * self.factor <= self.least and before < MIN_ATOL_RATIO * self.least:
             before = 10.0 * self.least
             self.previous = self._try(10.0 * self.rtol * self.factor, before)
         return self._judge(finer, before, shrink)
@@ -128,7 +175,7 @@ class _Rounds:
         """Return the factor by which the next run is tighter."""
         if self.atol * self.factor <= self.least:  # rounding is near
             return 0.1
-        least = LEAST_SHRINK if self.left_out > 1.0 else 1e-3
+        least = MIN_FACTOR_WITH_VIBRATION if self.vibration > 1.0 else 1e-3
         shrink = float(np.clip(0.3 / self.error, least, 0.1)) if 0.0 < self.error < np.inf else 0.1
         return min(0.1, max(shrink, self.checks.least_rtol / (self.rtol * self.factor)))
 
@@ -143,37 +190,47 @@ class _Rounds:
         return finer
 
     def _judge(self, finer: RawTrajectory, before: float, shrink: float) -> RawTrajectory | None:
-        """Return the run if it is good or no other will be; else remember it."""
-        at_least = self.atol * self.factor <= self.least
-        trusted = max(shrink, max(self.atol * self.factor, self.least) / before)
-        more = None if self.checks.left_out is None else self.checks.left_out(finer)
-        noise = None if self.checks.rounding is None else self.checks.rounding.noise(finer)
-        wider = self.apart
-        self.apart = compare_runs(self.previous, finer, self.tolerance, more=more).whole
-        part = 1.0 if at_least else min(1.0 / 3.0, 3.0 * trusted ** _power(wider, self.apart, self.last))
-        part, self.last = max(part, self.checks.trust), trusted
-        found = compare_runs(self.previous, finer, self.tolerance, part=part, more=more, noise=noise)
+        """Return the run if it is good or no other will be; else remember it.
+
+        before: the absolute tolerance of the run that it is compared with.
+        """
+        checks, at_least = self.checks, self.atol * self.factor <= self.least
+        tightened = max(shrink, max(self.atol * self.factor, self.least) / before)
+        allowance = None if checks.vibration is None else checks.vibration(finer)
+        noise = None if checks.rounding is None else checks.rounding.noise(finer)
+        # The difference to the looser run, and the part of it that is taken for the error of this one.
+        difference_before = self.difference
+        self.difference = compare_runs(self.previous, finer, self.tolerance, more=allowance).whole
+        power = _find_power(difference_before, self.difference, self.tightened)
+        part = max(1.0 if at_least else min(1.0 / 3.0, 3.0 * tightened**power), checks.min_counted)
+        self.tightened = tightened
+        found = compare_runs(self.previous, finer, self.tolerance, part=part, more=allowance, noise=noise)
         self.error, self.where = found.error, found.where
-        share = self.left_out = self._share(finer, more)
-        if self.error <= 1.0 and self.checks.lost is not None:
-            lost = self.checks.lost(finer)
+        # What both runs lose alike adds to it.
+        share = self.vibration = self._find_share(finer, allowance)
+        if self.error <= 1.0 and checks.lost is not None:
+            lost = checks.lost(finer)
             self.where = "by vibrations that the steps do not resolve" if lost > 1.0 else self.where
             self.error += lost
-        is_loose = finer.log.count > 0 and self.rtol * self.factor / shrink > LOOSE
-        if self.error + share <= 1.0 and not is_loose:
-            self.error += share
+        estimate = self.error + share
+        is_loose = finer.log.count > 0 and self.rtol * self.factor / shrink > LOOSE_RTOL
+        if estimate <= 1.0 and not is_loose:
+            self.error = estimate
             return self._accept(finer, found)
-        is_stuck = STUCK * wider < self.apart and (at_least or found.reducible <= 1.0)
-        if (is_stuck and found.error > 1.0) or self.factor * self.rtol <= self.checks.least_rtol:
-            return self._state_rounding(finer, found, more, share)
-        if share > 1.0 and not self.checks.resolves_left_out and self.error <= 1.0:
-            self.error += share
+        # Tighter steps do not help where rounding keeps the runs apart, or vibrations are left out.
+        is_stalled = MAX_STALLED_RATIO * difference_before < self.difference and (
+            at_least or found.reducible <= 1.0
+        )
+        if (is_stalled and found.error > 1.0) or self.factor * self.rtol <= checks.least_rtol:
+            return self._state_rounding(finer, found, allowance, share)
+        is_left_out = share > 1.0 and not checks.resolves_vibration and self.error <= 1.0
+        self.error = estimate
+        if is_left_out:
             return self._give_up(finer, "vibrations of bars exceed the tolerance")
-        self.error += share
         self.previous = finer
         return None
 
-    def _share(self, run: RawTrajectory, more: FloatArray | None) -> float:
+    def _find_share(self, run: RawTrajectory, more: FloatArray | None) -> float:
         """Return the largest part of the tolerance that positions are off by after the start."""
         if more is None or not more[0] > 0.0:
             return 0.0
@@ -189,7 +246,7 @@ class _Rounds:
         allowed = self.tolerance.allowed(run.state)[:, len(self.tolerance.first) :]
         if least <= float(allowed.min(initial=np.inf)):
             return good
-        return _note_bound(good, rounding, max(least, SAFETY * found.speed))
+        return _note_bound(good, rounding, max(least, ROUNDING_SAFETY * found.speed))
 
     def _state_rounding(
         self, run: RawTrajectory, found: Comparison, more: FloatArray | None, share: float
@@ -197,12 +254,14 @@ class _Rounds:
         """Return a run that no tighter steps improve: good if velocities alone miss, by a known amount."""
         rounding = self.checks.rounding
         if rounding is not None and np.isfinite(found.speed):
-            bound = max(SAFETY * found.speed, rounding.least(run))
+            bound = max(ROUNDING_SAFETY * found.speed, rounding.least(run))
             allowed = np.array([0.0, bound]) + (0.0 if more is None else more)
             error = compare_runs(self.previous, run, self.tolerance, more=allowed).error + share
             n = run.state.shape[1] // 2
             speed = float(np.abs(run.state[:, n:]).max(initial=0.0))
-            if error <= 1.0 and bound <= USELESS * max(speed, self.tolerance.length / float(run.time[-1])):
+            if error <= 1.0 and bound <= MAX_SPEED_ERROR * max(
+                speed, self.tolerance.length / float(run.time[-1])
+            ):
                 self.error = error
                 return _note_bound(self._accept_as_it_is(run), rounding, bound)
         self.error += share
@@ -224,7 +283,7 @@ class _Rounds:
         words = "unknown" if estimate is None else f"{estimate:.3g} times the tolerance {self.where}".rstrip()
         return replace(
             last,
-            status=stopped if stopped == CROWDED else "not_converged",
+            status=stopped if stopped == TOO_MANY_EVENTS else "not_converged",
             message=f"{why}; estimated error {words}: loosen `rtol` and `atol`, simulate a shorter time, "
             "or control the error of each step only",
             method=_name(last),
@@ -239,11 +298,11 @@ def _note_bound(run: RawTrajectory, rounding: Rounding, bound: float) -> RawTraj
     return replace(run, evidence=evidence, message=f"{run.message}; {rounding.words(run, bound)}")
 
 
-def _power(before: float, apart: float, shrink: float) -> float:
+def _find_power(before: float, difference: float, shrink: float) -> float:
     """Return the power p of s with which the difference of two runs shrank when the tolerance did by s."""
-    if not 0.0 < apart < before < np.inf:
-        return 1.0 if not np.isfinite(before) or apart == 0.0 else 0.0
-    return min(1.0, float(np.log(apart / before) / np.log(shrink))) if shrink < 1.0 else 0.0
+    if not 0.0 < difference < before < np.inf:
+        return 1.0 if not np.isfinite(before) or difference == 0.0 else 0.0
+    return min(1.0, float(np.log(difference / before) / np.log(shrink))) if shrink < 1.0 else 0.0
 
 
 def _name(run: RawTrajectory) -> str:

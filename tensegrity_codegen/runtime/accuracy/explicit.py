@@ -1,37 +1,160 @@
-"""Explicit methods with error control at the samples: rk54 and rk853, by name or chosen by `auto`."""
+"""Error control at the samples of explicit methods in C, and of SciPy's methods.
 
+Beside the difference of two runs the estimate has what both lose alike: fast vibrations that the steps take
+away unseen. A step over an angle a = w h of a vibration changes its size and phase by a part e(a). Each step
+may keep the tolerance while all of them together take the vibration away, in a run and in one that is
+compared with it. How large it is shows in a short run with tight steps from the same start.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
-from tensegrity_codegen.runtime.accuracy.error_control import Checks, tighten_until_converged
-from tensegrity_codegen.runtime.accuracy.lost_vibration import LostVibration
-from tensegrity_codegen.runtime.accuracy.rounding import Rounding
+import numpy as np
+
+from tensegrity_codegen.runtime.accuracy.error_control import (
+    MIN_COUNTED_WITH_KINKS,
+    Checks,
+    Rounding,
+    tighten_until_converged,
+)
+from tensegrity_codegen.runtime.accuracy.rates import find_decay, find_fastest, find_noise
 from tensegrity_codegen.runtime.accuracy.scales import tolerance_of_options
-from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_fastest, find_noise
+from tensegrity_codegen.runtime.accuracy.tolerance import Tolerance
 from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
+from tensegrity_codegen.runtime.integrate.event_log import Watch
+from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.options import SMALLEST_SCIPY_RTOL, RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.tableaus import TABLEAUS
+
+WHY_SCIPY = (
+    "methods in C take values over time from a Profile of inputs only, so this schedule runs through SciPy"
+)
+MAX_EXPLICIT_STEPS = 20_000  # of an explicit method, from which on SciPy's implicit one has its turn first
+NEGLIGIBLE_LOSS = 0.01  # change of the whole vibration, from which on two runs may agree on it
+LOSS_SAFETY = 3.0  # times that change: steps are not all of the same length
+# The short run: radians of the fastest vibration between its samples, their number, and its tolerance.
+SHORT_RUN_SPACING, SHORT_RUN_SAMPLES, SHORT_RUN_TOLERANCE = 2.0, 26, 1e-2
 
 
 def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTrajectory:
-    """Return a run of the explicit method of the options, its estimated error within the tolerance.
+    """Return a run of the explicit or SciPy method of the options, its estimated error within the tolerance.
 
     What rounding makes of velocities is in `evidence` where it is more than the tolerance, see
-    tighten_until_converged. Raises as integrate_adaptive.
+    tighten_until_converged. Steps of SciPy's methods pass over the kinks where cables go slack and taut.
+    Raises as integrate_adaptive and integrate_scipy.
     """
-    find_frequency = cache(partial(find_fastest, motion))
-    tolerance = tolerance_of_options(motion.model.manifest, options)
-
-    def run(rtol: float, atol: float) -> RawTrajectory:
-        return integrate_adaptive(motion, options.within(rtol, atol))
-
-    is_centre = motion.model.manifest.is_centre
-    place = motion.state[: len(is_centre)][~is_centre]
-    lost = LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
+    manifest, structure = motion.model.manifest, motion.model.structure
+    find_frequency = cache(partial(find_fastest, begin_motion(motion)))
+    tolerance = tolerance_of_options(manifest, options)
+    rounding = Rounding(find_frequency, manifest.is_centre)
+    noise = find_noise(motion, find_frequency())
+    if not find_method(options.method).scipy:
+        lost = _LostVibration(motion, options, find_frequency, integrate_adaptive, options.method)
+        checks = Checks(
+            least_atol=TABLEAUS[options.method].noise_share * noise,
+            rounding=rounding,
+            lost=partial(lost.estimate, tolerance=tolerance),
+        )
+        return tighten_until_converged(
+            lambda rtol, atol: integrate_adaptive(motion, options.within(rtol, atol)), tolerance, checks
+        )
+    has_kinks = structure is None or bool(np.any(structure.tension_only | structure.has_switch))
+    like = "rk853" if options.method == "scipy_dop853" else "rk54"
+    lost = _LostVibration(motion, options, find_frequency, integrate_scipy, like)
     checks = Checks(
-        least_atol=TABLEAUS[options.method].noise_share * find_noise(place, find_frequency()),
-        rounding=Rounding(find_frequency, is_centre),
+        least_atol=noise,
+        least_rtol=SMALLEST_SCIPY_RTOL,
+        min_counted=MIN_COUNTED_WITH_KINKS if has_kinks else 0.0,
+        rounding=rounding,
         lost=partial(lost.estimate, tolerance=tolerance),
     )
+
+    def run(rtol: float, atol: float) -> RawTrajectory:
+        return integrate_scipy(motion, options.within(max(rtol, SMALLEST_SCIPY_RTOL), atol))
+
     return tighten_until_converged(run, tolerance, checks)
+
+
+def integrate_scheduled(motion: Motion, options: RunOptions) -> RawTrajectory:
+    """Integrate a motion with a schedule by SciPy's DOP853 or Radau, whichever meets the tolerance.
+
+    Radau has its turn first where the fastest vibration or damping would take the explicit method more than
+    MAX_EXPLICIT_STEPS steps. The estimated error at the samples is within atol + rtol |x|, unless `control`
+    is "steps"; status "not_converged" where neither method meets that.
+    """
+    begun = begin_motion(motion)
+    frequency = find_fastest(begun)
+    steps = motion.t_end * (0.75 * frequency + 0.2 * find_decay(begun))
+    noise = find_noise(motion, frequency)
+
+    def run(name: str) -> RawTrajectory:
+        if options.control == "steps":
+            atol = max(options.absolute, noise)
+            return integrate_scipy(motion, replace(options, method=name, atol=atol))
+        return integrate_explicit_to_samples(motion, replace(options, method=name))
+
+    if steps > MAX_EXPLICIT_STEPS:
+        names = ("scipy_radau", "scipy_dop853")
+        why = f"{WHY_SCIPY}: scipy_radau, since an explicit method needs about {steps:,.0f} steps"
+    else:
+        names = ("scipy_dop853", "scipy_radau")
+        why = f"{WHY_SCIPY}: scipy_dop853" + (f", for about {steps:,.0f} steps" if steps >= 1 else "")
+    found = run(names[0])
+    if found.status != "ok":
+        other = run(names[1])
+        if other.status == "ok":
+            why, found = f"{why}; {names[0]} missed the tolerance, so {names[1]}", other
+    return replace(found, method=f"auto ({found.method})", why=why)
+
+
+def begin_motion(motion: Motion) -> Motion:
+    """Return the motion with the arguments that it has at the start."""
+    changed = motion.schedule(0.0) if motion.schedule else {}
+    return replace(motion, arguments={**motion.arguments, **changed})
+
+
+@dataclass(frozen=True)
+class _LostVibration:
+    """What runs of a motion lose.
+
+    find_frequency: returns the fastest frequency [rad/s]; integrate: does one run; tableau: name of the
+    explicit method whose steps lose as much.
+    """
+
+    motion: Motion
+    options: RunOptions
+    find_frequency: Callable[[], float]
+    integrate: Callable[[Motion, RunOptions], RawTrajectory]
+    tableau: str
+
+    def estimate(self, run: RawTrajectory, tolerance: Tolerance) -> float:
+        """Return the error over the tolerance by vibrations that a run has lost, 0 where it shows them."""
+        frequency, last = self.find_frequency(), float(run.time[-1])
+        factor, power = TABLEAUS[self.tableau].vibration_loss
+        angle = frequency * last / max(run.n_steps, 1)
+        changed = run.n_steps * factor * angle**power
+        if changed <= NEGLIGIBLE_LOSS:
+            return 0.0
+        speed = min(2.0, LOSS_SAFETY * changed) * self._find_amplitude(frequency, last, tolerance)
+        allowed = tolerance.allowed(run.state[1:])
+        return float(np.max(np.concatenate([speed / frequency, speed]) / allowed, initial=0.0))
+
+    def _find_amplitude(self, frequency: float, last: float, tolerance: Tolerance) -> FloatArray:
+        """Return the speed [m/s] with which each node vibrates at the start, (n_groups,)."""
+        end = min(last, (SHORT_RUN_SAMPLES - 1) * SHORT_RUN_SPACING / frequency)
+        times = np.linspace(0.0, end, SHORT_RUN_SAMPLES)
+        motion = replace(self.motion, sample_time=times, progress=None, watch=Watch())
+        rtol, atol = (SHORT_RUN_TOLERANCE * value for value in (self.options.rtol, self.options.absolute))
+        state = self.integrate(motion, self.options.within(rtol, atol)).state
+        found = np.zeros(len(tolerance.first))
+        for lag in (1, 2):  # second differences of a vibration, 2 (1 - cos) times its size
+            if len(state) > 2 * lag:
+                bend = state[2 * lag :] - 2.0 * state[lag:-lag] + state[: -2 * lag]
+                speeds = tolerance.lengths(bend)[:, len(tolerance.first) :]
+                found = np.maximum(found, speeds.max(axis=0) / 2.0)
+        return found

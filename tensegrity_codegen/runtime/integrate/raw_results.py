@@ -63,6 +63,21 @@ class RawBatch:
     step: float | None = None
     error_estimate: FloatArray | None = None
 
+    def motion(self, k: int) -> RawTrajectory:
+        """Return one motion, its samples those that it reached."""
+        reached = slice(0, int(self.n_reached[k]))
+        return RawTrajectory(
+            time=self.time[reached],
+            state=self.state[k, reached],
+            status=self.status[k],
+            message=self.message[k],
+            method=self.method,
+            n_steps=int(self.n_steps[k]),
+            n_evaluations=int(self.n_evaluations[k]),
+            step=self.step,
+            error_estimate=None if self.error_estimate is None else float(self.error_estimate[k]),
+        )
+
 
 def is_within_reach(trials: int, fraction: float, most: int, foresight: int) -> bool:
     """Return whether a run may go on: not too many steps yet, and not ten times too many in sight.

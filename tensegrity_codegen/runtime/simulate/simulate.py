@@ -6,8 +6,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.accuracy.integrate import integrate
-from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
+from tensegrity_codegen.runtime.accuracy.integrate import integrate, join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options

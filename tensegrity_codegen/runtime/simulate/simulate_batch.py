@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.accuracy.joined_runs import join_runs
+from tensegrity_codegen.runtime.accuracy.integrate import join_runs
+from tensegrity_codegen.runtime.accuracy.rates import find_fastest_of_batch
 from tensegrity_codegen.runtime.accuracy.scales import scale_to_length
 from tensegrity_codegen.runtime.accuracy.step_doubling import check_batch_by_doubling
-from tensegrity_codegen.runtime.accuracy.vibrations.fastest import find_fastest_of_batch
 from tensegrity_codegen.runtime.integrate.batch_integration import (
     choose_batch_control,
     integrate_batch,

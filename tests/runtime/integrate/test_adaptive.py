@@ -244,7 +244,7 @@ def test_rounds_that_would_take_too_long_are_not_begun(monkeypatch: pytest.Monke
         state = np.full((3, 2), 1.0 + 1e5 * rtol)
         return RawTrajectory(np.linspace(0, 1, 3), state, "ok", "", "rk54", count, 6 * count)
 
-    monkeypatch.setattr(error_control, "MOST_WORK", 2 * 6 * 1000 * (1e-6**-0.2 + 1.1 * 1e-7**-0.2))
+    monkeypatch.setattr(error_control, "MAX_WORK", 2 * 6 * 1000 * (1e-6**-0.2 + 1.1 * 1e-7**-0.2))
     found = tighten_until_converged(run, single(1e-6, 1e-9, 1))
     assert asked == pytest.approx([1e-6, 1e-7])
     assert (found.status, found.n_steps) == ("not_converged", round(1000 * 1e-7**-0.2))
@@ -252,7 +252,7 @@ def test_rounds_that_would_take_too_long_are_not_begun(monkeypatch: pytest.Monke
     assert found.error_estimate > 1.0
     assert "too long" in found.message
     assert "`rtol`" in found.message
-    monkeypatch.setattr(error_control, "MOST_WORK", 1.0)
+    monkeypatch.setattr(error_control, "MAX_WORK", 1.0)
     assert tighten_until_converged(run, single(1e-6, 1e-9, 1)).error_estimate is None
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy import linalg
 
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.runtime.accuracy.vibrations.rates import find_rates
+from tensegrity_codegen.runtime.accuracy.rates import find_rates
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.tables.request import ModelRequest

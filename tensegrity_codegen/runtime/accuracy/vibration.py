@@ -16,15 +16,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.accuracy.vibrations.rates import Rates
+from tensegrity_codegen.runtime.accuracy.rates import Rates
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 
-SOFTLY = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
-ROUGHLY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come
-BARELY = 2.0  # times an amplitude that radau damps out: it sees it a little differently
-WEAK = 0.5  # damping over critical, below which a member counts as vibrating
+TENSION_COMPLIANCE = 1e-12  # compliance over w, of members whose tensions their lengths do not determine
+AMPLITUDE_SAFETY = 1.5  # amplitudes are those of the start, to first order: a half of them more may come
+DAMPED_MARGIN = 2.0  # times an amplitude that radau damps out: it sees it a little differently
+MAX_DAMPING_RATIO = 0.5  # damping over critical, below which a member counts as vibrating
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ class Vibration:
 
     def damped_out(self, most: float) -> FloatArray:
         """Return what vibrations of amplitudes up to `most` [m] come to [m], [m/s], and in tensions [N]."""
-        alone, joined = (part[part[:, 0] <= BARELY * most] for part in (self.alone, self.joined))
+        alone, joined = (part[part[:, 0] <= DAMPED_MARGIN * most] for part in (self.alone, self.joined))
         found = alone.max(axis=0, initial=0.0), self.meeting * joined.max(axis=0, initial=0.0)
-        return np.asarray(ROUGHLY * np.maximum(*found))
+        return np.asarray(AMPLITUDE_SAFETY * np.maximum(*found))
 
     def _at(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return s and s' at a time [s]."""
@@ -111,16 +111,13 @@ class Vibration:
     def _move(self, state: FloatArray, stretch: FloatArray, rate: FloatArray) -> None:
         """Move the ends in a state, in place."""
         n = len(state) // 2
-        direction = self._directions(state[:n])
+        vector = _vectors(state[:n], self.ends, self.offset)
+        direction = vector / np.linalg.norm(vector, axis=1)[:, None]
         for amount, part in ((stretch, state[:n]), (rate, state[n:])):
             for end in (0, 1):
                 moved = (self.share[:, end] * amount)[:, None] * direction
                 free = self.ends[:, end] >= 0
                 np.add.at(part, self.ends[:, end][free], moved[free])
-
-    def _directions(self, q: FloatArray) -> FloatArray:
-        vector = _vectors(q, self.ends, self.offset)
-        return np.asarray(vector / np.linalg.norm(vector, axis=1)[:, None])
 
 
 def find_vibration(
@@ -136,7 +133,7 @@ def find_vibration(
     every = np.asarray(model.compute("member_law", **arguments))
     law = every[members]
     mass = scipy.sparse.csr_array(model.compute("mass_matrix", **arguments))
-    ends, offset = _coordinates(model, members), law[:, 3:]
+    ends, offset = find_end_coordinates(model, members), law[:, 3:]
     vector, moving = _vectors(q, ends, offset), _vectors(v, ends, np.zeros_like(offset))
     length = np.linalg.norm(vector, axis=1)
     direction = vector / length[:, None]
@@ -149,7 +146,7 @@ def find_vibration(
     safe = np.where(elastic, mu, 1.0)
     omega = np.sqrt(safe * mobility)
     stretch = length - law[:, 0] - tension / safe
-    alone &= elastic & (0.5 * c * omega < WEAK * safe)
+    alone &= elastic & (0.5 * c * omega < MAX_DAMPING_RATIO * safe)
     far = np.where(elastic & ~alone, np.sqrt(stretch**2 + (along / omega) ** 2), 0.0)
     decay = 0.5 * c * mobility
     slowest = omega**2 / np.maximum(omega, decay + np.sqrt(np.maximum(decay**2 - omega**2, 0.0)))
@@ -193,7 +190,7 @@ def _slow_parts(
     return found[0], found[1]
 
 
-def _coordinates(model: CompiledModel, members: IntArray) -> IntArray:
+def find_end_coordinates(model: CompiledModel, members: IntArray) -> IntArray:
     """Return the coordinates of both ends of members, (n, 2, n_axes), -1 where anchored."""
     manifest = model.manifest
     place = {(int(node), int(axis)): k for k, (node, axis) in enumerate(manifest.coordinate_node_axis)}
@@ -223,7 +220,9 @@ def _smooth_tension(
     row = np.broadcast_to(np.arange(len(ends))[:, None, None], ends.shape)
     free = ends >= 0
     g = scipy.sparse.csr_array((value[free], (row[free], ends[free])), shape=(len(ends), len(force)))
-    softly = scipy.sparse.diags_array(-SOFTLY * mobility)  # where members hold each other's lengths
+    softly = scipy.sparse.diags_array(
+        -TENSION_COMPLIANCE * mobility
+    )  # where members hold each other's lengths
     saddle = scipy.sparse.block_array([[mass, g.T], [g, softly]], format="csc")
     return np.asarray(scipy.sparse.linalg.spsolve(saddle, np.concatenate([force, -turning]))[len(force) :])
 

@@ -1,0 +1,178 @@
+"""How fast a structure can move by itself: frequencies and decay rates, bounded from members or by iteration.
+
+With K = sum of mu_e g_e g_e^T over the members, the eigenvalues of H^-1 K are at most (Gershgorin, rows
+scaled by roots of masses)
+
+    max over nodes i of   sum over members e = (i, j) of   mu_e (1 / m_i + 1 / sqrt(m_i m_j))
+
+and those of H^-1 C the same with damping constants. Cables count as taut, a mass as the least that a row of
+H leaves. Without laws of members, the largest frequency comes by power iteration on differences of
+accelerations.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import NonFiniteError
+
+ROUNDING = 5e-17  # of positions, in velocities that steps still hold
+ITERATIONS = 12  # of two evaluations; a few percent from below where frequencies lie close together
+DISPLACEMENT = 1e-6  # of the largest coordinate, by which coordinates are moved
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Bounds from above. frequency, decay: of all members [rad/s], [1/s]; slow_*: of all but the stiff ones.
+
+    Stiff are the two-sided members whose tensions the integrator radau takes as unknowns. stiffness_ratio:
+    the largest mu of these over the largest of the others, infinite where there are no others; meeting: how
+    many of them meet in one node at most; has_jumps: whether a cable is damped, so that its force jumps.
+    """
+
+    frequency: float
+    decay: float
+    slow_frequency: float
+    slow_decay: float
+    stiffness_ratio: float
+    meeting: int
+    has_jumps: bool
+
+
+def find_rates(model: Model, stiff: tuple[int, ...], arguments: Mapping[str, Any]) -> Rates | None:
+    """Return the rates at these arguments; None where the library has no member_law and no mass_matrix.
+
+    stiff: indices of the members that count as stiff.
+    """
+    if not (model.has("member_law") and model.has("mass_matrix")):
+        return None
+    law = np.asarray(model.compute("member_law", **arguments))
+    mu, c = law[:, 1], law[:, 2]
+    mass = _node_mass(model, arguments)
+    ends = np.array(model.manifest.connectivity, dtype=np.int64).reshape(-1, 2)
+    is_stiff = np.isin(np.arange(len(mu)), stiff)
+    frequency, decay = (_bound(values, mass, ends) for values in (mu, c))
+    slow, slow_decay = (_bound(np.where(is_stiff, 0.0, values), mass, ends) for values in (mu, c))
+    moves = np.isfinite(mass)[ends].any(axis=1)  # not between two anchors
+    elastic, others = mu[is_stiff & moves & (mu > 0)], mu[~is_stiff & moves]
+    soft = float(others.max(initial=0.0))
+    ratio = float(elastic.max(initial=0.0)) / soft if soft > 0 else (np.inf if elastic.size else 0.0)
+    count = np.bincount(ends[is_stiff].ravel(), minlength=len(mass))
+    return Rates(
+        frequency=float(np.sqrt(frequency)),
+        decay=decay,
+        slow_frequency=float(np.sqrt(slow)),
+        slow_decay=slow_decay,
+        stiffness_ratio=ratio,
+        meeting=int(count[np.isfinite(mass)].max(initial=1)),
+        has_jumps=bool(np.any(c[~is_stiff] > 0)),
+    )
+
+
+def _node_mass(model: Model, arguments: Mapping[str, Any]) -> FloatArray:
+    """Return the least mass of each node on a free axis, (n_nodes,); infinite where all are anchored."""
+    if isinstance(model, CompiledModel):
+        row, column, value = model.compute_entries("mass_matrix", **arguments)
+    else:
+        matrix = model.compute("mass_matrix", **arguments).tocoo()
+        row, column, value = matrix.row, matrix.col, matrix.data
+    diagonal = np.zeros(len(model.manifest.coordinate_place))
+    diagonal[row[row == column]] = value[row == column]
+    spread = np.bincount(row, np.abs(value), len(diagonal)) - np.abs(diagonal)
+    least = np.maximum(diagonal - spread, 1e-3 * diagonal)
+    mass = np.full(len(model.manifest.node_name), np.inf)
+    np.minimum.at(mass, model.manifest.coordinate_place[:, 0], least)
+    return mass
+
+
+def _bound(values: FloatArray, mass: FloatArray, ends: NDArray[np.int64]) -> float:
+    """Return the largest eigenvalue that members of these constants can cause between these masses."""
+    inverse = 1.0 / mass
+    total = np.zeros(len(mass))
+    for one, other in ((0, 1), (1, 0)):
+        i, j = ends[:, one], ends[:, other]
+        np.add.at(total, i, values * (inverse[i] + np.sqrt(inverse[i] * inverse[j])))
+    return float(total.max(initial=0.0))
+
+
+def find_noise(motion: Motion, frequency: float) -> float:
+    """Return what rounding of coordinates that forces depend on makes of velocities [m/s].
+
+    frequency: [rad/s].
+    """
+    is_centre = motion.model.manifest.is_centre
+    place = motion.state[: len(is_centre)][~is_centre]
+    return ROUNDING * float(np.abs(place).max(initial=0.0)) * frequency
+
+
+def find_fastest(motion: Motion) -> float:
+    """Return the largest frequency [rad/s] at the start, root of the norm of da/dq; 0 if not finite."""
+    n = len(motion.state) // 2
+
+    def accelerate(place: FloatArray) -> FloatArray:
+        return _accelerate(motion, place[0], motion.state[n:])[None, :]
+
+    return float(_iterate(accelerate, motion.state[None, :n], motion.model.manifest.is_centre)[0])
+
+
+def find_decay(motion: Motion) -> float:
+    """Return the largest decay rate [1/s] at the start, the norm of da/dv; 0 if not finite."""
+    n = len(motion.state) // 2
+
+    def accelerate(velocity: FloatArray) -> FloatArray:
+        return _accelerate(motion, motion.state[:n], velocity[0])[None, :]
+
+    return float(_iterate(accelerate, motion.state[None, n:], np.zeros(n, dtype=np.bool_))[0]) ** 2
+
+
+def _accelerate(motion: Motion, place: FloatArray, velocity: FloatArray) -> FloatArray:
+    """Return the acceleration (n_coordinates,) at the start of a motion, NAN where it is not finite."""
+    try:
+        found = motion.model.compute("acceleration", coordinate=place, velocity=velocity, **motion.arguments)
+    except NonFiniteError:
+        return np.full_like(place, np.nan)
+    return np.asarray(found)
+
+
+def find_fastest_of_batch(motion: Motion, threads: int = 1) -> FloatArray:
+    """Return what find_fastest says of each motion of a batch, states (n_batch, n_states): (n_batch,)."""
+    n = motion.state.shape[1] // 2
+    velocity = motion.state[:, n:]
+
+    def accelerate(place: FloatArray) -> FloatArray:
+        found, _ = motion.model.compute_batch(
+            "acceleration",
+            coordinate=place,
+            velocity=velocity,
+            threads=threads,
+            on_error="status",
+            **motion.arguments,
+        )
+        return np.asarray(found)
+
+    return _iterate(accelerate, motion.state[:, :n], motion.model.manifest.is_centre)
+
+
+def _iterate(
+    accelerate: Callable[[FloatArray], FloatArray], place: FloatArray, is_centre: NDArray[np.bool_]
+) -> FloatArray:
+    """Return roots of the norms of da/dq at places (n_batch, n_coordinates), row by row.
+
+    is_centre (n_coordinates,): those that measure no length of the structure, see Manifest.
+    """
+    with np.errstate(all="ignore"):  # rows that are not finite come out as 0
+        reach = DISPLACEMENT * np.abs(place[:, ~is_centre]).max(axis=1, initial=0.0, keepdims=True)
+        reach[~(reach > 0.0)] = DISPLACEMENT
+        direction = np.tile(np.random.default_rng(0).standard_normal(place.shape[1]), (len(place), 1))
+        for _ in range(ITERATIONS):
+            moved = reach * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+            direction = (accelerate(place + moved) - accelerate(place - moved)) / (2.0 * reach)
+        square = np.linalg.norm(direction, axis=1)
+    return np.sqrt(np.where(np.isfinite(square), square, 0.0))
