@@ -10,11 +10,17 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.codegen.compilation.compile import CompiledArtifact, compile_library
 from tensegrity_codegen.codegen.compilation.flags import find_flags
 from tensegrity_codegen.codegen.compilation.toolchain import find_compiler
-from tensegrity_codegen.control.embedded.description import ControllerDescription
-from tensegrity_codegen.control.embedded.distribution_tables import QP_ITERATIONS
-from tensegrity_codegen.control.embedded.loaded import LoadedController, load_controller
-from tensegrity_codegen.control.embedded.parts import collect_parts
-from tensegrity_codegen.control.embedded.subject import find_described, find_motion
+from tensegrity_codegen.control.embedded.loaded import (
+    ControllerDescription,
+    LoadedController,
+    load_controller,
+)
+from tensegrity_codegen.control.embedded.parts import (
+    QP_ITERATIONS,
+    collect_parts,
+    find_described,
+    find_motion,
+)
 from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains

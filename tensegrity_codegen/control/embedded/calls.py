@@ -6,10 +6,99 @@ from itertools import groupby
 import numpy as np
 
 from tensegrity_codegen.codegen.print.printer import print_number
-from tensegrity_codegen.control.embedded.envelope import Envelope, find_envelope
-from tensegrity_codegen.control.embedded.measured import MeasuredNumber
+from tensegrity_codegen.structure.actuators import Sensor
+from tensegrity_codegen.system.arrays import IntArray
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.precision import Precision
+
+
+@dataclass(frozen=True)
+class MeasuredNumber:
+    """One measured number.
+
+    Attributes
+    ----------
+    source : str
+        A quantity of the model, ``"coordinate"``, ``"velocity"``, or ``""`` for a constant.
+    index : int
+        Place in the source.
+    value : float
+        The constant.
+    is_length : bool
+        Whether it is a length, above 0.
+    """
+
+    source: str
+    index: int = 0
+    value: float = 0.0
+    is_length: bool = False
+
+
+def find_measured(sensors: tuple[Sensor, ...], manifest: Manifest) -> tuple[MeasuredNumber, ...]:
+    """Return the numbers that sensors measure, in their order."""
+    return tuple(number for sensor in sensors for number in _measure(sensor, manifest))
+
+
+def _measure(sensor: Sensor, manifest: Manifest) -> list[MeasuredNumber]:
+    if sensor.kind in ("member_length", "member_tension"):
+        is_length = sensor.kind == "member_length"
+        return [MeasuredNumber(sensor.kind, e, is_length=is_length) for e in sensor.targets]
+    axes, places = manifest.axes, [tuple(row) for row in manifest.coordinate_node_axis]
+    moves = sensor.kind == "node_velocity"
+    found = []
+    for node in sensor.targets:
+        for column, axis in enumerate(axes):
+            if not places:
+                found.append(MeasuredNumber(sensor.kind, node * len(axes) + column))
+            elif (node, axis) in places:
+                source = "velocity" if moves else "coordinate"
+                found.append(MeasuredNumber(source, places.index((node, axis))))
+            else:
+                value = 0.0 if moves else float(manifest.stated_position[node, axis])
+                found.append(MeasuredNumber("", value=value))
+    return found
+
+
+# The lower half of a symmetric matrix, row by row from the first entry of each row to the diagonal.
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Where a matrix is stored.
+
+    Attributes
+    ----------
+    first : ndarray of int, shape (n,)
+        First column of each row.
+    row : ndarray of int, shape (n,)
+        Place of the first entry of each row.
+    place : ndarray of int, shape (n_entries,)
+        Place of each entry that the model computes, -1 for one of the upper half.
+    size : int
+        Number of stored entries.
+    """
+
+    first: IntArray
+    row: IntArray
+    place: IntArray
+    size: int
+
+
+def find_envelope(spec: FunctionSpec) -> Envelope:
+    """Return the envelope of a symmetric matrix that a model computes, sparse or dense."""
+    n = spec.shape[0]
+    if spec.pattern is not None:
+        rows = spec.pattern.row.astype(np.int64)
+        columns = np.repeat(np.arange(n), np.diff(spec.pattern.column_start))
+    else:
+        rows, columns = (part.ravel() for part in np.indices((n, n)))
+    first = np.arange(n)
+    lower = rows >= columns
+    np.minimum.at(first, rows[lower], columns[lower])
+    width = np.arange(n) - first + 1
+    row = np.concatenate([[0], np.cumsum(width)[:-1]])
+    place = np.where(lower, row[rows] + columns - first[rows], -1)
+    return Envelope(first, row, place, int(width.sum()))
 
 
 @dataclass(frozen=True)

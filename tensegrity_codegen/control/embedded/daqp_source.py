@@ -1,16 +1,30 @@
 """C text of DAQP's solver as a controller includes it: static functions of one precision, without malloc.
 
 Of the source archive only the solver of least-distance programs is used: daqp.c, auxiliary.c, factorization.c
-and their headers. What makes such programs is `templates/c/control/quadratic_program.h`.
+and their headers. What makes such programs is `templates/c/control/quadratic_program.h`. The archive is a
+file of the user, the copy in the cache, or what pip downloads; it is verified.
 """
 
 import io
 import re
 import tarfile
+from pathlib import Path
 
-from tensegrity_codegen.control.embedded.daqp_archive import DAQP_ARCHIVE, DAQP_SHA256, DAQP_VERSION
 from tensegrity_codegen.system.errors import MissingSourceError
+from tensegrity_codegen.system.pinned_file import PinnedFile
 
+DAQP_VERSION = "0.11.0"
+DAQP_ARCHIVE = f"daqp-{DAQP_VERSION}.tar.gz"
+DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
+DAQP = PinnedFile(
+    package="daqp",
+    version=DAQP_VERSION,
+    file=DAQP_ARCHIVE,
+    sha256=DAQP_SHA256,
+    title="the source archive of DAQP",
+    is_source=True,
+    hand="daqp_sdist=PATH",
+)
 ROOT = f"daqp-{DAQP_VERSION}"
 PARTS = (
     "include/types.h",
@@ -63,6 +77,28 @@ TAIL = """\
 
 #endif
 """
+
+
+def find_daqp_archive(file: str | Path | None = None) -> bytes:
+    """Return the source archive of DAQP, of the pinned version and SHA-256.
+
+    Parameters
+    ----------
+    file : path, optional
+        The archive; by default the copy in the cache of this package, else pip downloads it from the index
+        that pip is configured for, and it is kept in the cache.
+
+    Returns
+    -------
+    bytes
+        The archive, a .tar.gz.
+
+    Raises
+    ------
+    MissingSourceError
+        The file cannot be read, is another one, or pip cannot download it.
+    """
+    return DAQP.find(file)
 
 
 def emit_daqp(archive: bytes, *, single: bool = False) -> str:

@@ -1,17 +1,19 @@
-"""The parts of a controller: motion, gains, estimator, distribution and actuators."""
+"""The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
-from tensegrity_codegen.control.embedded.distribution_tables import QP_ITERATIONS
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.control.embedded.daqp_source import find_daqp_archive
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import (
+    build_rest,
     check_independent,
     check_motion,
     split_delays,
@@ -23,14 +25,39 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
 )
 from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
 from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.model.interface import Described
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.structure.actuators import Sensor
-from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.system.errors import InvalidValueError, LibraryError
 from tensegrity_codegen.tables.manifest import Manifest
+from tensegrity_codegen.tables.request import ModelRequest
 
-NEAR = 1e-9  # [m], by which the start may be outside of the range of an actuator
+# What the steps of a controller in C return. Word: sentence, in the order of the numbers. Simulated loops
+# have the first six and the last one.
+CONTROL_STATUS: Mapping[str, str] = {
+    "ok": "the command is what feedback asks for, or gives the same forces",
+    "rate_limited": "the command was cut to the rate of an actuator",
+    "range_limited": "the command was cut to the range of an actuator",
+    "tension_limited": "least tensions prevent the forces that feedback asks for",
+    "least_tension": "a least tension cannot be reached within rate and range, and yields",
+    "not_solved": "tensions were not distributed; the command is that of feedback, cut",
+    "non_finite_input": "a time, measurement or state is not finite; the last command holds",
+    "invalid_length": "a measured length is not above 0; the last command holds",
+    "late": "more than 1.5 samples after the expected time; the last command holds",
+    "repeated_time": "not after the time of the last step; the last command holds",
+    "estimate_lost": "the estimate was not finite and starts again from the motion; the last command holds",
+    "null_pointer": "a pointer that is needed is NULL; the last command holds",
+    "not_initialised": "init was not called with this memory; the command is that of the start",
+    "outlier": "a measurement is too far from its prediction and is not used; the last command holds",
+}
+QP_ITERATIONS = 100  # of the solver in one quadratic program
+START_TOLERANCE = 1e-9  # [m], by which the start may be outside of the range of an actuator
+DESCRIBED_QUANTITIES = ("member_length",)  # quantities of a description
 
 
 @dataclass(frozen=True)
@@ -167,7 +194,7 @@ def check_start(parts: ControllerParts) -> None:
     """Raise InvalidValueError where the first command would be outside of the range of an actuator."""
     bounds = parts.bounds
     start = parts.motion.at(0.0).input[bounds.place]
-    outside = (start < bounds.least - NEAR) | (start > bounds.most + NEAR)
+    outside = (start < bounds.least - START_TOLERANCE) | (start > bounds.most + START_TOLERANCE)
     if not outside.any():
         return
     k = int(np.argmax(outside))
@@ -196,3 +223,68 @@ def check_same_motion(distribution: TensionDistribution | None, motion: Motion) 
             allowed=f"the motion of the controller, of {motion.duration:g} s with {len(motion.time)} knots",
             hint="design_distribution(model, motion, ...) with this motion",
         )
+
+
+# What a controller is built for: a scene file or a compiled model, a motion or an equilibrium.
+
+
+@dataclass(frozen=True)
+class _Description:
+    """A model that is described but not compiled."""
+
+    manifest: Manifest
+    structure: Subject
+
+
+def find_described(
+    scene: str | Path | CompiledModel, motion: Motion | Equilibrium
+) -> tuple[Described, ModelRequest]:
+    """Return the model of a scene or a compiled one, and the request for nothing of it but its formulation.
+
+    Raises what `load_scene` raises; LibraryError for a library that was loaded without its structure.
+    """
+    if isinstance(scene, CompiledModel):
+        if scene.structure is None:
+            raise LibraryError(
+                "the model does not contain its structure",
+                where=str(scene.path),
+                given="a library that was loaded alone",
+                allowed="a model of compile_scene, or the scene file",
+            )
+        manifest = scene.manifest
+        return scene, ModelRequest((), formulation=manifest.formulation, emitter=manifest.emitter)
+    structure, request = load_scene(scene)
+    alone = ModelRequest(
+        (), formulation=request.formulation, emitter=request.emitter, options=request.options
+    )
+    if isinstance(motion, Equilibrium):
+        return compile_scene(scene, for_=("control",)), alone
+    return _Description(
+        emit(structure, replace(alone, quantities=DESCRIBED_QUANTITIES)).manifest, structure
+    ), alone
+
+
+def find_motion(
+    model: Described, motion: Motion | Equilibrium, arguments: Mapping[str, Any] | None = None
+) -> Motion:
+    """Return the motion; an equilibrium as a motion that stays there. Raises what `build_rest` raises.
+
+    arguments: inputs of an equilibrium; InvalidValueError for other parameters, which are constants in C, and
+    for those of a motion, which has its own inputs.
+    """
+    given = merge_inputs(model.manifest, arguments)
+    if isinstance(motion, Motion) and not given:
+        return motion
+    if isinstance(motion, Motion) or set(given) - {INPUT}:
+        raise InvalidValueError(
+            "these arguments have no place in a controller",
+            where="arguments",
+            given=", ".join(arguments or {}),
+            allowed="inputs of an equilibrium" if isinstance(motion, Equilibrium) else "none with a Motion",
+            hint="state loads and stiffnesses in the scene",
+        )
+    if not isinstance(motion, Equilibrium) or not isinstance(model, CompiledModel):
+        raise InvalidValueError(
+            "not a motion", where="motion", given=type(motion).__name__, allowed="a Motion or an Equilibrium"
+        )
+    return build_rest(model, motion, arguments=given)

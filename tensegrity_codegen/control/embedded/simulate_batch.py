@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensegrity_codegen.control.embedded.closed_loop import CompiledLoop, LoopDraw
-from tensegrity_codegen.control.embedded.parts import ControllerParts, collect_parts
-from tensegrity_codegen.control.embedded.subject import find_described
+from tensegrity_codegen.control.embedded.parts import ControllerParts, collect_parts, find_described
 from tensegrity_codegen.control.embedded.write import write_files
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator

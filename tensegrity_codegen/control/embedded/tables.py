@@ -1,16 +1,114 @@
-"""The constant tables of a controller in C."""
+"""The constant tables of a controller in C: motion, gains, estimator, actuators, distribution of tensions."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.control.embedded.knots import tabulate_gains, tabulate_inputs, tabulate_states
-from tensegrity_codegen.control.embedded.parts import ControllerParts
-from tensegrity_codegen.control.embedded.table_printer import Table, TablePrinter
+from tensegrity_codegen.codegen.print.printer import print_numbers
+from tensegrity_codegen.control.embedded.parts import QP_ITERATIONS, ControllerParts
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
+from tensegrity_codegen.control.feedback.tension_distribution import PASSES, TensionDistribution
+from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
+from tensegrity_codegen.system.arrays import FloatArray, IntArray
+from tensegrity_codegen.tables.manifest import FunctionSpec
 from tensegrity_codegen.tables.precision import Precision
+
+UNLIMITED = {"double": 1e300, "single": 1e30}  # in place of infinite bounds
+INT = "int"
+# With smaller weights rounding in single precision hides which bounds depend on each other.
+LEAST_WEIGHT = {"double": 0.0, "single": 1e-4}
+
+
+@dataclass(frozen=True)
+class Knots:
+    """Rows of numbers at rising times, two rows at least.
+
+    time (n_knots,) [s]; row (n_knots, n): numbers at each.
+    """
+
+    time: FloatArray
+    row: FloatArray
+
+
+def tabulate_states(motion: Motion) -> Knots:
+    """Return coordinates, velocities and accelerations of a motion, and the steps of its polynomials.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion.
+
+    Returns
+    -------
+    Knots
+        Rows (q, v, a, g): g = q_next - q - h v - h^2 a / 2, by which the coordinates at the next knot differ
+        from a parabola. Stored, it keeps digits which the difference of coordinates would lose in C.
+    """
+    q, v, a = (
+        np.asarray(x, dtype=np.longdouble) for x in (motion.coordinate, motion.velocity, motion.acceleration)
+    )
+    h = np.diff(np.asarray(motion.time, dtype=np.longdouble))[:, None]
+    gap = np.zeros_like(q)
+    gap[:-1] = np.diff(q, axis=0) - h * v[:-1] - h**2 * a[:-1] / 2
+    return Knots(motion.time, np.hstack([q, v, a, gap]).astype(np.float64))
+
+
+def tabulate_inputs(motion: Motion) -> Knots:
+    """Return the inputs of a motion and their slopes, rows (u, u'), of the spline of `Motion.profile`."""
+    pieces = motion.profile().pieces
+    value, slope = pieces.coefficient[:, 0], pieces.coefficient[:, 1]
+    h = pieces.time[-1] - pieces.time[-2]
+    powers = np.arange(1, pieces.coefficient.shape[1])
+    last = (powers * h ** (powers - 1)) @ pieces.coefficient[-1, 1:]
+    ends = np.vstack([value, motion.input[-1]]), np.vstack([slope, last])
+    return Knots(pieces.time, np.hstack(ends))
+
+
+def tabulate_gains(time: FloatArray, gains: FloatArray, sample: float) -> Knots:
+    """Return gains (n_knots, rows, columns) at their times; a single one holds at all times."""
+    rows = gains.reshape(len(gains), -1)
+    if len(rows) == 1:
+        return Knots(np.array([time[0], time[0] + sample]), np.vstack([rows, rows]))
+    return Knots(np.asarray(time), rows)
+
+
+# Arrays as constant tables in C.
+
+
+@dataclass(frozen=True)
+class Table:
+    """A constant array: name, C type, entries as C text, comment; an empty one has a zero in its place."""
+
+    name: str
+    c_type: str
+    values: list[str]
+    comment: str
+
+
+@dataclass(frozen=True)
+class TablePrinter:
+    """Prints arrays as C text."""
+
+    precision: Precision
+
+    def real(self, name: str, values: ArrayLike, comment: str) -> Table:
+        """Return a table of numbers, row by row; infinite ones become very large."""
+        most = UNLIMITED[self.precision.name]
+        numbers = np.clip(np.asarray(values, dtype=np.float64).ravel(), -most, most)
+        return Table(name, self.precision.c_type, print_numbers(numbers, self.precision, name), comment)
+
+    def whole(self, name: str, values: ArrayLike, comment: str, c_type: str = INT) -> Table:
+        """Return a table of whole numbers."""
+        numbers = np.asarray(values, dtype=np.int64).ravel().tolist()
+        return Table(name, c_type, list(map(str, numbers)) or ["0"], comment)
+
+    def knots(self, time: str, rows: str, knots: Knots, comment: str) -> list[Table]:
+        """Return the tables of the times of knots and of their rows."""
+        return [self.real(time, knots.time, "times of the knots [s]"), self.real(rows, knots.row, comment)]
 
 
 def count_knots(parts: ControllerParts) -> dict[str, int]:
@@ -27,7 +125,7 @@ def count_knots(parts: ControllerParts) -> dict[str, int]:
 def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     """Return all tables but those of the mass matrix."""
     printer = TablePrinter(precision)
-    tables = [*_motion(parts, printer), *_actuators(parts, printer)]
+    tables = [*_tabulate_motion(parts, printer), *_tabulate_actuators(parts, printer)]
     if parts.gains is not None:
         knots = tabulate_gains(parts.gains.time, parts.gains.K, parts.sample)
         tables += printer.knots("GAIN_TIME", "GAIN", knots, "gains: rows of actuators at each knot")
@@ -50,7 +148,7 @@ def build_tables(parts: ControllerParts, precision: Precision) -> list[Table]:
     return tables
 
 
-def _motion(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
+def _tabulate_motion(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     states, inputs = tabulate_states(parts.motion), tabulate_inputs(parts.motion)
     text = "coordinates, velocities, accelerations, and by how much the next coordinates leave a parabola"
     return [
@@ -59,7 +157,7 @@ def _motion(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     ]
 
 
-def _actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
+def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
     bounds, delays = parts.bounds, parts.delays()
     first = [members[0] for members in bounds.members]
     inputs: Sequence[ActuatedInput | BodyInput] = parts.subject.inputs
@@ -78,4 +176,142 @@ def _actuators(parts: ControllerParts, printer: TablePrinter) -> list[Table]:
         ),
         printer.whole("REST_START", starts, "where the inputs that change it begin"),
         printer.whole("REST_INPUT", [k for row in pulls for k in row], "these inputs"),
+    ]
+
+
+# C text of the numbers of a distribution of tensions: sizes, members, pulls, bounds.
+
+
+@dataclass(frozen=True)
+class DistributionTables:
+    """Sizes and tables of a distribution.
+
+    Attributes
+    ----------
+    sizes : dict of str to int
+        Sizes that the header states, by their names in C.
+    constants : dict of str to int
+        Enumerators of the source alone.
+    tables : list of Table
+        Constant arrays.
+    has_others : bool
+        Whether inputs that are not the actuators' change rest lengths of driven members.
+    """
+
+    sizes: dict[str, int]
+    constants: dict[str, int]
+    tables: list[Table]
+    has_others: bool
+
+
+def build_distribution_tables(
+    distribution: TensionDistribution,
+    motion: Motion,
+    matrix: FunctionSpec,
+    precision: Precision,
+    *,
+    iterations: int = QP_ITERATIONS,
+) -> DistributionTables:
+    """Return the numbers of a distribution as the C of a controller needs them.
+
+    Parameters
+    ----------
+    distribution : TensionDistribution
+        As of design_distribution.
+    motion : Motion
+        The motion of the controller, whose knots are those of the preferred tensions.
+    matrix : FunctionSpec
+        The equilibrium matrix as the model computes it.
+    precision : Precision
+        Of the numbers.
+    iterations : int
+        Most iterations of DAQP in one quadratic program.
+
+    Returns
+    -------
+    DistributionTables
+        Sizes and tables by their names in C.
+    """
+    cables, driven = distribution.cables, distribution.cables.driven
+    pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0
+    is_stiff = cables.spring_constant[driven] + cables.axial_stiffness[driven] > 0.0
+    limited = np.isin(driven, cables.limited) & is_stiff
+    places = _find_places(matrix, driven)
+    preferred = distribution.preferred
+    table = (motion.member_tension if preferred is None else preferred[None])[:, driven]
+    printer, weight = TablePrinter(precision), max(distribution.weight, LEAST_WEIGHT[precision.name])
+    tables = [
+        printer.whole("DRIVEN_MEMBER", driven, "members that actuators pull"),
+        printer.whole("IS_LIMITED", limited, "whether they have a least tension"),
+        printer.real("SPRING_CONSTANT", cables.spring_constant[driven], "their spring constants [N/m]"),
+        printer.real("AXIAL_STIFFNESS", cables.axial_stiffness[driven], "their axial stiffnesses [N]"),
+        printer.real("DRIVEN_REST", cables.base[driven], "their rest lengths without inputs [m]"),
+        printer.real(
+            "LEAST_TENSION", np.where(limited, distribution.least_tension[driven], 0.0), "least tensions [N]"
+        ),
+        printer.real("PREFERRED_TENSION", table, "preferred tensions at each knot [N]"),
+        printer.real("WEIGHT_ROOT", [np.sqrt(weight)], "root of the weight of preferred tensions"),
+        *_lists(printer, "PULL_START", "PULL_DRIVEN", pulls.T, "driven members of each actuator"),
+        *_lists(printer, "DRIVEN_START", "DRIVEN_PULL", pulls, "actuators that pull each driven member"),
+        printer.whole("EQUILIBRIUM_PLACE", places, "place of each entry in the columns of driven members"),
+    ]
+    if others.any():
+        tables += _lists(printer, "OTHER_START", "OTHER_INPUT", others, "other inputs of each driven member")
+    constants = {
+        "N_PREFERRED": len(table),
+        "IS_COUPLED": int((pulls.sum(axis=1) > 1).any()),
+        "IS_FIXED": int(cables.is_one_to_one),
+        "QP_ITERATIONS": iterations,
+        "QP_PASSES": 1 if cables.is_one_to_one else PASSES,
+    }
+    sizes = _find_sizes(pulls, limited, motion.coordinate.shape[1], len(cables.base), len(places))
+    return DistributionTables(sizes, constants, tables, bool(others.any()))
+
+
+def _find_sizes(
+    pulls: NDArray[np.bool_], limited: NDArray[np.bool_], n_coordinates: int, n_members: int, n_entries: int
+) -> dict[str, int]:
+    """Return the sizes for members (rows) that actuators (columns) pull."""
+    n_driven, n = pulls.shape
+    is_shared = pulls.sum(axis=1) > 1
+    shared = int((limited & is_shared).sum())
+    rows = n_coordinates + (n_driven if is_shared.any() else 0)
+    return {
+        "N_MEMBERS": n_members,
+        "N_DRIVEN": n_driven,
+        "N_PULLS": int(pulls.sum()),
+        "N_SHARED": shared,
+        "N_ROWS": rows,
+        "N_TARGETS": rows + n,
+        "N_BOUNDS": n + shared,
+        "N_SUMMED": max(shared, 1),
+        "N_SET": n + 1,
+        "SIZE_EQUILIBRIUM": n_entries,
+        "SIZE_MATRIX": (rows + n) * n,
+        "SIZE_TRIANGLE": n * (n + 1) // 2,
+        "SIZE_FACTOR": (n + 1) * (n + 2) // 2,
+    }
+
+
+def _find_places(matrix: FunctionSpec, driven: IntArray) -> IntArray:
+    """Return where each entry belongs in the columns of driven members, stored row by row; -1: nowhere."""
+    if matrix.pattern is not None:
+        rows = matrix.pattern.row.astype(np.int64)
+        columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.pattern.column_start))
+    else:
+        rows, columns = (part.ravel() for part in np.indices(matrix.shape))
+    place = np.full(matrix.shape[1], -1)
+    place[driven] = np.arange(len(driven))
+    found: IntArray = np.where(place[columns] < 0, -1, rows * len(driven) + place[columns])
+    return found
+
+
+def _lists(
+    printer: TablePrinter, start: str, entry: str, chosen: NDArray[np.bool_], comment: str
+) -> list[Table]:
+    """Return two tables: where the list of each row starts, and the chosen columns of all rows."""
+    starts: ArrayLike = np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
+    return [
+        printer.whole(start, starts, f"where the {comment} begin"),
+        printer.whole(entry, np.nonzero(chosen)[1], comment),
     ]

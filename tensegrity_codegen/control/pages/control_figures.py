@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 
 from tensegrity_codegen.control.feedback.loop.control_run import find_displacement
-from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
+from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy
 from tensegrity_codegen.control.feedback.study.loop_result import find_cables
-from tensegrity_codegen.control.pages.control_studies import LOOP_NAMES, find_actuator_use
+from tensegrity_codegen.control.pages.control_studies import find_actuator_use
 from tensegrity_codegen.report.number_text import format_short
 from tensegrity_codegen.report.pages.diagram import Diagram, Series
 from tensegrity_codegen.report.pages.joined_series import Look, choose_looks, joined_figure

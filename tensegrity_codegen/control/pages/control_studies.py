@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from tensegrity_codegen.control.feedback.study.control_study import ControlStudy, count_worse
+from tensegrity_codegen.control.feedback.study.control_study import LOOP_NAMES, ControlStudy, count_worse
 from tensegrity_codegen.control.feedback.study.linear_loop import MOST_SAMPLES, Margins
 from tensegrity_codegen.control.feedback.study.loop_result import LoopResult
 from tensegrity_codegen.report.tables import add_row, new_table
 
-LOOP_NAMES = {"open": "open loop", "true_state": "true state", "estimator": "estimator"}
 LIMIT_NAMES = {"least_tension": "least tension", "most_tension": "largest tension", "clearance": "clearance"}
 STEP_NAMES = {
     "ok": "within all limits",

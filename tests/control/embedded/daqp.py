@@ -4,7 +4,7 @@ import functools
 
 import pytest
 
-from tensegrity_codegen.control.embedded.daqp_archive import find_daqp_archive
+from tensegrity_codegen.control.embedded.daqp_source import find_daqp_archive
 from tensegrity_codegen.system.errors import MissingSourceError
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.print.paste import paste_text, plain_c_folder
 from tensegrity_codegen.codegen.print.render import template_folder
-from tensegrity_codegen.control.embedded.distribution_tables import (
+from tensegrity_codegen.control.embedded.tables import (
     DistributionTables,
+    Table,
     build_distribution_tables,
 )
-from tensegrity_codegen.control.embedded.table_printer import Table
 from tensegrity_codegen.control.feedback.tension_distribution import Distributed, TensionDistribution
 from tensegrity_codegen.tables.precision import find_precision
 from tests.codegen.build_c import STRICT, run

@@ -1,12 +1,17 @@
 """DAQP's solver as one C file: static functions, its licence, either precision, no memory of its own."""
 
+import hashlib
 import re
 from pathlib import Path
 
 import pytest
 
-from tensegrity_codegen.control.embedded.daqp_archive import DAQP_SHA256
-from tensegrity_codegen.control.embedded.daqp_source import SILENCED, emit_daqp, read_daqp_licence
+from tensegrity_codegen.control.embedded.daqp_source import (
+    DAQP_SHA256,
+    SILENCED,
+    emit_daqp,
+    read_daqp_licence,
+)
 from tensegrity_codegen.system.errors import MissingSourceError
 from tests.codegen.build_c import STRICT, require_cpp, run
 from tests.codegen.compilers import require_compiler
@@ -103,3 +108,10 @@ def test_it_names_its_licence_its_version_and_what_was_changed(archive: bytes) -
 def test_a_damaged_archive_is_refused() -> None:
     with pytest.raises(MissingSourceError, match="damaged"):
         emit_daqp(b"not an archive")
+
+
+# The source archive of DAQP is the pinned one.
+
+
+def test_the_archive_is_the_pinned_one() -> None:
+    assert hashlib.sha256(require_daqp_archive()).hexdigest() == DAQP_SHA256

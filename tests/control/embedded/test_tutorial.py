@@ -10,7 +10,7 @@ import pytest
 
 from tensegrity_codegen.control.embedded.build_controller import ControllerBundle
 from tensegrity_codegen.control.embedded.loaded import load_controller
-from tensegrity_codegen.control.embedded.status import CONTROL_STATUS
+from tensegrity_codegen.control.embedded.parts import CONTROL_STATUS
 from tests.codegen.build_c import STRICT, run
 from tests.codegen.compilers import require_compiler
 
