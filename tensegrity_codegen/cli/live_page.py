@@ -9,6 +9,7 @@ import typer
 from tensegrity_codegen.cli.output import Output
 from tensegrity_codegen.cli.scene_files import write_text
 from tensegrity_codegen.system.errors import FormulationError, InvalidValueError, check_choice
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 if TYPE_CHECKING:
     from tensegrity_codegen.cli.picture import ShowOptions
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_OFFERED = 2000  # members up to which pages offer radau unasked: for 9,384 its C took 45 s to write
 USUAL_MODES = 6
-METHODS = ("auto", "rk54", "radau")
+METHODS = ("auto", "rk54", STIFF_INTEGRATOR)
 SHOWN = ("acceleration", "member_tension", "kinetic_energy", "total_energy", "node_position", "node_velocity")
 
 ThreeOption = Annotated[
@@ -133,7 +134,7 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
     """
     import numpy as np
 
-    from tensegrity_codegen.live.engine import EXPLICIT, STIFF
+    from tensegrity_codegen.live.engine import EXPLICIT
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.pipeline.build_library import check_buildable
 
@@ -142,7 +143,9 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
     cables = tuple(int(e) for e in np.flatnonzero(subject.tension_only & (subject.mu > 0)))
     parameters = {"node_load": tuple(range(subject.n_nodes)), "gravity": (), "damping": cables}
     kept = {name: rows for name, rows in parameters.items() if rows or name == "gravity"}
-    offered = (EXPLICIT, STIFF) if method == STIFF or _offers_stiff(subject) else (EXPLICIT,)
+    offered = (
+        (EXPLICIT, STIFF_INTEGRATOR) if method == STIFF_INTEGRATOR or _offers_stiff(subject) else (EXPLICIT,)
+    )
     wanted = request.wanting(*shown, integrators=offered, parameters=kept)
     wanted = replace(
         wanted, events=(), precision="double", batch_width=0, interfaces=(), keep=(), driven=("pull",)
@@ -150,7 +153,7 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
     try:
         check_buildable(subject, wanted)
     except FormulationError:
-        if method == STIFF:
+        if method == STIFF_INTEGRATOR:
             raise
         return replace(wanted, integrators=(EXPLICIT,))
     return wanted
@@ -158,12 +161,12 @@ def request_play(subject: "Subject", request: "ModelRequest", method: str = "aut
 
 def _offers_stiff(subject: "Subject") -> bool:
     """Return whether a page offers the implicit method: of many members only where they call for it."""
-    from tensegrity_codegen.live.engine import EXPLICIT, STIFF, choose_method
+    from tensegrity_codegen.live.engine import EXPLICIT, choose_method
     from tensegrity_codegen.structure.outline import outline_bodies
 
     if subject.n_members <= MOST_OFFERED:
         return True
-    return choose_method(outline_bodies(subject), (EXPLICIT, STIFF)) == STIFF
+    return choose_method(outline_bodies(subject), (EXPLICIT, STIFF_INTEGRATOR)) == STIFF_INTEGRATOR
 
 
 def _check_tolerance(rtol: float) -> None:

@@ -6,7 +6,6 @@ The rule is a function of a few facts; where its numbers come from: docs/decisio
 from dataclasses import dataclass, replace
 
 from tensegrity_codegen.codegen.integrators.events import EVENT_QUANTITIES, choose_events
-from tensegrity_codegen.codegen.integrators.integrators import needed_quantities
 from tensegrity_codegen.codegen.lanes.emitter import FORCE_QUANTITIES
 from tensegrity_codegen.codegen.lanes.kernel import BLOCKS
 from tensegrity_codegen.codegen.table.emitter import TABLE
@@ -15,6 +14,7 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.system.summaries import describe_count
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import called_quantities
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
@@ -113,8 +113,7 @@ def list_candidates(structure: Subject, request: ModelRequest) -> tuple[str, ...
 
 def _find_lacking(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
     """Return what is wanted, also by wanted integrators, and the emitter table does not serve."""
-    called = [item for name in request.integrators for item in needed_quantities(name)]
-    wanted = [*request.quantities, *called]
+    wanted = [*request.quantities, *called_quantities(request.integrators)]
     if request.integrators:
         wanted += _watched(structure, request)
     model = TABLE.build(structure, request)

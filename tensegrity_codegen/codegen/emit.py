@@ -15,7 +15,7 @@ from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
-from tensegrity_codegen.codegen.integrators.integrators import PROJECTION, needed_quantities
+from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
 from tensegrity_codegen.codegen.lanes.emitter import LANES
 from tensegrity_codegen.codegen.left_out import account_left_out, with_feature
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
@@ -29,10 +29,10 @@ from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
 from tensegrity_codegen.symbolic.model import SymbolicModel
 from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.integrators import INTEGRATORS, called_quantities
 from tensegrity_codegen.tables.manifest import LeftOut, Manifest
 from tensegrity_codegen.tables.precision import find_precision
 from tensegrity_codegen.tables.request import ModelRequest
-from tensegrity_codegen.tables.tableaus import EXPLICIT
 
 EMITTERS = {emitter.name: emitter for emitter in (UNROLLED, LANES, TABLE)}
 
@@ -130,14 +130,16 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
             allowed="no solvers in single precision",
             hint='omit solvers, or choose precision = "double"',
         )
-    if "radau" in request.integrators:
-        raise FormulationError(
-            "the integrator 'radau' needs double precision",
-            where=f"{structure.name}: model.integrators",
-            given=f"radau with precision {precision.name!r}",
-            allowed=f"{', '.join(EXPLICIT)} in single precision",
-            hint='omit it, or choose precision = "double"',
-        )
+    in_single = [name for name, item in INTEGRATORS.items() if item.in_single]
+    for name in request.integrators:
+        if name in INTEGRATORS and name not in in_single:
+            raise FormulationError(
+                f"the integrator {name!r} needs double precision",
+                where=f"{structure.name}: model.integrators",
+                given=f"{name} with precision {precision.name!r}",
+                allowed=f"{', '.join(in_single)} in single precision",
+                hint='omit it, or choose precision = "double"',
+            )
     if request.interfaces:
         raise FormulationError(
             "interfaces need double precision",
@@ -164,7 +166,7 @@ def _with_integrator_needs(structure: Subject, request: ModelRequest) -> ModelRe
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), structure)
     check_keep(request, structure.name)
     kept = KEPT_QUANTITIES if request.keep else ()
-    called = (*PROJECTION, *kept, *(item for name in request.integrators for item in needed_quantities(name)))
+    called = (*PROJECTION, *kept, *called_quantities(request.integrators))
     wanted = [name for name in called if emitter.is_offered(model, name)]
     return replace(request, quantities=(*request.quantities, *wanted, *watched), events=events)
 

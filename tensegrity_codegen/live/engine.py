@@ -14,9 +14,10 @@ from tensegrity_codegen.live.sliders import Sliders, find_scales
 from tensegrity_codegen.structure.bodies import BodySystem
 from tensegrity_codegen.structure.outline import outline_bodies
 from tensegrity_codegen.structure.structure import Structure
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import STATUS, STATUS_TEXT, Manifest
 
-EXPLICIT, STIFF = "rk54", "radau"
+EXPLICIT = "rk54"
 DAMPED_OUT = "The method radau damps vibrations of stiff bars that its steps do not resolve; rk54 does not."
 
 MOST_WORK = 1e6  # members times explicit steps a simulated second above which radau is considered
@@ -68,7 +69,7 @@ def add_engine(
                 "symbol": item.symbol,
                 "arguments": item.arguments,
                 "work_size": item.work_size,
-                "is_stiff": item.name == STIFF,
+                "is_stiff": item.name == STIFF_INTEGRATOR,
                 "tensions": item.tensions,
             }
             for item in manifest.integrators
@@ -112,7 +113,7 @@ def add_engine(
         f"The compiled model runs in this page: {' or '.join(methods)} with error control, relative "
         f"tolerance {rtol:g} of each step. A pull is a spring and a damper between node and pointer, in the "
         "equations of motion.",
-        *((DAMPED_OUT,) if STIFF in methods else ()),
+        *((DAMPED_OUT,) if STIFF_INTEGRATOR in methods else ()),
         *(fact for fact in scene.facts if not fact.startswith("Reactions")),
     )
     return replace(scene, data={**scene.data, "engine": engine}, channels=channels, facts=facts)
@@ -131,7 +132,7 @@ def choose_method(structure: Structure, methods: Collection[str]) -> str:
     Returns
     -------
     str
-        "rk54" or "radau".
+        "rk54", or STIFF_INTEGRATOR for stiff bars.
 
     Notes
     -----
@@ -139,12 +140,12 @@ def choose_method(structure: Structure, methods: Collection[str]) -> str:
     (Gershgorin), with spring constants k and the mass m of the node; rk54 takes 0.5 to 3 steps a radian of it
     at a tolerance of 1e-6.
     """
-    if STIFF not in methods:
+    if STIFF_INTEGRATOR not in methods:
         return EXPLICIT
     steps = 1.5 * _bound_frequency(structure)
     slow = 1.5 * _bound_frequency(structure, structure.tension_only)
     work = structure.n_members * steps
-    return STIFF if work > MOST_WORK and steps > STIFFER * slow else EXPLICIT
+    return STIFF_INTEGRATOR if work > MOST_WORK and steps > STIFFER * slow else EXPLICIT
 
 
 def _bound_frequency(structure: Structure, chosen: NDArray[np.bool_] | None = None) -> float:

@@ -237,17 +237,19 @@ def _require(structure: "Subject", request: "ModelRequest", asked: _Asked) -> "M
     """Return the request with all that the run needs of a library."""
     from tensegrity_codegen.pipeline.analyses import find_needs
     from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES
+    from tensegrity_codegen.tables.integrators import INTEGRATORS
 
     options = asked.options
+    by_itself = {name for name, item in INTEGRATORS.items() if item.watches_contact}
     needs = find_needs("simulate", structure, request, method=options.method, rtol=options.rtol)
     quantities, integrators = needs.quantities, needs.integrators
     quantities += find_needs("equilibrium", structure, request).quantities if asked.settle else ()
     if asked.until_contact:
         quantities += CONTACT_QUANTITIES
-        if "radau" not in integrators:  # which watches contacts by itself
+        if not by_itself.intersection(integrators):
             integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
     wanted = request.wanting(*quantities, integrators=integrators)
-    if asked.until_contact and "radau" in integrators:
+    if asked.until_contact and by_itself.intersection(integrators):
         wanted = watching(structure, wanted, "contact")
     wanted = wanted if asked.condition is None else watching(structure, wanted, "condition", asked.condition)
     return replace(wanted, keep=(options.keep,)) if options.keep else wanted

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import IntegratorSpec
 from tensegrity_codegen.tables.precision import Precision
-from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
 
 LINE_BYTES = 64  # of the cache: lanes begin at a multiple of it
 
@@ -31,8 +31,9 @@ def plan_memory(
     argument_sizes: numbers in each argument that it passes on.
     """
     line, n = count_line(precision), n_coordinates
-    table = TABLEAUS.get(name)
-    if table is None:  # state, trial, acceleration, stages; rows: old (q, v, a), new (q, v, a), spare
+    table = INTEGRATORS[name].tableau
+    # state, trial, acceleration, stages; rows: old (q, v, a), new (q, v, a), spare
+    if table is None or not table.errors:
         lanes, row = (2 + 2 + 1 + 7) * n, 7 * n
     else:  # may the step grow, lost, state, change, trial, spare, rates, dense output
         dense = 3 + len(table.dense) if table.dense else 0
@@ -45,7 +46,7 @@ def with_batch(
     spec: IntegratorSpec, n_coordinates: int, argument_sizes: Iterable[int], width: int, precision: Precision
 ) -> IntegratorSpec:
     """Return the integrator with the memory of its batch function, if the library has batches and it one."""
-    if not width or spec.name not in EXPLICIT:
+    if not width or not INTEGRATORS[spec.name].in_batches:
         return spec
     memory = plan_memory(spec.name, n_coordinates, argument_sizes, width, precision)
     return replace(spec, batch_work_size=memory.work_size)

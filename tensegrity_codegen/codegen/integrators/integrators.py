@@ -15,27 +15,20 @@ from tensegrity_codegen.codegen.integrators.energy_keeping import (
 )
 from tensegrity_codegen.codegen.integrators.events import events_context, watched_events
 from tensegrity_codegen.codegen.integrators.profiles import PULL, count_driven, driven_context, pull_size
-from tensegrity_codegen.codegen.integrators.radau import RADAU, RADAU_QUANTITIES, radau_context, radau_spec
+from tensegrity_codegen.codegen.integrators.radau import radau_context, radau_spec
 from tensegrity_codegen.codegen.integrators.work_memory import count_bytes
 from tensegrity_codegen.structure.inertia_plan import find_massless, refuse_bare
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError, suggest
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest
 from tensegrity_codegen.tables.precision import find_precision
-from tensegrity_codegen.tables.tableaus import EXPLICIT, TABLEAUS
 from tensegrity_codegen.tables.tableaus.tableau import Row, Tableau
-
-INTEGRATORS = (*EXPLICIT, RADAU)
 
 # Functions of redundant coordinates that bring a state back onto their constraints; integrators call them.
 PROJECTION = ("consistent_coordinate", "consistent_velocity")
 # Where coordinates are not those of nodes, a pull needs these.
 OF_NODES = ("node_position", "node_velocity")
-
-
-def needed_quantities(name: str) -> tuple[str, ...]:
-    """Return the quantities that an integrator adds to those that the scene wants."""
-    return RADAU_QUANTITIES if name == RADAU else ()
 
 
 def integrator_spec(
@@ -56,8 +49,9 @@ def integrator_spec(
         raise FormulationError(
             "unknown integrator", where="model.integrators", given=name, hint=suggest(name, INTEGRATORS)
         )
-    watched = watched_events(model, functions, events)
-    if name == RADAU:
+    row = INTEGRATORS[name]
+    watched = watched_events(model, functions, events if row.follows_events else ())
+    if row.kind == "implicit":
         driven_size = count_driven(model, driven)
         return radau_spec(name, model, functions, watched, driven_size)
     acceleration = next((f for f in functions if f.quantity == "acceleration"), None)
@@ -70,14 +64,14 @@ def integrator_spec(
             given=name,
             hint='add "acceleration" to the wanted quantities',
         )
-    kept = KEPT_QUANTITIES[:2] if keep and name in TABLEAUS else ()
+    kept = KEPT_QUANTITIES[:2] if keep and row.keeps_energy else ()
     pulled = OF_NODES if PULL in driven else ()
     names = ("acceleration", *PROJECTION, *watched.quantities, *kept, *pulled)
     called = [f for f in functions if f.quantity in names]
     used = {a for f in called for a in f.arguments} - {"coordinate", "velocity"}
     passed = tuple(a for a in model.arguments if a in used)
     energy = keeper_memory(model, {f.quantity: f for f in functions}) if kept else 0
-    size = count_driven(model, driven)
+    size = count_driven(model, driven) if row.follows_events else 0
     work = _count_work(name, len(model.frame.coordinate_name), 8 * watched.memory, energy, size)
     return IntegratorSpec(
         name,
@@ -96,12 +90,13 @@ def _count_work(name: str, n_coordinates: int, events: int, energy: int, driven:
 
     events, energy: bytes of their own; driven: numbers that can change with time.
     """
-    table = EXPLICIT[name]
+    row = INTEGRATORS[name]
+    table = row.tableau
     sizes = {
         "N": n_coordinates,
-        "METHOD_RATES": table.rates,
-        "METHOD_HAS_DENSE": int(bool(table.dense)),
-        "METHOD_DENSE": 3 + len(table.dense),
+        "METHOD_RATES": table.rates if table else 0,
+        "METHOD_HAS_DENSE": int(bool(table and table.dense)),
+        "METHOD_DENSE": 3 + len(table.dense if table else ()),
         "WITH_EVENTS": events,
         "event_memory": events,
         "METHOD_KEEPS_ENERGY": energy,
@@ -109,8 +104,8 @@ def _count_work(name: str, n_coordinates: int, events: int, energy: int, driven:
         "WITH_PROFILE": driven,
         "N_DRIVEN": driven,
     }
-    structs = [("rk4_work", "rk4.h")] if name == "rk4" else []
-    structs += [("method_work", "explicit.h")] if name != "rk4" or events or driven else []
+    structs = [(f"{name}_work", f"{name}.h")] if row.kind == "fixed" else []
+    structs += [("method_work", "explicit.h")] if row.kind == "adaptive" or events or driven else []
     return max(count_bytes(struct, file, sizes) for struct, file in structs) // 8
 
 
@@ -124,24 +119,30 @@ def integrator_context(
     reach: quantity -> how many coordinates it depends on, see events_context.
     """
     functions = {spec.quantity: spec for spec in manifest.functions}
-    adaptive = [spec for spec in manifest.integrators if spec.name in TABLEAUS]
+    rows = {spec.name: INTEGRATORS[spec.name] for spec in manifest.integrators}
+    adaptive = [spec for spec in manifest.integrators if rows[spec.name].kind == "adaptive"]
     driven = driven_context(manifest, arguments)
     watching = [spec for spec in manifest.integrators if spec.events]
-    counted = list(manifest.integrators) if driven else watching
+    counted = (
+        [spec for spec in manifest.integrators if rows[spec.name].follows_events] if driven else watching
+    )
     tried = [
-        spec for spec in manifest.integrators if spec in adaptive or (spec.name == "rk4" and spec in counted)
+        spec
+        for spec in manifest.integrators
+        if spec in adaptive or (rows[spec.name].kind == "fixed" and spec in counted)
     ]
+    explicit = [name for name, row in rows.items() if row.kind != "implicit"]
     integrators = [_context(spec, manifest, functions, arguments) for spec in manifest.integrators]
     passed = {name for spec in manifest.integrators for name in spec.arguments}
     return {
         "integrators": integrators,
-        "example_integrator": min(integrators, key=lambda item: item["template"] == "rk4", default=None),
-        "explicit": next((item for item in integrators if item["name"] != RADAU), None),
+        "example_integrator": min(integrators, key=lambda item: item["template"] == "fixed", default=None),
+        "explicit": next((item for item in integrators if item["name"] in explicit), None),
         "motion_arguments": [item for name, item in arguments.items() if name in passed],
         "motion_call": _motion_call,
-        "first_explicit": next((spec.name for spec in manifest.integrators if spec.name != RADAU), ""),
+        "first_explicit": next(iter(explicit), ""),
         "first_adaptive": adaptive[0].name if adaptive else "",
-        "has_step_control": any(spec.name in (*TABLEAUS, RADAU) for spec in manifest.integrators),
+        "has_step_control": any(row.has_step_control for row in rows.values()),
         "first_trial": tried[0].name if tried else "",
         "first_run": next((spec.name for spec in manifest.integrators if spec in (*tried, *counted)), ""),
         "driven": driven,
@@ -205,10 +206,12 @@ def _context(
     functions: Mapping[str, FunctionSpec],
     arguments: Mapping[str, dict[str, Any]],
 ) -> dict[str, Any]:
-    if spec.name == RADAU:
+    row = INTEGRATORS[spec.name]
+    if row.kind == "implicit":
         return {
             "name": spec.name,
             "template": spec.name,
+            "has_tensions": True,
             "symbol": spec.symbol,
             "work_size": spec.work_size,
             "arguments": [arguments[name] for name in spec.arguments],
@@ -220,10 +223,11 @@ def _context(
         functions["acceleration"].arguments,
         all(name in functions for name in PROJECTION),
     )
-    table = EXPLICIT[spec.name]
     return {
         "name": spec.name,
-        "template": "rk4" if spec.name == "rk4" else "adaptive",
+        "title": row.title[0].upper() + row.title[1:],
+        "has_tensions": False,
+        "template": row.kind,
         "symbol": spec.symbol,
         "work_size": spec.work_size,
         "arguments": [arguments[name] for name in spec.arguments],
@@ -232,9 +236,9 @@ def _context(
         "uses_velocity": "velocity" in kernel,
         "keeps_constraints": keeps_constraints,
         "projection": [functions[name] for name in PROJECTION if name in functions],
-        "method": "rk4_run" if spec.name == "rk4" else spec.name,
-        "settings": _method_settings(spec, table, keeps_constraints),
-        "tableau": _tableau_context(table),
+        "method": f"{spec.name}_run" if row.kind == "fixed" else spec.name,
+        "settings": _method_settings(spec, row.tableau, keeps_constraints) if row.tableau else {},
+        "tableau": _tableau_context(row.tableau) if row.tableau else None,
         "batch": _batch_context(spec, manifest),
     }
 

@@ -22,12 +22,11 @@ from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.symbolic.model import Frame
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import FunctionSpec, IntegratorSpec, Manifest, Pattern
 from tensegrity_codegen.tables.quantities import ARGUMENTS
 
-RADAU = "radau"
-RADAU_QUANTITIES = ("cable_force", "member_law", "mass_matrix")
-
+RADAU_QUANTITIES = INTEGRATORS[STIFF_INTEGRATOR].quantities
 COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
 NEWTON_SHARE = 1e-4  # of the tolerance, that Newton's method may leave
 NOWHERE = 2**30

@@ -292,8 +292,13 @@ class Library:
         most_steps: int,
         sample_time: ArrayLike | None,
         arguments: Arguments,
+        *,
+        is_implicit: bool = False,
     ) -> Motion:
-        """Integrate with error control from time 0; default: 101 sample times over the whole time."""
+        """Integrate with error control from time 0; default: 101 sample times over the whole time.
+
+        is_implicit: whether tensions of stiff members are unknowns of the integrator.
+        """
         item = self._integrators[name]
         time, samples, sampled = self._samples(
             np.linspace(0.0, t_end, 101) if sample_time is None else sample_time
@@ -301,7 +306,7 @@ class Library:
         state = self._state(arguments)
         now, step = ctypes.c_double(0.0), ctypes.c_double(0.0)
         counts = (ctypes.c_longlong * 6)()
-        if name == "radau":
+        if is_implicit:
             tensions = [np.zeros((len(time), max(len(item["tensions"]), 1)))]
             counted: list[Any] = [counts, np.zeros(3)]
         else:

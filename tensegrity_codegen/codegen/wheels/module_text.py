@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from tensegrity_codegen.codegen.wheels import bundled
 from tensegrity_codegen.system.errors import InvalidNameError
 from tensegrity_codegen.system.summaries import describe_count
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import (
     ArgumentSpec,
     FunctionSpec,
@@ -132,14 +133,16 @@ def _format_function(manifest: Manifest, spec: FunctionSpec) -> str:
 def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
     arguments = _with_state(manifest, spec.arguments)
     sample = ("sample_time: _ArrayLike | None = None", "sample_time : (n_samples,) [s]", "Ascending times.")
-    if spec.name == "rk4":
-        title = "Motion by the classical Runge-Kutta method with fixed steps; steps do not end at events."
+    row = INTEGRATORS[spec.name]
+    if row.kind == "fixed":
+        name = "the classical Runge-Kutta method" if spec.name == "rk4" else f"the method {spec.name}"
+        title = f"Motion by {name} with fixed steps; steps do not end at events."
         own = [
             ("step: float", "step : float [s]", "Length of a step."),
             ("n_steps: int", "n_steps : int", "Number of steps."),
             (*sample[:2], "Ascending times; default: the end of each step."),
         ]
-        call = f'LIBRARY.integrate_steps("rk4", step, n_steps, sample_time, {_pass(arguments)})'
+        call = f'LIBRARY.integrate_steps("{spec.name}", step, n_steps, sample_time, {_pass(arguments)})'
     else:
         title = f"Motion by the method {spec.name} with error control; steps do not end at events."
         own = [
@@ -150,7 +153,8 @@ def _format_integrator(manifest: Manifest, spec: IntegratorSpec) -> str:
             (*sample[:2], "Ascending times; default: 101 over the whole time."),
         ]
         numbers = "t_end, rtol, atol, most_steps, sample_time"
-        call = f'LIBRARY.integrate("{spec.name}", {numbers}, {_pass(arguments)})'
+        kind = ", is_implicit=True" if row.kind == "implicit" else ""
+        call = f'LIBRARY.integrate("{spec.name}", {numbers}, {_pass(arguments)}{kind})'
     return _format_definition(
         f"integrate_{spec.name}", own, arguments, "Motion", title, own, "motion : Motion", call
     )

@@ -14,6 +14,7 @@ from tensegrity_codegen.codegen.print.render import render, template_folder
 from tensegrity_codegen.codegen.print.wrap_lines import wrap_lines
 from tensegrity_codegen.export.fmu.layout import Argument, Layout
 from tensegrity_codegen.export.fmu.tangent import Tangent
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import STATUS, FunctionSpec
 
 ATOL_RATIO = 1e-3  # absolute over relative tolerance, for a structure of a metre: 1e-9 over 1e-6
@@ -173,14 +174,15 @@ def _describe_tangent(tangent: Tangent | None) -> dict[str, Any] | None:
 
 def _describe_integrator(layout: Layout, method: str) -> dict[str, Any]:
     spec, manifest = layout.integrator(method), layout.manifest
+    is_implicit = INTEGRATORS[spec.name].kind == "implicit"
     kinds = [word for kind, word in WATCHED.items() if kind in spec.events]
     return {
         "name": spec.name,
         "symbol": spec.symbol,
         "passed": _pass(layout, spec.arguments),
         "work_size": spec.work_size,
-        "is_implicit": spec.name == "radau",
-        "has_run": spec.name != "radau" or bool(spec.events) or bool(manifest.driven),
+        "is_implicit": is_implicit,
+        "has_run": not is_implicit or bool(spec.events) or bool(manifest.driven),
         "has_events": bool(spec.events),
         "watch": " | ".join(f"{manifest.name.upper()}_EVENT_{word}" for word in kinds) or "0",
         "n_counts": len(COUNTS),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.report.pages.diagram import Series
 from tensegrity_codegen.report.pictures.palette import SEQUENCE
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 Dash = Literal["line", "dashed", "dotted", "dashdot"]
 
@@ -42,7 +43,7 @@ METHOD_STYLES: dict[str, MethodStyle] = {
     "rk54": MethodStyle(GREEN, "line", "s"),
     "tsit5": MethodStyle(VIOLET, "line", "D"),
     "rk853": MethodStyle(BLUE, "line", "o"),
-    "radau": MethodStyle(VERMILION, "line", "^"),
+    STIFF_INTEGRATOR: MethodStyle(VERMILION, "line", "^"),
     "scipy dop853": MethodStyle(BLUE, "dashed", "P"),
     "scipy rk45": MethodStyle(GREEN, "dashed", "X"),
     "scipy lsoda": MethodStyle(SLATE, "dashed", "h"),

@@ -25,6 +25,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 MAX_DISTANCE = 1e5  # from the origin, over the size of the structure
 
@@ -46,7 +47,7 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
     choice = choose_method(motion, options)
     if options.control == "steps":
         return replace(_run_once(motion, options, choice), why=choice.why)
-    if choice.name != "radau":
+    if choice.name != STIFF_INTEGRATOR:
         found = _by_auto(integrate_explicit_to_samples(motion, replace(options, method=choice.name)))
         return _advise(replace(found, why=choice.why), motion.model)
     found = _run_radau(motion, options, choice)
@@ -65,7 +66,7 @@ def integrate_auto(motion: Motion, options: RunOptions) -> RawTrajectory:
 
 def _run_once(motion: Motion, options: RunOptions, choice: Choice) -> RawTrajectory:
     """Return one run of the chosen method, its steps' errors alone within the tolerance."""
-    if choice.name == "radau":
+    if choice.name == STIFF_INTEGRATOR:
         return _by_auto(_prepare_radau(motion, options, choice)(options.rtol, options.absolute))
     options = replace(options, method=choice.name, atol=max(options.absolute, choice.noise))
     return _by_auto(integrate_adaptive(motion, options))

@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.profiles.laws import find_changing
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 EXPLICIT = ("rk853", "rk54")
 MAX_CHEAP_STEPS = 5_000  # steps that resolve every vibration in hundredths of a second
@@ -83,7 +84,7 @@ def _wanted_by_auto(structure: Structure | None, formulation: str, rtol: float) 
     is_stiff = find_formulation(formulation).in_nodes and bool(np.any(mu[stiff] >= MIN_STIFF_RATIO * soft))
     if is_stiff and rtol <= LOOSE_RTOL:
         explicit = "rk853"  # vibrations take most steps, not jumps
-    return (explicit, "radau") if is_stiff else (explicit,)
+    return (explicit, STIFF_INTEGRATOR) if is_stiff else (explicit,)
 
 
 def choose_method(motion: Motion, options: RunOptions) -> Choice:
@@ -96,12 +97,15 @@ def choose_method(motion: Motion, options: RunOptions) -> Choice:
     specs = {spec.name: spec for spec in model.manifest.integrators}
     explicit = _choose_explicit(model, tuple(specs), options.rtol)
     watched = set(motion.watch.kinds) if motion.watch else set()
-    offered = "radau" in specs and watched <= set(specs["radau"].events)
+    offered = STIFF_INTEGRATOR in specs and watched <= set(specs[STIFF_INTEGRATOR].events)
     if not offered or not explicit.name or options.keep:
-        return _need(model, explicit if explicit.name else Choice("radau" if "radau" in specs else "", ""))
+        return _need(
+            model,
+            explicit if explicit.name else Choice(STIFF_INTEGRATOR if STIFF_INTEGRATOR in specs else "", ""),
+        )
     if isinstance(motion.schedule, DrivenArguments) and (changed := find_changing(model, motion.schedule)):
         return replace(explicit, why=f"{explicit.why}; the profile changes {changed[0]}, which radau holds")
-    rates = _find_rates(motion, specs["radau"].tensions)
+    rates = _find_rates(motion, specs[STIFF_INTEGRATOR].tensions)
     if rates is None:
         return explicit
     return _weigh(motion, options, rates, explicit)
@@ -135,7 +139,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         return replace(explicit, why=why)
     if rtol <= LOOSE_RTOL and any(spec.name == "rk853" for spec in model.manifest.integrators):
         explicit = replace(explicit, name="rk853", why="fast vibrations: order 8")
-    spec = next(spec for spec in model.manifest.integrators if spec.name == "radau")
+    spec = next(spec for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR)
     slow_decay = 0.0 if spec.damped else rates.slow_decay  # in radau's matrix it costs no steps
     by_radau = _radau_steps(rates.slow_frequency, slow_decay, last, rtol)
     compared = f"estimated {_number(steps)} explicit steps, {_number(by_radau)} steps of radau"
@@ -153,7 +157,7 @@ def _weigh(motion: Motion, options: RunOptions, rates: Rates, explicit: Choice) 
         return replace(explicit, why=why)
     return replace(
         explicit,
-        name="radau",
+        name=STIFF_INTEGRATOR,
         why=f"{ratio} and vibrate by {amplitude:.2g} m: {compared}",
         otherwise=explicit.name if steps <= MAX_EXPLICIT_STEPS else "",
         most_steps=int(MIN_ALLOWED_STEPS + steps / RADAU_STEP_COST)

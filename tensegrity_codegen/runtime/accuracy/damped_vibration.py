@@ -31,6 +31,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 # What the evidence of a run says of them [m], [m/s], [N].
@@ -62,7 +63,7 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Return runs of radau, tightened until their error at the samples is within the tolerance."""
     model, state = motion.model, motion.state
     size = float(np.abs(state[: len(state) // 2]).max(initial=0.0))
-    stiff, min_counted = find_integrator(model.manifest, "radau").tensions, find_min_counted(motion)
+    stiff, min_counted = find_integrator(model.manifest, STIFF_INTEGRATOR).tensions, find_min_counted(motion)
     tolerance = tolerance_of_options(model.manifest, options)
     if not stiff:  # nothing that vibrates by itself
         return tighten_until_converged(
@@ -88,7 +89,7 @@ def _tighten(motion: Motion, options: RunOptions) -> RawTrajectory:
 
 def find_min_counted(motion: Motion) -> float:
     """Return the part of the difference of two runs that counts at least: where cables are not watched."""
-    spec = find_integrator(motion.model.manifest, "radau")
+    spec = find_integrator(motion.model.manifest, STIFF_INTEGRATOR)
     watched = choose_watch(spec, motion.model.manifest, motion.watch).kinds
     unwatched = (set(JUMP_KINDS) & set(spec.events)) - set(watched)
     return MIN_COUNTED_WITH_KINKS if spec.unwatched or (spec.cables and unwatched) else 0.0
@@ -163,7 +164,7 @@ def _bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], fre
 def _may_go_taut(motion: Motion, raw: RawTrajectory) -> NDArray[np.bool_]:
     """Return which members go taut in a run, or may have done so unseen, (n_members,)."""
     manifest = motion.model.manifest
-    spec = find_integrator(manifest, "radau")
+    spec = find_integrator(manifest, STIFF_INTEGRATOR)
     if "cable" not in choose_watch(spec, manifest, motion.watch).kinds or raw.log.count > len(raw.log.time):
         return np.ones(len(manifest.member_name), dtype=np.bool_)
     taut = {name for name, direction in zip(raw.log.name, raw.log.direction, strict=True) if direction > 0}

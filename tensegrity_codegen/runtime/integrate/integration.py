@@ -11,6 +11,7 @@ from tensegrity_codegen.runtime.model.status import raise_for_status
 from tensegrity_codegen.runtime.profiles.knots import KnotsInC, follows_in_c
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import FormulationError
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec, Manifest
 
 
@@ -25,9 +26,10 @@ class BoundIntegrator:
         model, state, sample_time = motion.model, motion.state, motion.sample_time
         require_double(model.manifest, "an integration from Python")
         spec = find_integrator(model.manifest, name)
+        has_step_control = INTEGRATORS[spec.name].has_step_control
         n_states = 2 * len(model.manifest.coordinate_name)
         self.name, self.spec, self.ffi = name, spec, model.library.ffi
-        self.call = model.library.symbol(spec.symbol if name == "rk4" else f"{spec.symbol}_run")
+        self.call = model.library.symbol(f"{spec.symbol}_run" if has_step_control else spec.symbol)
         schedule = motion.schedule
         self.knots: KnotsInC | None = None  # where arguments follow a profile
         if follows_in_c(schedule, model.manifest):

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from tensegrity_codegen.system.errors import check_choice
-from tensegrity_codegen.tables.tableaus import EXPLICIT
-from tensegrity_codegen.tables.tableaus.tableau import Tableau
+from tensegrity_codegen.tables.integrators import INTEGRATORS
+from tensegrity_codegen.tables.integrators.integrator import Integrator
 
 Kind = Literal["auto", "adaptive", "fixed", "implicit", "scipy"]
 
@@ -55,10 +55,16 @@ class Method:
         return self.kind == "fixed"
 
 
-def _explicit(name: str, table: Tableau) -> Method:
-    if table.errors:
-        return Method(name, "adaptive", table.title, table.order, in_batches=True, keeps_energy=True)
-    return Method(name, "fixed", f"{table.title} with the fixed step `step`", table.order, in_batches=True)
+def _in_c(item: Integrator) -> Method:
+    return Method(
+        item.name,
+        item.kind,
+        f"{item.title} with the fixed step `step`" if item.kind == "fixed" else item.title,
+        item.order,
+        finds_events=item.follows_events,
+        in_batches=item.in_batches,
+        keeps_energy=item.keeps_energy,
+    )
 
 
 def _scipy(name: str, sentence: str, order: int = 0) -> Method:
@@ -82,14 +88,7 @@ _ALL = (
         keeps_energy=True,
         takes_schedule=True,
     ),
-    *sorted((_explicit(*item) for item in EXPLICIT.items()), key=lambda item: item.kind),
-    Method(
-        "radau",
-        "implicit",
-        "Radau IIA with three stages; tensions of bars are unknowns, so that steps do not depend on how "
-        "stiff bars are",
-        order=5,
-    ),
+    *sorted((_in_c(item) for item in INTEGRATORS.values()), key=lambda item: item.kind),
     _scipy("DOP853", "explicit DOP853", 8),
     _scipy("RK45", "explicit RK45", 5),
     _scipy("LSODA", "LSODA"),

@@ -8,6 +8,7 @@ from tensegrity_codegen.runtime.integrate.c_run import CRun
 from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_within_reach
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 # What the C function counts, in its order.
 RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
@@ -30,7 +31,9 @@ def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) 
 def listen_to_members(motion: Motion) -> dict[str, float]:
     """Return the amplitudes with which stiff members vibrate at the start, see integrate_radau."""
     run = _Run(
-        replace(motion, sample_time=np.array([0.0, motion.t_end])), RunOptions("radau", 1e-3, 1e-3), 0.0
+        replace(motion, sample_time=np.array([0.0, motion.t_end])),
+        RunOptions(STIFF_INTEGRATOR, 1e-3, 1e-3),
+        0.0,
     )
     run.advance(0)
     return run.vibrations()
@@ -40,7 +43,7 @@ class _Run(CRun):
     """One integration in the mixed form: its counters, and what it says of vibrations."""
 
     def __init__(self, motion: Motion, options: RunOptions, quiet: float) -> None:
-        super().__init__("radau", motion)
+        super().__init__(STIFF_INTEGRATOR, motion)
         self.options, self.quiet = options, quiet
         ffi = self.bound.ffi
         self.step, self.count = ffi.new("double *", 0.0), ffi.new("long long[]", len(RADAU_COUNTS))
@@ -75,7 +78,7 @@ class _Run(CRun):
             state=states,
             status=status,
             message=message or told + self.events.told,
-            method="radau",
+            method=STIFF_INTEGRATOR,
             n_steps=evidence["accepted"],
             n_evaluations=evidence["evaluations"],
             tension=self.bound.tensions[: len(times)],

@@ -18,14 +18,14 @@ def integrate_rk4(motion: Motion, options: RunOptions) -> RawTrajectory:
     NonFiniteError for one that is not finite, and what a condition raises.
     """
     n_steps = max(1, math.ceil(motion.t_end / float(options.step or 0.0) * (1.0 - 1e-12)))
-    return _Run(motion, n_steps).finish()
+    return _Run(options.method, motion, n_steps).finish()
 
 
 class _Run(CRun):
     """One integration with a fixed step."""
 
-    def __init__(self, motion: Motion, n_steps: int) -> None:
-        super().__init__("rk4", motion)
+    def __init__(self, method: str, motion: Motion, n_steps: int) -> None:
+        super().__init__(method, motion)
         self.n_steps, self.step, self.done = n_steps, motion.t_end / n_steps, 0
         # The last sample is the end of the last step, whatever the rounding of n times the step.
         times = self.bound.sample_time
@@ -67,7 +67,7 @@ class _Run(CRun):
             message=f"{trouble}: take a smaller step"
             if trouble
             else f"fixed step {self.step:.6g} s{self.events.told}",
-            method="rk4",
+            method=self.bound.spec.name,
             n_steps=self.done,
             n_evaluations=int(counts.n_evaluations) if self.is_watching else 4 * self.done + 1,
             step=self.step,

@@ -7,6 +7,7 @@ import numpy as np
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 
 def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
@@ -14,7 +15,9 @@ def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str,
 
     "masses" where these change; () for a library without radau.
     """
-    tensions = next((spec.tensions for spec in model.manifest.integrators if spec.name == "radau"), ())
+    tensions = next(
+        (spec.tensions for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR), ()
+    )
     if not model.has("member_law") or not model.has("mass_matrix"):
         return ()
     chosen = list(tensions)

@@ -21,6 +21,7 @@ from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.precision import PRECISIONS
 
 
@@ -105,7 +106,7 @@ def _check_method(model: CompiledModel, method: str, schedule: Schedule) -> None
     """Raise InvalidValueError for a method that cannot follow this schedule."""
     if find_method(method).takes_schedule:
         return
-    if not follows_in_c(schedule, model.manifest):
+    if not follows_in_c(schedule, model.manifest) or not find_method(method).finds_events:
         is_profile = isinstance(schedule, DrivenArguments)
         raise InvalidValueError(
             "this library's motions take no values over time"
@@ -118,7 +119,7 @@ def _check_method(model: CompiledModel, method: str, schedule: Schedule) -> None
             if is_profile
             else 'method="auto" chooses one of these and checks its error',
         )
-    if method == "radau":
+    if method == STIFF_INTEGRATOR:
         check_laws(model, schedule)
 
 

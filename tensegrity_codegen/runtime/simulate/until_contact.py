@@ -12,6 +12,7 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.simulate.margins import build_contact_margins
 from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 
 SAME = 1e-9  # of the simulated time: contacts this near happen at once
@@ -20,9 +21,9 @@ SAME = 1e-9  # of the simulated time: contacts this near happen at once
 def watches_contact(model: CompiledModel, method: str) -> bool:
     """Whether a run by this method watches contacts by itself: by radau, or where `auto` may choose it."""
     specs = {spec.name: spec for spec in model.manifest.integrators}
-    if method == "radau":
+    if method == STIFF_INTEGRATOR:
         return True
-    return method == "auto" and "radau" in specs and "contact" in specs["radau"].events
+    return method == "auto" and STIFF_INTEGRATOR in specs and "contact" in specs[STIFF_INTEGRATOR].events
 
 
 def stop_at_watched_contact(

@@ -17,17 +17,16 @@ from tensegrity_codegen.scene.schema.schema_types import (
     Table,
 )
 from tensegrity_codegen.tables.formulations import FORMULATIONS
+from tensegrity_codegen.tables.integrators import INTEGRATORS
 from tensegrity_codegen.tables.manifest import EVENT_KINDS
 from tensegrity_codegen.tables.precision import PRECISIONS
 from tensegrity_codegen.tables.presets import PRESETS
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import BATCH_WIDTHS, INTERFACES
-from tensegrity_codegen.tables.tableaus import EXPLICIT
 
-# What a scene may ask for. A new emitter, integrator or solver adds its name here.
+# What a scene may ask for. A new emitter or solver adds its name here.
 EMITTERS = ("auto", "unrolled", "lanes", "table")
 FLAGS = ("reference", "native", "small")
-INTEGRATORS = (*EXPLICIT, "radau")
 EVENTS = tuple(EVENT_KINDS)
 SOLVERS = ("equilibrium",)
 
@@ -46,7 +45,7 @@ _FORMULATION = _one_of("formulation", tuple(FORMULATIONS))
 _EMITTER = _one_of("emitter", EMITTERS)
 _PRECISION = _one_of("precision", tuple(PRECISIONS))
 _FLAGS = _one_of("flags", FLAGS)
-_INTEGRATOR = _one_of("integrator", INTEGRATORS)
+_INTEGRATOR = _one_of("integrator", tuple(INTEGRATORS))
 _EVENT = _one_of("kind of event", EVENTS)
 _SOLVER = _one_of("solver", SOLVERS)
 _INTERFACE = _one_of("interface", INTERFACES)

@@ -23,11 +23,12 @@ from tensegrity_codegen.studies.stability.cases import Case, as_springs, with_ri
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, TensegrityError
 from tensegrity_codegen.tables.formulations import choose_formulation, find_formulation
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.request import ModelRequest
 
 AUTO = "auto"
 EXPLICIT = ("rk853", "rk54")
-FOR_STIFF_BARS = "radau"
+FOR_STIFF_BARS = STIFF_INTEGRATOR
 FIXED = "rk4"
 OF_MEMBERS = ("rest_length", "spring_constant", "damping")
 

@@ -21,13 +21,14 @@ from tensegrity_codegen.studies.work_precision.measure import Contender, MotionP
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.tables.formulations import find_formulation
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 from tensegrity_codegen.tables.request import ModelRequest
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 STEPS = tuple(10.0 ** (-k / 2) for k in range(2, 11))  # of the time span
 ADAPTIVE = ("rk54", "rk853")
 FIXED = ("rk4",)
-IMPLICIT = ("radau",)
+IMPLICIT = (STIFF_INTEGRATOR,)
 RADAU_TOLERANCES = TOLERANCES[:8]  # of order 5, with more work a step: below, others are faster
 ATOL_OF_RTOL = 1e-2  # absolute tolerance [m, m/s] over the relative one
 

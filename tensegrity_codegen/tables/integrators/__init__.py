@@ -1,0 +1,44 @@
+"""Time integrators in C: one for each tableau, and a module here for each other one, with its INTEGRATOR.
+
+Everything that is known of one stands in its record; the generator, the methods of `simulate`, exports,
+scene files and documentation read it from here.
+"""
+
+import pkgutil
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from types import MappingProxyType
+
+from tensegrity_codegen.tables.integrators.integrator import Integrator
+from tensegrity_codegen.tables.tableaus import EXPLICIT
+from tensegrity_codegen.tables.tableaus.tableau import Tableau
+
+
+def _from_tableau(name: str, table: Tableau) -> Integrator:
+    return Integrator(
+        name,
+        "adaptive" if table.errors else "fixed",
+        table.title,
+        table.order,
+        table,
+        in_batches=True,
+        keeps_energy=bool(table.errors),
+    )
+
+
+def _find_integrators() -> Mapping[str, Integrator]:
+    names = sorted(item.name for item in pkgutil.iter_modules(__path__) if item.name != "integrator")
+    own = [import_module(f"{__name__}.{name}").INTEGRATOR for name in names]
+    found = [*(_from_tableau(*item) for item in EXPLICIT.items()), *own]
+    return MappingProxyType({item.name: item for item in found})
+
+
+INTEGRATORS = _find_integrators()
+
+# The one for stiff members, which `auto` weighs against explicit ones.
+STIFF_INTEGRATOR = next(name for name, item in INTEGRATORS.items() if item.kind == "implicit")
+
+
+def called_quantities(names: Iterable[str]) -> list[str]:
+    """Return the quantities that these integrators call besides those that all do."""
+    return [item for name in names if name in INTEGRATORS for item in INTEGRATORS[name].quantities]

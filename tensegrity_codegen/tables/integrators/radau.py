@@ -1,0 +1,14 @@
+"""Radau IIA with the tensions of stiff members as unknowns."""
+
+from tensegrity_codegen.tables.integrators.integrator import Integrator
+
+INTEGRATOR = Integrator(
+    name="radau",
+    kind="implicit",
+    title="Radau IIA with three stages; tensions of bars are unknowns, so that steps do not depend on how "
+    "stiff bars are",
+    order=5,
+    quantities=("cable_force", "member_law", "mass_matrix"),
+    in_single=False,
+    watches_contact=True,
+)

@@ -1,0 +1,43 @@
+"""The table of integrators: one row each, from which generator, methods and scene files follow."""
+
+from pathlib import Path
+
+import pytest
+
+from tensegrity_codegen.codegen.emit import emit
+from tensegrity_codegen.codegen.integrators import batch_integrators, integrators
+from tensegrity_codegen.pipeline.compile_scene import load_scene
+from tensegrity_codegen.runtime.integrate.methods import METHODS
+from tensegrity_codegen.tables.integrators import INTEGRATORS, STIFF_INTEGRATOR, called_quantities
+from tensegrity_codegen.tables.integrators.integrator import Integrator
+from tensegrity_codegen.tables.quantities import QUANTITIES
+
+ROOT = Path(__file__).resolve().parents[2]
+PRISM = ROOT / "tensegrity_codegen/scene/examples/prism.toml"
+
+
+@pytest.mark.parametrize("row", INTEGRATORS.values(), ids=lambda row: row.name)
+def test_every_row_is_a_method_with_known_quantities(row: Integrator) -> None:
+    method = METHODS[row.name]
+    assert (method.kind, method.order, method.in_batches) == (row.kind, row.order, row.in_batches)
+    assert set(row.quantities) <= set(QUANTITIES)
+    assert row.tableau is not None or (ROOT / f"templates/c/{row.name}.h").is_file()
+
+
+def test_only_the_stiff_one_calls_more_than_the_others() -> None:
+    assert called_quantities(INTEGRATORS) == list(INTEGRATORS[STIFF_INTEGRATOR].quantities)
+    assert called_quantities(["unknown"]) == []
+
+
+def test_a_fixed_integrator_needs_no_tableau(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = Integrator("rk4", "fixed", "four stages", 4, follows_events=False)
+    for module in (integrators, batch_integrators):
+        monkeypatch.setattr(module, "INTEGRATORS", {**INTEGRATORS, "rk4": plain})
+    structure, request = load_scene(PRISM)
+    made = emit(structure, request.wanting(*request.quantities, integrators=("rk4", "rk54")))
+    header, text = made.files["prism.h"], made.files["prism.c"]
+    assert "Four stages with a fixed step" in header
+    assert "int prism_integrate_rk4(" in text
+    assert "prism_integrate_rk4_run" not in text + header
+    assert "prism_integrate_rk54_run" in text
+    assert made.manifest.integrators[0].events == ()
