@@ -84,7 +84,7 @@ lint: $(STAMP) ## ruff: rules and layout
 	$(BIN)/ruff format --check
 
 types: $(STAMP) ## mypy --strict over the package
-	MYPY_NUM_WORKERS=$(WORKERS) $(BIN)/mypy
+	$(BIN)/mypy
 
 contracts: $(STAMP) ## import-linter: which module may import which
 	$(BIN)/lint-imports
