@@ -91,7 +91,7 @@ def test_make_test_all_runs_the_tests_that_make_test_leaves_out() -> None:
     selected = re.findall(r'pytest (?:.* )?-m "?(.+?)"?$', plan, re.MULTILINE)
     assert selected == ["not thorough and not peers", "peers", "thorough and not peers"]
     assert "make --no-print-directory check\n" in document(".ci/run")
-    assert "make --no-print-directory test-all" in document(".ci/run")
+    assert "make --no-print-directory test\n" in document(".ci/run")
 
 
 @with_make
