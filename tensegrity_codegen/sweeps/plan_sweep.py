@@ -298,14 +298,12 @@ def _note_groups(cases: Cases, groups: tuple[CaseGroup, ...], known: set[str]) -
     mappers = [group.mapper for group in groups if isinstance(group.mapper, CaseMapper)]
     used = {key for item in mappers for key in item.find_used_keys(known)}
     idle = [key for number, key in enumerate(cases.keys) if number not in used and _varies(cases, number)]
-    seen = {key for item in mappers for key in item.seen_keys}
-    idle = [key for key in idle if cases.keys.index(key) in seen]
     if idle and not any(item.assembles_all for item in mappers):
         yield f"no quantity depends on {', '.join(idle)}"
     slow = [item for item in mappers if item.assembles_all]
     if slow:
         yield "every case is assembled by itself, since some are no scene for reasons that only this finds"
-    elif any(len(item.indirect) for item in mappers):
+    elif any(item.indirect_keys for item in mappers):
         keys = dict.fromkeys(cases.keys[key] for item in mappers for key in item.indirect_keys)
         yield f"the structure is assembled for every set of values of {', '.join(keys)}"
 

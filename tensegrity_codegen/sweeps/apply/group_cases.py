@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler
+from tensegrity_codegen.sweeps.apply.direct_keys import NO_DIRECT_KEYS, DirectKeys, find_direct_keys
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.mapper import CaseMapper
-from tensegrity_codegen.sweeps.apply.relations import find_relations
-from tensegrity_codegen.sweeps.apply.rest_lengths import SAME, RestLengths, find_rest_lengths
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots, name_changed
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
@@ -19,8 +19,8 @@ MOST_LIBRARIES = 50  # without an express yes
 MOST_CONFIRMED = 1000  # with it
 MOST_TRIED = 300  # cases that are tried before a sweep without a good one is given up
 BLOCK = 65_536  # cases that are looked at together
-MIXED = 6  # probes with values between those of cases
-MOST_KEYS_ALONE = 60  # keys that are changed one by one to find which an entry depends on
+ROUNDED = 1e-12  # part by which rest lengths may differ from those of the assembled scene
+MOST_KEYS_ALONE = 60  # keys whose least and largest values are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def find_groups(
         Keys that change the library take too many values.
     """
     finder = _GroupFinder(assembler, cases)
-    probes = finder.try_cases()
+    probes = finder.try_rows(range(cases.count))
     keys = finder.find_code_keys(probes)
     if not keys:
         return (finder.build_group(0, probes, range(cases.count)),)
@@ -92,12 +92,8 @@ class _GroupFinder:
             return None
         return _Probe(np.array(values), case, hash_constants(case))
 
-    def try_cases(self) -> list[_Probe]:
-        """Return some cases that are scenes, from all over the sweep; raises the first error if none is."""
-        return self.try_rows(range(self.cases.count))
-
     def try_rows(self, rows: range | IntArray) -> list[_Probe]:
-        """Return probes of some of these cases, and of values between them."""
+        """Return probes of some of these cases that are scenes; raises the first error if none is."""
         count = len(rows)
         spread = [0, count - 1, *self.random.integers(0, count, MOST_TRIED).tolist()]
         tried = list(dict.fromkeys(spread))
@@ -111,7 +107,7 @@ class _GroupFinder:
                 break
         if not good:
             self._raise_nothing_good(len(tried))
-        return good + self._mixed(good)
+        return good
 
     def _raise_nothing_good(self, tried: int) -> None:
         assert self.first_error is not None
@@ -120,20 +116,6 @@ class _GroupFinder:
             f"{count} of the sweep is a scene; the first one: {self.first_error.problem}"
         )
         raise self.first_error
-
-    def _mixed(self, good: Sequence[_Probe]) -> list[_Probe]:
-        """Return probes with values between those of good cases, each key for itself."""
-        values = np.array([item.values for item in good])
-        low, high = values.min(axis=0), values.max(axis=0)
-        whole = np.array([bounds.is_whole for bounds in self.assembler.bounds])
-        found = []
-        for _ in range(MIXED):
-            part = self.random.random(values.shape[1])
-            row = np.where(whole, values[self.random.integers(len(values))], low + part * (high - low))
-            probe = self.probe(row)
-            if probe is not None:
-                found.append(probe)
-        return found
 
     def find_code_keys(self, probes: Sequence[_Probe]) -> tuple[int, ...]:
         """Return the keys of which the constants of the library depend, () where all probes share one."""
@@ -228,15 +210,14 @@ class _GroupFinder:
         self, number: int, probes: Sequence[_Probe], rows: range | IntArray, keys: tuple[int, ...] = ()
     ) -> CaseGroup:
         """Return the group of some cases; keys: those that other groups differ in."""
-        base = probes[0]
-        same = [item for item in probes if item.constants == base.constants]
-        x, y = np.array([item.values for item in same]), np.array([item.entries for item in same])
-        varying = np.flatnonzero((y != y[0]).any(axis=0))
-        relations = find_relations(x, y[:, varying])
-        indirect = np.setdiff1d(np.arange(len(varying)), relations.entries)
-        slots = list_slots(base.case)
-        rest_lengths, places = _explain_rest_lengths(same, x, slots, varying, indirect)
-        indirect = np.setdiff1d(indirect, places)
+        base, slots = probes[0], list_slots(probes[0].case)
+        ends, varies = self._find_ends(rows)
+        at_ends = [self.probe(row) for row in ends]
+        of_keys = sorted({*varies, *keys})
+        direct = find_direct_keys(base.case, self.assembler.keys, base.values, of_keys)
+        indirect = [k for k in of_keys if k not in direct.keys]
+        tried = [base, *(item for item in (*probes, *at_ends) if item is not None)]
+        varying = _find_varying(tried, slots, direct)
         parameters = _choose_parameters(base.case, slots, varying)
         mapper = CaseMapper(
             assembler=self.assembler,
@@ -244,54 +225,36 @@ class _GroupFinder:
             template=slots,
             constants=base.constants,
             varying=varying,
-            relations=relations,
-            rest_lengths=rest_lengths,
-            rest_places=places,
-            indirect=indirect,
-            indirect_keys=tuple(sorted({*keys, *self._influences(same, varying[indirect])})),
+            direct=direct,
+            indirect_keys=tuple(indirect),
             parameters=parameters,
-            seen_keys=tuple(np.flatnonzero((x != x[0]).any(axis=0)).tolist()),
+            idle_keys=tuple(k for k in indirect if k not in keys and self._is_idle(k, base, ends)),
         )
-        is_sure = len(same) > 2 and self._ends_are_right(mapper, rows)
+        if not _agrees(mapper, ends, at_ends):
+            every = tuple(range(len(base.values)))
+            mapper = replace(
+                mapper, direct=NO_DIRECT_KEYS, indirect_keys=every, idle_keys=(), assembles_all=True
+            )
         request = replace(base.case.request, parameters=parameters)
-        return CaseGroup(
-            number,
-            base.constants,
-            base.case.subject,
-            request,
-            rows,
-            replace(mapper, assembles_all=not is_sure),
-        )
+        return CaseGroup(number, base.constants, base.case.subject, request, rows, mapper)
 
-    def _influences(self, probes: Sequence[_Probe], entries: IntArray) -> tuple[int, ...]:
-        """Return the keys that these entries depend on, found by changing one key at a time."""
-        count = len(self.assembler.keys)
-        if not len(entries) or count > MOST_KEYS_ALONE:
-            return tuple(range(count)) if len(entries) else ()
-        return tuple(key for key in range(count) if self._influence(probes, key, entries))
-
-    def _influence(self, probes: Sequence[_Probe], key: int, entries: IntArray) -> bool:
-        for base, other in ((probes[0], probes[-1]), (probes[-1], probes[0]), (probes[-1], probes[1])):
+    def _is_idle(self, key: int, base: _Probe, ends: FloatArray) -> bool:
+        """Return whether neither end of a key, changed alone, changes an entry or the library."""
+        for value in {ends[:, key].min(), ends[:, key].max()}:
             values = base.values.copy()
-            values[key] = other.values[key]
+            values[key] = value
             probe = self.probe(values)
             if probe is None or probe.constants != base.constants:
-                continue
-            if (probe.entries[entries] != base.entries[entries]).any():
-                return True
-        return False
+                return False
+            if not np.array_equal(probe.entries, base.entries):
+                return False
+        return True
 
-    def _ends_are_right(self, mapper: CaseMapper, rows: range | IntArray) -> bool:
-        """Return whether cases at the ends of keys, filled without assembling each, are as assembled ones."""
-        ends = np.array(self._find_ends(rows), dtype=np.int64)
-        values = self.cases.select(ends)
-        _, messages = mapper.fill(values)
-        return all(
-            bool(message) == bool(mapper.explain(row)) for row, message in zip(values, messages, strict=True)
-        )
+    def _find_ends(self, rows: range | IntArray) -> tuple[FloatArray, list[int]]:
+        """Return the allowed cases with the least and the largest value of each key, and the keys that vary.
 
-    def _find_ends(self, rows: range | IntArray) -> list[int]:
-        """Return the allowed cases with the least and the largest value of each key."""
+        Of more than MOST_KEYS_ALONE keys only the first ones have their cases.
+        """
         least = np.full(len(self.cases.keys), np.inf)
         largest, at = -least, np.full((2, len(least)), -1)
         for first in range(0, len(rows), BLOCK):
@@ -308,42 +271,32 @@ class _GroupFinder:
                 best[better] = found[better]
                 at[(1 - sign) // 2, better] = numbers[place][better]
         ends = at[:, :MOST_KEYS_ALONE]
-        return list(dict.fromkeys(ends[ends >= 0].tolist()))
+        return self.cases.select(np.unique(ends[ends >= 0])), np.flatnonzero(least < largest).tolist()
 
 
-def _explain_rest_lengths(
-    probes: Sequence[_Probe],
-    x: FloatArray,
-    slots: Mapping[str, FloatArray],
-    varying: IntArray,
-    indirect: IntArray,
-) -> tuple[RestLengths | None, IntArray]:
-    """Return how rest lengths follow by formulas, and their places in `varying`; None and none if not so."""
-    starts = dict(
-        zip(slots, np.cumsum([0, *(array.size for array in slots.values())]).tolist(), strict=False)
-    )
-    start = starts["rest_length"]
-    of_members = (varying[indirect] >= start) & (varying[indirect] < start + slots["rest_length"].size)
-    places = indirect[of_members]
-    nothing: tuple[None, IntArray] = (None, np.empty(0, dtype=np.int64))
-    if not len(places):
-        return nothing
-    found = find_rest_lengths([item.case for item in probes], x, varying[places] - start, slots)
-    if found is None:
-        return nothing
-    known = [list_slots(item.case) for item in probes]
-    exact = np.array([item["rest_length"][found.members] for item in known])
-    for formulas in (found, found.without_moved_nodes(probes[0].case)):
-        found = formulas
-        predicted = found.compute(x, {name: np.array([item[name] for item in known]) for name in found.slots})
-        is_same = np.allclose(predicted, exact, rtol=SAME, atol=0.0)
-        if is_same:
-            break
-    others = varying[np.setdiff1d(indirect, places)]
-    unknown = any(
-        ((others >= starts[name]) & (others < starts[name] + slots[name].size)).any() for name in found.slots
-    )
-    return (found, places) if is_same and not unknown else nothing
+def _find_varying(probes: Sequence[_Probe], slots: Mapping[str, FloatArray], direct: DirectKeys) -> IntArray:
+    """Return the entries, of all slots in one row, that differ between probes or follow from direct keys."""
+    starts = dict(zip(slots, accumulate((array.size for array in slots.values()), initial=0), strict=False))
+    entries = list(direct.entries)
+    if direct.rest_lengths is not None:
+        entries += [("rest_length", row) for row in direct.rest_lengths.members.tolist()]
+    named = np.array([starts[slot] + place for slot, place in entries], dtype=np.int64)
+    same = np.array([item.entries for item in probes if item.constants == probes[0].constants])
+    return np.union1d(named, np.flatnonzero((same != same[0]).any(axis=0)))
+
+
+def _agrees(mapper: CaseMapper, values: FloatArray, probes: Sequence[_Probe | None]) -> bool:
+    """Return whether cases (n_cases, n_keys) have the entries of the scenes that they are assembled to."""
+    entries, messages = mapper.fill(values)
+    for filled, message, probe in zip(entries, messages, probes, strict=True):
+        is_served = probe is not None and probe.constants == mapper.constants
+        if is_served == bool(message):
+            return False
+        if probe is None or not is_served:
+            continue
+        if not np.allclose(filled, probe.entries[mapper.varying], rtol=ROUNDED, atol=0.0):
+            return False
+    return True
 
 
 def _choose_parameters(

@@ -56,7 +56,7 @@ def hash_constants(case: AssembledCase) -> str:
         blank |= {"node_position": position, "node_velocity": np.zeros_like(subject.node_velocity)}
         blank |= {"node_mass": np.zeros(subject.n_nodes)}
         patterns.append(subject.node_mass > 0)
-        rigid = _find_rigid(subject, request)
+        rigid = find_rigid(subject, request)
         extra = [f"{length:.{DIGITS}g}" for length in subject.member_length()[rigid]]
     shape = hash_structure(subject.with_changes(**blank))
     masks = ["".join("01"[int(x)] for x in pattern) for pattern in patterns]
@@ -87,7 +87,7 @@ def _equal(first: Any, second: Any) -> bool:
 
 def _slots_of_nodes(structure: Structure, request: ModelRequest) -> dict[str, FloatArray]:
     axes = list(structure.axes)
-    elastic = ~_find_rigid(structure, request)
+    elastic = ~find_rigid(structure, request)
     slots = {name: np.where(elastic, getattr(structure, name), 0.0) for name in OF_MEMBERS}
     slots |= {"gravity": structure.gravity[axes], "node_mass": structure.node_mass}
     slots |= {"node_load": structure.node_load[:, axes]}
@@ -110,7 +110,7 @@ def _moves_anchors(formulation: str) -> bool:
     return find_formulation(formulation).in_nodes
 
 
-def _find_rigid(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
+def find_rigid(structure: Structure, request: ModelRequest) -> NDArray[np.bool_]:
     """Return which members are rigid, whose stiffness and rest length are in no expression, (n_members,)."""
     if not find_formulation(request.formulation).has_rigid_bars:
         return np.zeros(structure.n_members, dtype=np.bool_)

@@ -8,8 +8,7 @@ import numpy as np
 
 from tensegrity_codegen.sweeps.apply.assembler import AssembledCase, CaseAssembler, build_assembler
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
-from tensegrity_codegen.sweeps.apply.group_cases import find_groups
-from tensegrity_codegen.sweeps.apply.rest_lengths import SAME
+from tensegrity_codegen.sweeps.apply.group_cases import ROUNDED, find_groups
 from tensegrity_codegen.sweeps.apply.slots import STATE, hash_constants, list_slots
 from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.system.errors import TensegrityError
@@ -50,7 +49,7 @@ def group_and_compare(scene: Mapping[str, Any] | Path, cases: Cases) -> tuple[Ca
                 chosen = name in STATE or name == "gravity" or list(group.request.parameters[name])
                 expected = exact if chosen is True else exact[chosen]
                 if name == "rest_length":  # of prestresses of shapes, which are rounded to 13 digits
-                    assert np.allclose(applied.arguments[name][row], expected, rtol=SAME, atol=0.0)
+                    assert np.allclose(applied.arguments[name][row], expected, rtol=ROUNDED, atol=0.0)
                 else:
                     assert np.array_equal(applied.arguments[name][row], expected), name
     return groups

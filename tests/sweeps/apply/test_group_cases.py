@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tensegrity_codegen.scene.read import read_document
-from tensegrity_codegen.sweeps.apply.assembler import build_assembler
+from tensegrity_codegen.sweeps.apply.assembler import FileKey, build_assembler
+from tensegrity_codegen.sweeps.apply.direct_keys import find_direct_keys
 from tensegrity_codegen.sweeps.apply.group_cases import MOST_LIBRARIES, find_groups
 from tensegrity_codegen.sweeps.cases.build_cases import build_cases
 from tensegrity_codegen.sweeps.keys import KeyPath, find_numbers
@@ -130,7 +131,31 @@ def test_samples_and_tables_are_applied_exactly_too() -> None:
 def test_rest_lengths_follow_by_formulas_also_where_nodes_start_elsewhere() -> None:
     cases = build_cases(["shape.prestress=8:12:3", "node_position.t1[2]=0.29,0.31"])
     (group,) = group_and_compare(scene("prism"), cases)
-    assert group.mapper.rest_lengths is not None
+    assert group.mapper.direct.rest_lengths is not None
+    assert not group.mapper.indirect_keys
+
+
+DIRECT = {
+    "prism": [
+        *("gravity[2]", "loads[0].force[2]", "shape.prestress", "shape.node_mass", "node_load.t2[0]"),
+        *("classes.cable.spring_constant", "classes.cable.damping", "node_velocity.t1[1]", "node_mass.t1"),
+        *("rest_length.vertical_cables", "node_position.t1[2]", "anchor_position.b1[2]"),
+    ],
+    "planar": ["nodes.c.velocity[0]", "nodes.c.mass", "classes.post.prestress"],
+    "prism12": ["input.v1"],
+    "lin_prism": ["gravity[2]", "tendons.top1.rest_length"],
+}
+
+
+@pytest.mark.parametrize("name", DIRECT)
+def test_keys_that_name_entries_need_no_assembly(name: str) -> None:
+    document = scene(name)
+    assembler = build_assembler(document, DIRECT[name])
+    paths = [key.path if isinstance(key, FileKey) else None for key in assembler.keys]
+    values = np.array([(path and path.read(document)) or 1.0 for path in paths], dtype=float)
+    case = assembler.assemble(values)
+    found = find_direct_keys(case, assembler.keys, values, range(len(values)))
+    assert found.keys == set(range(len(values)))
 
 
 def test_loads_on_one_node_add_up() -> None:
