@@ -181,7 +181,7 @@ def build_controller(
     parts = collect_parts(
         described, way, name=chosen, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
         sample=sample, rate=rate, range=range, delay=delay,
-        qp_iterations=_check_iterations(qp_iterations), daqp_sdist=daqp_sdist,
+        qp_iterations=check_whole(qp_iterations, "qp_iterations", 1, MOST_ITERATIONS), daqp_sdist=daqp_sdist,
     )  # fmt: skip
     files = write_files(parts, replace(request, precision=real.name), real)
     contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
@@ -194,11 +194,6 @@ def build_controller(
     taken = [*read, *([Path(scene)] if isinstance(scene, str | Path) else [])]
     folder = write_folder(out, contents, inputs=taken, overwrite=overwrite, listed=True)
     return ControllerBundle(folder, tuple(sorted(contents)), description)
-
-
-def _check_iterations(given: int) -> int:
-    """Return the largest number of iterations; raises InvalidValueError."""
-    return check_whole(given, "qp_iterations", 1, MOST_ITERATIONS)
 
 
 def _compile(files: ControllerFiles, compiler: str | None) -> CompiledArtifact:

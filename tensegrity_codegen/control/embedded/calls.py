@@ -16,16 +16,9 @@ from tensegrity_codegen.tables.precision import Precision
 class MeasuredNumber:
     """One measured number.
 
-    Attributes
-    ----------
-    source : str
-        A quantity of the model, ``"coordinate"``, ``"velocity"``, or ``""`` for a constant.
-    index : int
-        Place in the source.
-    value : float
-        The constant.
-    is_length : bool
-        Whether it is a length, above 0.
+    source: a quantity of the model, ``"coordinate"``, ``"velocity"``, or ``""`` for a constant.
+    index: place in the source.
+    is_length: whether it is a length, above 0.
     """
 
     source: str
@@ -66,16 +59,10 @@ def _measure(sensor: Sensor, manifest: Manifest) -> list[MeasuredNumber]:
 class Envelope:
     """Where a matrix is stored.
 
-    Attributes
-    ----------
-    first : ndarray of int, shape (n,)
-        First column of each row.
-    row : ndarray of int, shape (n,)
-        Place of the first entry of each row.
-    place : ndarray of int, shape (n_entries,)
-        Place of each entry that the model computes, -1 for one of the upper half.
-    size : int
-        Number of stored entries.
+    first (n,): first column of each row.
+    row (n,): place of the first entry of each row.
+    place (n_entries,): place of each entry that the model computes, -1 for one of the upper half.
+    size: number of stored entries.
     """
 
     first: IntArray

@@ -55,18 +55,10 @@ ESTIMATE_LOST = "the estimate is not finite"
 class LoopSource:
     """A simulated loop in C.
 
-    Attributes
-    ----------
-    sources : mapping of str to str
-        Files of the library.
-    declarations : str
-        Its types and functions, for cffi.
-    symbols : mapping of str to str
-        Field of ``plant_functions`` -> function of the plant's library.
-    arguments : tuple of str
-        Fields of ``plant_arguments``.
-    function : str
-        The function that simulates.
+    sources: files of the library.
+    declarations: its types and functions, for cffi.
+    symbols: field of ``plant_functions`` -> function of the plant's library.
+    arguments: fields of ``plant_arguments``.
     """
 
     sources: Mapping[str, str]
@@ -81,14 +73,9 @@ def write_closed_loop(
 ) -> LoopSource:
     """Return the C text of a loop.
 
-    Parameters
-    ----------
-    parts, files : ControllerParts, ControllerFiles
-        The controller, in double precision.
-    plant : Manifest
-        Of the model that is simulated, with the integrator CONTROL_METHOD.
-    watch : int
-        Kinds of events at which its steps end.
+    parts, files: the controller, in double precision.
+    plant: of the model that is simulated, with the integrator CONTROL_METHOD.
+    watch: kinds of events at which its steps end.
     """
     spec = find_integrator(plant, CONTROL_METHOD)
     measured = find_measured(parts.sensors, plant)
@@ -147,7 +134,11 @@ def _write_code(
     load = next((item for item in plant.arguments if item.name == NODE_LOAD), None)
     # A function is a field of plant_functions here, and its arguments are fields of plant_arguments.
     fields = {
-        name: replace(item, symbol=f"f->{name}", arguments=tuple(map(_name_argument, item.arguments)))
+        name: replace(
+            item,
+            symbol=f"f->{name}",
+            arguments=tuple(arg if arg in OF_STATE else f"with->{arg}" for arg in item.arguments),
+        )
         for name, item in called.items()
     }
     tension = fields["member_tension"]
@@ -170,10 +161,6 @@ def _write_code(
     }
 
 
-def _name_argument(name: str) -> str:
-    return name if name in OF_STATE else f"with->{name}"
-
-
 def _write_field(declarations: str, field: str, symbol: str) -> str:
     """Return the declaration of a function of the plant as a pointer of this name."""
     found = re.search(rf"int {re.escape(symbol)}\(([^;]*)\);", declarations)
@@ -194,19 +181,10 @@ class LoopDraw:
 class CompiledLoop:
     """A controller and the functions of a plant in one loop.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        The plant, in double precision.
-    parts, files : ControllerParts, ControllerFiles
-        The controller and its files.
-    compiler : str, optional
-        As of `build_controller`.
-
-    Raises
-    ------
-    CompilerMissingError, CompileError, LibraryError
-        No C compiler was found, it failed, or the library does not load.
+    model: the plant, in double precision.
+    compiler: as of `build_controller`.
+    Raises CompilerMissingError, CompileError, LibraryError: no C compiler was found, it failed, or the
+        library does not load.
     """
 
     def __init__(

@@ -82,21 +82,9 @@ TAIL = """\
 def find_daqp_archive(file: str | Path | None = None) -> bytes:
     """Return the source archive of DAQP, of the pinned version and SHA-256.
 
-    Parameters
-    ----------
-    file : path, optional
-        The archive; by default the copy in the cache of this package, else pip downloads it from the index
+    file: the archive; by default the copy in the cache of this package, else pip downloads it from the index
         that pip is configured for, and it is kept in the cache.
-
-    Returns
-    -------
-    bytes
-        The archive, a .tar.gz.
-
-    Raises
-    ------
-    MissingSourceError
-        The file cannot be read, is another one, or pip cannot download it.
+    Raises MissingSourceError: the file cannot be read, is another one, or pip cannot download it.
     """
     return DAQP.find(file)
 
@@ -104,22 +92,10 @@ def find_daqp_archive(file: str | Path | None = None) -> bytes:
 def emit_daqp(archive: bytes, *, single: bool = False) -> str:
     """Return DAQP's solver as one C file of static functions.
 
-    Parameters
-    ----------
-    archive : bytes
-        As of find_daqp_archive.
-    single : bool
-        Single precision, without any double.
-
-    Returns
-    -------
-    str
-        A file to include, with DAQP's licence and what was changed in its head.
-
-    Raises
-    ------
-    MissingSourceError
-        The archive does not hold the expected text.
+    archive: as of find_daqp_archive.
+    single: single precision, without any double.
+    Returns: a file to include, with DAQP's licence and what was changed in its head.
+    Raises MissingSourceError: the archive does not hold the expected text.
     """
     files = _read(archive)
     head = HEAD.format(
@@ -131,7 +107,8 @@ def emit_daqp(archive: bytes, *, single: bool = False) -> str:
     )
     text = "\n".join(_join(files[f"csrc/{name}"]) for name in PARTS)
     for macro in ABSENT:
-        text = _replace_macro(text, macro)
+        defined = re.compile(rf"#define {re.escape(macro)}(?:[^\n]*\\\n)*[^\n]*\n")
+        text = _substitute(defined, f"#define {macro} 0\n", text)
     text = _substitute(PRECISION, f"typedef {'float' if single else 'double'} c_float;\n", text)
     text = OUTER.sub("static ", text)
     if single:
@@ -167,12 +144,6 @@ def _join(text: str) -> str:
     for pattern in (CPLUSPLUS, PROFILING, INCLUDE):
         text = pattern.sub("", text)
     return text
-
-
-def _replace_macro(text: str, macro: str) -> str:
-    """Return the text in which a macro is 0, wherever it was defined."""
-    pattern = re.compile(rf"#define {re.escape(macro)}(?:[^\n]*\\\n)*[^\n]*\n")
-    return _substitute(pattern, f"#define {macro} 0\n", text)
 
 
 def _substitute(pattern: re.Pattern[str], new: str, text: str) -> str:

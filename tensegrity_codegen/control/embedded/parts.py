@@ -1,6 +1,6 @@
 """The parts of a controller: scene or model, motion, gains, estimator, distribution and actuators."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -64,30 +64,15 @@ DESCRIBED_QUANTITIES = ("member_length",)  # quantities of a description
 class ControllerParts:
     """What a controller in C is made from.
 
-    Attributes
-    ----------
-    name : str
-        First word of all names in C.
-    subject : Structure or BodySystem
-        The structure.
-    manifest : Manifest
-        Of a model of it.
-    motion : Motion
-        The motion to hold.
-    gains : Gains or None
-        Feedback, at the stored knots.
-    estimator : Estimator or None
-        Estimates the state from measurements.
-    distribution : TensionDistribution or None
-        Distributes tensions.
-    bounds : ActuatorBounds
-        Rates, ranges and delays.
-    sample : float [s]
-        Time between two commands.
-    qp_iterations : int
-        Most iterations of the solver in one quadratic program of the distribution.
-    daqp : bytes
-        Source archive of DAQP, for a distribution.
+    name: first word of all names in C.
+    manifest: of a model of it.
+    gains: feedback, at the stored knots.
+    estimator: estimates the state from measurements.
+    distribution: distributes tensions.
+    bounds: rates, ranges and delays.
+    sample [s]: time between two commands.
+    qp_iterations: most iterations of the solver in one quadratic program of the distribution.
+    daqp: source archive of DAQP, for a distribution.
     """
 
     name: str
@@ -178,16 +163,13 @@ def find_quantities(parts: ControllerParts) -> tuple[str, ...]:
     if parts.estimator is not None:
         found.append("acceleration")
         found += ["mass_matrix"] if len(parts.disturbed) else []
-        found += _measured(parts.sensors, in_nodes=bool(parts.manifest.coordinate_node_axis))
+        # Places of nodes are coordinates themselves in some models.
+        in_nodes = bool(parts.manifest.coordinate_node_axis)
+        kinds = [sensor.kind for sensor in parts.sensors]
+        found += [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
     if parts.distribution is not None:
         found += ["member_length", "equilibrium_matrix"]
     return tuple(dict.fromkeys(found))
-
-
-def _measured(sensors: Sequence[Sensor], *, in_nodes: bool) -> list[str]:
-    """Return the quantities that sensors read; places of nodes are coordinates themselves in some models."""
-    kinds = [sensor.kind for sensor in sensors]
-    return [kind for kind in kinds if not (in_nodes and kind.startswith("node_"))]
 
 
 def check_start(parts: ControllerParts) -> None:

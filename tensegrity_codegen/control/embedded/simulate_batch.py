@@ -136,7 +136,7 @@ def simulate_control_batch(
     check_instance(compiler, (str, type(None)), "compiler", "the name of a compiler, or None")
     check_instance(draws, Sequence, "draws", "a list of dictionaries")
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
-    workers = _check_threads(threads)
+    workers = (os.cpu_count() or 1) if threads is None else check_whole(threads, "threads", 1)
     described, request = find_described(model, motion)
     way = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
     parts = collect_parts(
@@ -183,9 +183,3 @@ def _read_draw(
         gusts=bind_gust(model, draw.get("gust"), given.get(NODE_LOAD)),
         noise=noise,
     )
-
-
-def _check_threads(threads: int | None) -> int:
-    if threads is None:
-        return os.cpu_count() or 1
-    return check_whole(threads, "threads", 1)

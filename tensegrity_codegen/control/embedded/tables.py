@@ -37,16 +37,8 @@ class Knots:
 def tabulate_states(motion: Motion) -> Knots:
     """Return coordinates, velocities and accelerations of a motion, and the steps of its polynomials.
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion.
-
-    Returns
-    -------
-    Knots
-        Rows (q, v, a, g): g = q_next - q - h v - h^2 a / 2, by which the coordinates at the next knot differ
-        from a parabola. Stored, it keeps digits which the difference of coordinates would lose in C.
+    Returns: rows (q, v, a, g): g = q_next - q - h v - h^2 a / 2, by which the coordinates at the next knot
+        differ from a parabola. Stored, it keeps digits which the difference of coordinates would lose in C.
     """
     q, v, a = (
         np.asarray(x, dtype=np.longdouble) for x in (motion.coordinate, motion.velocity, motion.acceleration)
@@ -186,16 +178,10 @@ def _tabulate_actuators(parts: ControllerParts, printer: TablePrinter) -> list[T
 class DistributionTables:
     """Sizes and tables of a distribution.
 
-    Attributes
-    ----------
-    sizes : dict of str to int
-        Sizes that the header states, by their names in C.
-    constants : dict of str to int
-        Enumerators of the source alone.
-    tables : list of Table
-        Constant arrays.
-    has_others : bool
-        Whether inputs that are not the actuators' change rest lengths of driven members.
+    sizes: sizes that the header states, by their names in C.
+    constants: enumerators of the source alone.
+    tables: constant arrays.
+    has_others: whether inputs that are not the actuators' change rest lengths of driven members.
     """
 
     sizes: dict[str, int]
@@ -214,23 +200,12 @@ def build_distribution_tables(
 ) -> DistributionTables:
     """Return the numbers of a distribution as the C of a controller needs them.
 
-    Parameters
-    ----------
-    distribution : TensionDistribution
-        As of design_distribution.
-    motion : Motion
-        The motion of the controller, whose knots are those of the preferred tensions.
-    matrix : FunctionSpec
-        The equilibrium matrix as the model computes it.
-    precision : Precision
-        Of the numbers.
-    iterations : int
-        Most iterations of DAQP in one quadratic program.
-
-    Returns
-    -------
-    DistributionTables
-        Sizes and tables by their names in C.
+    distribution: as of design_distribution.
+    motion: the motion of the controller, whose knots are those of the preferred tensions.
+    matrix: the equilibrium matrix as the model computes it.
+    precision: of the numbers.
+    iterations: most iterations of DAQP in one quadratic program.
+    Returns: sizes and tables by their names in C.
     """
     cables, driven = distribution.cables, distribution.cables.driven
     pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0

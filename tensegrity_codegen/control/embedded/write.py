@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.codegen.describe import made_by
-from tensegrity_codegen.codegen.emit import GeneratedSource, emit
+from tensegrity_codegen.codegen.emit import emit
 from tensegrity_codegen.codegen.print.banner import BANNER
 from tensegrity_codegen.codegen.print.printer import print_number, print_numbers
 from tensegrity_codegen.codegen.print.render import render
@@ -52,19 +52,9 @@ def write_controller(context: dict[str, Any]) -> dict[str, str]:
 def build_context(parts: ControllerParts, model: Manifest | None, precision: Precision) -> dict[str, Any]:
     """Return what the templates of a controller need.
 
-    Parameters
-    ----------
-    parts : ControllerParts
-        The controller.
-    model : Manifest or None
-        Of the model that the controller calls; None where it calls none.
-    precision : Precision
-        Of all numbers.
-
-    Returns
-    -------
-    dict
-        Sizes, tables as C text, functions of the model.
+    model: of the model that the controller calls; None where it calls none.
+    precision: of all numbers.
+    Returns: sizes, tables as C text, functions of the model.
     """
     measured = find_measured(parts.sensors, parts.manifest)
     calls = write_calls(model, measured, precision)
@@ -190,7 +180,9 @@ class ControllerFiles:
 
 def write_files(parts: ControllerParts, request: ModelRequest, precision: Precision) -> ControllerFiles:
     """Return the files of a controller and of its model, which has only what the controller calls."""
-    source = _emit_model(parts, request)
+    source, quantities = None, find_quantities(parts)
+    if quantities:
+        source = emit(replace(parts.subject, name=parts.model_name), replace(request, quantities=quantities))
     model = None if source is None else source.manifest
     context = build_context(parts, model, precision)
     texts = write_controller(context)
@@ -209,24 +201,13 @@ def write_files(parts: ControllerParts, request: ModelRequest, precision: Precis
         sensors=find_names(parts)["sensor"],
         inputs=parts.motion.input_name,
         statuses=tuple(CONTROL_STATUS),
-        table_bytes=_count_bytes(context),
+        table_bytes=sum(ITEM_BYTES[table.c_type] * len(table.values) for table in context["tables"]),
         library="",
         declarations=read_declarations(header),
         made_by=made_by(),
         model=None if model is None else json.loads(model.to_json()),
     )
     return ControllerFiles(texts, description)
-
-
-def _emit_model(parts: ControllerParts, request: ModelRequest) -> GeneratedSource | None:
-    quantities = find_quantities(parts)
-    if not quantities:
-        return None
-    return emit(replace(parts.subject, name=parts.model_name), replace(request, quantities=quantities))
-
-
-def _count_bytes(context: Mapping[str, Any]) -> int:
-    return sum(ITEM_BYTES[table.c_type] * len(table.values) for table in context["tables"])
 
 
 def read_declarations(header: str) -> str:

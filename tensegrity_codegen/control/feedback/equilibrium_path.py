@@ -178,8 +178,10 @@ def _follow_inputs(plan_model: PlanModel, change: FloatArray, progress: ArrayLik
         while now < 1.0:
             share = min(share, 1.0 - now)
             wanted = change[k + 1] if now + share >= 1.0 else change[k] + (now + share) * step
-            found = _find_next(plan_model, points[-1], wanted)
-            if found is None:
+            # The stable equilibrium near the last one, by shorter steps where there is none.
+            reach = STEP_REACH * points[-1].point.longest
+            found = plan_model.find_point(wanted, points[-1].coordinate, reach)
+            if found is None or (len(found.eigenvalue) and not found.eigenvalue[0] > 0):
                 share /= 2
                 if share * (own[k + 1] - own[k]) < LEAST_STEP:
                     raise ConvergenceError(
@@ -195,12 +197,6 @@ def _follow_inputs(plan_model: PlanModel, change: FloatArray, progress: ArrayLik
             points.append(found)
     knots[-1] = 1.0
     return PathKnots(np.array(knots), np.array(inputs), tuple(points))
-
-
-def _find_next(plan_model: PlanModel, last: PlanPoint, change: FloatArray) -> PlanPoint | None:
-    """Return the stable equilibrium near the last one at other inputs."""
-    found = plan_model.find_point(change, last.coordinate, STEP_REACH * last.point.longest)
-    return found if found is not None and (not len(found.eigenvalue) or found.eigenvalue[0] > 0) else None
 
 
 def _find_first(plan_model: PlanModel, change: FloatArray) -> PlanPoint:
@@ -228,14 +224,10 @@ def _find_first(plan_model: PlanModel, change: FloatArray) -> PlanPoint:
 class SmoothPath:
     """Inputs, coordinates and tensions over progress s from 0 to 1.
 
-    Attributes
-    ----------
-    change, coordinate, tension : CubicSpline
-        Of the actuators' inputs (n_actuators,) [m], coordinates (n_coordinates,), tensions (n_members,) [N].
-    knots : ndarray, shape (n,)
-        Progress of the equilibria.
-    error : float [m]
-        Largest distance of a node between the splines and the equilibria halfway between knots.
+    change, coordinate, tension: of the actuators' inputs (n_actuators,) [m], coordinates (n_coordinates,),
+        tensions (n_members,) [N].
+    knots (n,): progress of the equilibria.
+    error [m]: largest distance of a node between the splines and the equilibria halfway between knots.
     """
 
     change: CubicSpline

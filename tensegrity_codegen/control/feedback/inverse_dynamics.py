@@ -66,17 +66,9 @@ class InverseDynamics:
     Tensions of cables without actuator follow from the coordinates. Forces of bars are free: those of rigid
     bars are multipliers, and elastic bars take the force that the motion needs by a small change of length.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model, its actuators and arguments.
-    coordinate : ndarray, shape (n_coordinates,)
-        A configuration, by which coordinates of bodies are scaled.
-
-    Raises
-    ------
-    FormulationError
-        The model lacks a quantity: without masses there are no accelerations.
+    plan_model: the model, its actuators and arguments.
+    coordinate (n_coordinates,): a configuration, by which coordinates of bodies are scaled.
+    Raises FormulationError: the model lacks a quantity: without masses there are no accelerations.
     """
 
     def __init__(self, plan_model: PlanModel, coordinate: FloatArray) -> None:
@@ -97,20 +89,11 @@ class InverseDynamics:
     ) -> Drive:
         """Return the inputs for an acceleration.
 
-        Parameters
-        ----------
-        q, v, a : ndarray, shape (n_coordinates,)
-            Coordinates, velocities and accelerations.
-        change : ndarray, shape (n_actuators,) [m]
-            Inputs to begin with, at which all cables that shall pull are in tension.
-        preferred : ndarray, shape (n_members,) [N]
-            Tensions that those of actuated cables are near to, in least squares, where several produce the
-            acceleration.
-
-        Returns
-        -------
-        Drive
-            Inputs and tensions; what no inputs produce is left in the residual, in least squares.
+        q, v, a (n_coordinates,): coordinates, velocities and accelerations.
+        change (n_actuators,) [m]: inputs to begin with, at which all cables that shall pull are in tension.
+        preferred (n_members,) [N]: tensions that those of actuated cables are near to, in least squares,
+            where several produce the acceleration.
+        Returns: inputs and tensions; what no inputs produce is left in the residual, in least squares.
         """
         state = self._build_state(q, v, a, change)
         change, bars = change.copy(), preferred[self.bar].copy()

@@ -128,7 +128,7 @@ def design_kalman(
     sensing = find_sensing(model, sensors)
     given = merge_inputs(model.manifest, arguments)
     walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
-    time = np.linspace(0.0, way.duration, _check_knots(knots))
+    time = np.linspace(0.0, way.duration, check_whole(knots, "knots", 2, 10_000))
     if only_observable:
         last = linearise_estimate(model, way, way.duration, given, sensing, np.flatnonzero(walk))
         walk = _keep_shown_forces(*last, sensing, walk, sample)
@@ -146,7 +146,7 @@ def design_kalman(
         if hidden:
             _refuse(model.manifest.name, hidden, names, sensing)
         p, residual = find_stationary(a.T, slope.T, w, noise, f"{model.manifest.name}: design_kalman")
-        gains.append(_compute_correction(p, slope, noise))
+        gains.append(compute_gain(p, np.eye(len(p)), slope.T, noise).T)  # P C^T (C P C^T + V)^-1
         covariances.append(p)
         innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
         residuals.append(residual)
@@ -176,25 +176,12 @@ def linearise_estimate(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the linear model of an estimator's state x = (q, q', d) at a time, and of its measurements.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"control"``.
-    motion : Motion
-        The motion.
-    time : float [s]
-        When.
-    given : mapping
-        Run-time parameters.
-    sensing : Sensing
-        The sensors.
-    disturbed : ndarray of int, shape (n_d,)
-        Coordinates with a disturbance force d.
-
-    Returns
-    -------
-    rate, slope : ndarray, shape (n, n) and (n_y, n), n = 2 n_q + n_d
-        x' = rate x; derivatives of the measurements by x.
+    model: compiled for ``"control"``.
+    time [s]: when.
+    given: run-time parameters.
+    disturbed (n_d,): coordinates with a disturbance force d.
+    Returns rate, slope (n, n) and (n_y, n), n = 2 n_q + n_d: x' = rate x; derivatives of the measurements by
+        x.
     """
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
@@ -230,11 +217,6 @@ def _sample_noise(rate: FloatArray, spectrum: FloatArray, sample: float) -> tupl
     return a, 0.5 * (w + w.T)
 
 
-def _compute_correction(p: FloatArray, slope: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return L = P C^T (C P C^T + V)^-1."""
-    return compute_gain(p, np.eye(len(p)), slope.T, noise).T
-
-
 def _read_noise(
     model: CompiledModel,
     motion: Motion,
@@ -256,10 +238,6 @@ def _read_noise(
 def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
     allowed = f"a number from 0 to {LARGEST:g}, or one for each of {n} coordinates"
     return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST), allowed)
-
-
-def _check_knots(knots: int) -> int:
-    return check_whole(knots, "knots", 2, 10_000)
 
 
 def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
@@ -294,26 +272,13 @@ def find_shown_forces(
 ) -> NDArray[np.int64]:
     """Return as many forces as the measurements tell apart, those that they show best.
 
-    Parameters
-    ----------
-    a : ndarray, shape (n + m, n + m)
-        Transition over a sample of n states and m forces that stay constant.
-    slope : ndarray, shape (k, n + m)
-        Derivatives of the measurements.
-    noise : ndarray, shape (k,)
-        Standard deviations of the measurements.
-    size : ndarray, shape (m,)
-        Usual size of each force.
-    sample : float [s]
-        Time of a sample.
+    a (n + m, n + m): transition over a sample of n states and m forces that stay constant.
+    slope (k, n + m): derivatives of the measurements.
+    noise (k,): standard deviations of the measurements.
+    size (m,): usual size of each force.
+    sample [s]: time of a sample.
+    Returns: indices of the forces, rising.
 
-    Returns
-    -------
-    ndarray of int
-        Indices of the forces, rising.
-
-    Notes
-    -----
     Forces that grow like exp(t / 1 s) cause measurements G d, G = C (z - A)^-1 B with z = exp(sample / 1 s).
     QR decomposition of G with pivots takes one force after the other, each time the one that adds most
     to what the measurements show already; it ends where the next one adds less than SHOWN of the first.

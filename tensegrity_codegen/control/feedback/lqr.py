@@ -225,6 +225,8 @@ def _refuse(
 ) -> NoReturn:
     """Raise FormulationError for modes that do not decay and that the actuators cannot change."""
     first = hidden[0]
+    value = first.eigenvalue
+    eigenvalue = f"{value.real:.6g}" if abs(value.imag) < 1e-9 else f"{value:.6g}"
     reason = describe_direction(first.direction, names)
     if rigid:
         reason = f"rigid motions of the whole structure: {', '.join(rigid)}"
@@ -232,14 +234,10 @@ def _refuse(
         f"the actuators cannot stabilise the motion; not changed: {reason}",
         where=f"{scene}: design_lqr",
         given=f"{len(hidden)} uncontrolled {'mode' if len(hidden) == 1 else 'modes'}; "
-        f"rank {first.rank} of {first.size} at eigenvalue {_tell(first.eigenvalue)}",
+        f"rank {first.rank} of {first.size} at eigenvalue {eigenvalue}",
         allowed="actuators that change every motion that does not decay",
         hint="anchor a structure that can move freely; sum fewer outputs; or add actuators",
     )
-
-
-def _tell(value: complex) -> str:
-    return f"{value.real:.6g}" if abs(value.imag) < 1e-9 else f"{value:.6g}"
 
 
 # Weights of quadratic objectives, checked: size, symmetry, definiteness.
@@ -248,30 +246,14 @@ def _tell(value: complex) -> str:
 def read_weight(value: ArrayLike, size: int, where: str, over: str, *, definite: bool) -> FloatArray:
     """Return a weight as a symmetric matrix.
 
-    Parameters
-    ----------
-    value : array_like, shape (size, size) or (size,)
-        The matrix, or its diagonal.
-    size : int
-        Number of the weighted numbers.
-    where : str
-        Name of the argument, for errors.
-    over : str
-        What is weighted, for errors.
-    definite : bool
-        Whether it must be positive definite; else positive semidefinite.
-
-    Returns
-    -------
-    ndarray, shape (size, size)
-        The matrix.
-
-    Raises
-    ------
-    InvalidValueError
-        Another size, not symmetric, or not positive (semi)definite.
-    NonFiniteError
-        A number that is not finite.
+    value (size, size) or (size,): the matrix, or its diagonal.
+    size: number of the weighted numbers.
+    where: name of the argument, for errors.
+    over: what is weighted, for errors.
+    definite: whether it must be positive definite; else positive semidefinite.
+    Returns (size, size): the matrix.
+    Raises InvalidValueError: another size, not symmetric, or not positive (semi)definite.
+    Raises NonFiniteError: a number that is not finite.
     """
     allowed = f"shape ({size}, {size}), or ({size},) for a diagonal: {over}"
     given = to_doubles(value, where, allowed)
@@ -319,14 +301,9 @@ def list_actuators(model: CompiledModel, names: Sequence[str]) -> tuple[Actuator
 def check_effects(model: CompiledModel, gain: FloatArray, names: Sequence[str]) -> None:
     """Raise InvalidValueError for an actuator that changes nothing along a whole motion.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure, which names the reason.
-    gain : ndarray, shape (n_t, n_states, n_actuators)
-        Derivatives of the state's rate by the actuators' inputs.
-    names : sequence of str
-        Names of the actuators.
+    model: with its structure, which names the reason.
+    gain (n_t, n_states, n_actuators): derivatives of the state's rate by the actuators' inputs.
+    names: names of the actuators.
     """
     size = np.abs(gain).max(axis=(0, 1), initial=0.0)
     idle = np.flatnonzero(size <= NO_EFFECT * size.max(initial=0.0))

@@ -52,24 +52,12 @@ class TimeLaw:
 def read_law(law: str | ArrayLike) -> TimeLaw:
     """Return a time law.
 
-    Parameters
-    ----------
-    law : str or array_like, shape (n, 2)
-        ``"quintic"``: s = 10 x^3 - 15 x^4 + 6 x^5; or a table of times [s] that rise from 0 and values of s
-        from 0 to 1 that do not fall.
+    law (n, 2): ``"quintic"``: s = 10 x^3 - 15 x^4 + 6 x^5; or a table of times [s] that rise from 0 and
+        values of s from 0 to 1 that do not fall.
+    Returns: of class C2, without motion back, with s' = s'' = 0 at both ends.
+    Raises UnknownNameError, InvalidValueError, NonFiniteError: another word; a table of another form, with
+        times that do not rise or values that fall.
 
-    Returns
-    -------
-    TimeLaw
-        Of class C2, without motion back, with s' = s'' = 0 at both ends.
-
-    Raises
-    ------
-    UnknownNameError, InvalidValueError, NonFiniteError
-        Another word; a table of another form, with times that do not rise or values that fall.
-
-    Notes
-    -----
     A table is interpolated by the spline of degree 5 with s' = s'' = 0 at both ends. Where this goes back
     anywhere, by polynomials of degree 5 with s'' = 0 at all points of the table, and as s' the smaller of the
     mean slopes on both sides. With end slopes a, b <= 1 (over the mean slope of the interval) such a
@@ -150,17 +138,9 @@ class Peaks:
 def compute_peaks(time: FloatArray, change: FloatArray) -> Peaks:
     """Return the largest rates of the cubic spline through the inputs, which the profile follows.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n_t,) [s]
-        Knots.
-    change : ndarray, shape (n_t, n_actuators) [m]
-        Inputs at the knots.
-
-    Returns
-    -------
-    Peaks
-        Exact maxima: at knots, and where the second derivative vanishes between them.
+    time (n_t,) [s]: knots.
+    change (n_t, n_actuators) [m]: inputs at the knots.
+    Returns: exact maxima: at knots, and where the second derivative vanishes between them.
     """
     pieces = build_cubic(time, change)
     slope = PPoly(pieces.coefficient[:, ::-1].transpose(1, 0, 2), pieces.time).derivative()
@@ -182,22 +162,10 @@ def compute_peaks(time: FloatArray, change: FloatArray) -> Peaks:
 def find_shortest(first: float, excess: Callable[[float], float]) -> float:
     """Return the shortest duration [s] with no rate above its limit, next to that of the static path.
 
-    Parameters
-    ----------
-    first : float [s]
-        Duration of the static path; 0 where nothing limits it.
-    excess : callable
-        Duration [s] -> largest ratio of a peak rate to its limit.
-
-    Returns
-    -------
-    float
-        The duration at which the ratio is 1.
-
-    Raises
-    ------
-    ConvergenceError
-        No duration within the trials keeps the limits.
+    first [s]: duration of the static path; 0 where nothing limits it.
+    excess: duration [s] -> largest ratio of a peak rate to its limit.
+    Returns: the duration at which the ratio is 1.
+    Raises ConvergenceError: no duration within the trials keeps the limits.
     """
     if first == 0.0:
         return 0.0

@@ -111,7 +111,7 @@ def time_motion(
     ((201, 6), True)
     """
     require_model(model)
-    _check_samples(samples)
+    check_whole(samples, "samples", LEAST_SAMPLES, MOST_SAMPLES)
     check_switch(there_and_back, "there_and_back")
     check_choice(feedforward, (DYNAMIC, STATIC), "feedforward", "feedforward")
     shape = read_law(law).returning() if there_and_back else read_law(law)
@@ -158,10 +158,6 @@ def _record(plan_model: PlanModel, timing: Timing, driven: Driven, shortest: flo
         residual=np.abs(driven.residual).max(axis=1) if driven.residual.size else np.zeros(0),
         warnings=describe_residual(manifest.coordinate_name, timing, driven),
     )
-
-
-def _check_samples(samples: int) -> None:
-    check_whole(samples, "samples", LEAST_SAMPLES, MOST_SAMPLES)
 
 
 def _read_duration(duration: float | None, law: TimeLaw) -> float | None:

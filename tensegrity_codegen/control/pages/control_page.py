@@ -51,7 +51,7 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
     structure: what is drawn, its members first those of the model (then edges of bodies); command: the
     command line that makes the page.
     """
-    bound = -np.inf
+    bound, count = -np.inf, len(study.drawn)
     if model.structure is not None:
         bound = find_least_bound(model.structure.limits.least_tension[find_cables(model)])
     sections = (
@@ -64,13 +64,14 @@ def build_control_page(study: ControlStudy, model: CompiledModel, structure: Str
         _limits(study),
         _draws(study),
         _design(study),
-        _again(command),
+        Section("command", "again", "Command", "plain", "makes this page", (Command(command),)),
     )
     return Page(
         subject=f"Feedback control of {structure.name}",
         title=describe_control_finding(study, bound),
         lead=f"{LEAD[study.status]} {_sentence(study.message)} The end is the last {study.last:.3g} of "
-        f"{format_short(study.t_end)} s; errors are the largest of {_draw_count(study)}. Diagrams show the "
+        f"{format_short(study.t_end)} s; errors are the largest of {count} draw{'s' * (count != 1)} of the "
+        f"disturbances. Diagrams show the "
         f"worst draw, number {study.worst_draw} (counted from 0).",
         chapters=(Chapter("control", structure.name, STATUS[study.status], _count(study), sections),),
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/control.md."),
@@ -87,11 +88,6 @@ def _count(study: ControlStudy) -> str:
         f"{describe_count(len(run.member_name), 'member')}, "
         f"{describe_count(len(run.actuators), 'actuator')}, {measured}."
     )
-
-
-def _draw_count(study: ControlStudy) -> str:
-    count = len(study.drawn)
-    return f"{count} draw{'s' * (count != 1)} of the disturbances"
 
 
 def _outcome(study: ControlStudy) -> Section:
@@ -221,10 +217,6 @@ def _design(study: ControlStudy) -> Section:
     )
 
 
-def _again(command: str) -> Section:
-    return Section("command", "again", "Command", "plain", "makes this page", (Command(command),))
-
-
 def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
@@ -235,12 +227,8 @@ def _sentence(text: str) -> str:
 def describe_control_finding(study: ControlStudy, least_bound: float = -math.inf) -> str:
     """Return how far the structure ends from its motion with and without feedback, and the least tension.
 
-    Parameters
-    ----------
-    study : ControlStudy
-        The study; of all draws the worst values count.
-    least_bound : float
-        Limit of the tension of the cables [N], -infinity without one.
+    study: the study; of all draws the worst values count.
+    least_bound: limit of the tension of the cables [N], -infinity without one.
     """
     closed = {name: loop for name, loop in study.loops.items() if name != OPEN}
     name, loop = list(closed.items())[-1]

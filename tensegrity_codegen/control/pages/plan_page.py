@@ -49,10 +49,14 @@ def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, com
     structure: what is drawn, its members first those of the plan (then edges of bodies); limits: those of
     the members of the plan; command: the command line that makes the page.
     """
+    path: list[Section] = []
+    if found.n_steps:
+        path = [_shapes(found, structure), _targets(found), _rest_lengths(found)]
+        path += build_limit_sections(found, limits)
     sections = (
         _outcome(found),
         *_proof(found, structure),
-        *(_path_sections(found, structure, limits) if found.n_steps else ()),
+        *path,
         *_again(command),
     )
     counts = (
@@ -68,13 +72,6 @@ def build_plan_page(found: PlanResult, structure: Structure, limits: Limits, com
         facts=(f"tensegrity_codegen {VERSION}.", "Equations, signs and statuses: docs/planning.md."),
         summary_heads=("part", "what", "result"),
     )
-
-
-def _path_sections(found: PlanResult, structure: Structure, limits: Limits) -> Iterator[Section]:
-    yield _shapes(found, structure)
-    yield _targets(found)
-    yield _rest_lengths(found)
-    yield from build_limit_sections(found, limits)
 
 
 def _outcome(found: PlanResult) -> Section:

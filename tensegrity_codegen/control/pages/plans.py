@@ -170,12 +170,7 @@ def _describe_proof(found: PlanResult) -> dict[str, Any] | None:
 def describe_plan_finding(found: PlanResult, limits: Limits) -> str:
     """Return whether the targets are reached, when, and the smallest tension of the cables on the way.
 
-    Parameters
-    ----------
-    found : PlanResult
-        The plan.
-    limits : Limits
-        Limits of the members of the plan.
+    limits: limits of the members of the plan.
     """
     if found.status == "infeasible":
         return _describe_contradiction(found)
@@ -183,7 +178,8 @@ def describe_plan_finding(found: PlanResult, limits: Limits) -> str:
         return "; ".join(filter(None, (_describe_block(found), _describe_tension(found, limits))))
     if not found.n_steps:
         return f"Reached at the start: {_name_targets(found)}; nothing moves"
-    parts = [f"Reached{_describe_error(found)}: {_name_targets(found)}{_describe_time(found)}"]
+    duration = "" if found.time is None else f" in {format_short(float(found.time[-1]))} s"
+    parts = [f"Reached{_describe_error(found)}: {_name_targets(found)}{duration}"]
     tension = _describe_tension(found, limits)
     return "; ".join([*parts, tension] if tension else parts)
 
@@ -218,10 +214,6 @@ def _describe_error(found: PlanResult) -> str:
     if len(units) > 1:
         return f" within {format_short(100 * float(np.max(missed[far] / change[far])), 2)} % of the way"
     return f" within {format_short(float(missed[far].max()), 2)} {units.pop()}".rstrip()
-
-
-def _describe_time(found: PlanResult) -> str:
-    return "" if found.time is None else f" in {format_short(float(found.time[-1]))} s"
 
 
 def _describe_tension(found: PlanResult, limits: Limits) -> str:

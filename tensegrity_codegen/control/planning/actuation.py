@@ -20,18 +20,11 @@ from tensegrity_codegen.system.errors import InvalidValueError, StructureError, 
 class Actuation:
     """The actuators that a plan moves.
 
-    Attributes
-    ----------
-    actuators : tuple of Actuator
-        With names, members, rates and ranges.
-    place : ndarray of int, shape (n_actuators,)
-        Indices of their inputs.
-    rest_length : ndarray, shape (n_actuators,) [m]
-        Rest length of the first member of each in the scene.
-    least_change, most_change : ndarray, shape (n_actuators,) [m]
-        Bounds of their inputs, from the ranges of rest lengths.
-    rate : ndarray, shape (n_actuators,) [m/s]
-        Largest rates.
+    actuators: with names, members, rates and ranges.
+    place (n_actuators,): indices of their inputs.
+    rest_length (n_actuators,) [m]: rest length of the first member of each in the scene.
+    least_change, most_change (n_actuators,) [m]: bounds of their inputs, from the ranges of rest lengths.
+    rate (n_actuators,) [m/s]: largest rates.
     """
 
     actuators: tuple[Actuator, ...]
@@ -55,24 +48,11 @@ class Actuation:
 def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actuation:
     """Return the actuators of a model that a plan moves.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure.
-    names : sequence of str, optional
-        Names of some of its actuators; by default all.
-
-    Returns
-    -------
-    Actuation
-        Their inputs, ranges and rates.
-
-    Raises
-    ------
-    StructureError
-        The structure has no actuators.
-    UnknownNameError, InvalidValueError
-        An unknown actuator, or one named twice.
+    model: with its structure.
+    names: names of some of its actuators; by default all.
+    Returns: their inputs, ranges and rates.
+    Raises StructureError: the structure has no actuators.
+    Raises UnknownNameError, InvalidValueError: an unknown actuator, or one named twice.
     """
     structure, scene = model.structure, model.manifest.name
     known = () if structure is None else structure.actuators
@@ -109,18 +89,11 @@ def find_actuation(model: Described, names: Sequence[str] | None = None) -> Actu
 class MemberRanges:
     """A row for each actuator with a range and each of its members that the plan moves.
 
-    Attributes
-    ----------
-    name : tuple of str
-        Names of the actuators.
-    member : ndarray of int, shape (n,)
-        Members.
-    rest_length : ndarray, shape (n,) [m]
-        Rest lengths of the members where the actuators of the plan are at 0.
-    least, most : ndarray, shape (n,) [m]
-        Bounds of the rest lengths.
-    pull : ndarray, shape (n, n_actuators)
-        1 where an actuator of the plan moves the member.
+    name: names of the actuators.
+    member (n,): members.
+    rest_length (n,) [m]: rest lengths of the members where the actuators of the plan are at 0.
+    least, most (n,) [m]: bounds of the rest lengths.
+    pull (n, n_actuators): 1 where an actuator of the plan moves the member.
     """
 
     name: tuple[str, ...]
@@ -151,19 +124,10 @@ def find_member_ranges(
 ) -> MemberRanges:
     """Return the ranges of the members that the actuators of a plan move.
 
-    Parameters
-    ----------
-    structure : Structure or BodySystem
-        With its actuators, also those that the plan does not move.
-    incidence : ndarray, shape (n_members, n_actuators)
-        1 where an actuator of the plan moves a member.
-    held : mapping of str to float
-        Values of the inputs that the plan does not move [m].
-
-    Returns
-    -------
-    MemberRanges
-        A row for each actuator with a range and each of its members that moves.
+    structure: with its actuators, also those that the plan does not move.
+    incidence (n_members, n_actuators): 1 where an actuator of the plan moves a member.
+    held: values of the inputs that the plan does not move [m].
+    Returns: a row for each actuator with a range and each of its members that moves.
     """
     rest = add_inputs_to_rest_length(structure, held)
     rows = [

@@ -23,20 +23,20 @@ from tensegrity_codegen.system.errors import NonFiniteError
 
 Excess = tuple[str, float, float, str]  # limit, what is necessary, what is allowed, unit
 
-ENTRY = re.compile(
+MEMBER_TARGET = re.compile(
     r"(member_length|member_tension|rest_length|bar_distance)\s*[(\[]\s*[\"']?([^\"'\])]+)[\"']?\s*[)\]]"
 )
-PLACE = re.compile(r"(\w+)\s*\.\s*([xyz])")
-SURE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
-MOST_CHANGE = (
-    5.0  # times the length of a member, and part of its rest length, that plans are expected to reach
-)
-WORDS = {
+NODE_TARGET = re.compile(r"(\w+)\s*\.\s*([xyz])")
+CONTRADICTION_TOLERANCE = 1e-9  # of the size of a limit: a contradiction by less is left to the path
+# Times the length of a member, and part of its rest length, that plans are expected to reach.
+MOST_CHANGE = 5.0
+LIMIT_DESCRIPTIONS = {
     "least_value": "the least value that it can have",
     "balance": f"the most that members beside it balance, {MOST_CHANGE:g} times as long as at the start,",
 }
-PROVED = 1e-6  # part of the largest shortening, or of the work that loads could do: a proof by less is none
-STRAIGHT = 1e-5  # change of the targets' slopes, over the largest, that counts as none
+# Part of the largest shortening, or of the work that loads could do: a proof by less is none.
+LEAST_PROOF = 1e-6
+LINEAR_TOLERANCE = 1e-5  # change of the targets' slopes, over the largest, that counts as none
 MOST_ITERATIONS = 30
 CONVERGED = 1e-10  # of the structure's size
 RANK = 1e-8  # of the largest singular value
@@ -48,27 +48,14 @@ def find_contradiction(
 ) -> Contradiction | None:
     """Return a target that limits of one member contradict, whatever the path.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model and its actuators.
-    limits : PlanLimits
-        The limits.
-    targets : Targets
-        The targets: heights, and those of a member's length, tension or rest length, or of a distance of two
-        bars.
-    start : PlanPoint
-        The start.
-
-    Returns
-    -------
-    Contradiction or None
-        None where no single target contradicts the limits.
+    targets: the targets: heights, and those of a member's length, tension or rest length, or of a distance
+        of two bars.
+    Returns: None where no single target contradicts the limits.
     """
     manifest = plan_model.model.manifest
     for target in targets.parts:
         text, value = target.text.strip(), float(target.goal[0])
-        match, name = ENTRY.fullmatch(text), "the top"
+        match, name = MEMBER_TARGET.fullmatch(text), "the top"
         call = None if target.shape is None else parse_shape(text)
         if call is not None and call.name == "height":
             found = _below("least_value", value, 0.0, "m")
@@ -89,21 +76,8 @@ def find_unreachable_place(
 ) -> Contradiction | None:
     """Return a member whose length targets of node positions make impossible, such as a bar of a fixed end.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model and its actuators.
-    limits : PlanLimits
-        The limits.
-    targets : Targets
-        The targets: those of a coordinate of a node, ``node.x``.
-    start : PlanPoint
-        The start.
-
-    Returns
-    -------
-    Contradiction or None
-        None where the lengths, as far as targets and anchors fix them, are possible.
+    targets: the targets: those of a coordinate of a node, ``node.x``.
+    Returns: None where the lengths, as far as targets and anchors fix them, are possible.
     """
     structure = plan_model.model.structure
     if not isinstance(structure, Structure):
@@ -113,7 +87,7 @@ def find_unreachable_place(
     known[:, rest] = start.position[:, rest]
     goals: dict[int, list[str]] = {}
     for target in targets.parts:
-        match = PLACE.fullmatch(target.text.strip())
+        match = NODE_TARGET.fullmatch(target.text.strip())
         if match is not None and match[1] in structure.node_name:
             node, value = structure.node_name.index(match[1]), float(target.goal[0])
             known[node, "xyz".index(match[2])] = value
@@ -135,7 +109,7 @@ def _describe(
 ) -> Contradiction:
     limit, given, allowed, unit = found
     how = "" if math.isnan(length) else f" at a length of {length:.6g} m{'' if is_exact else ' or more'}"
-    words = WORDS.get(limit, f"the limit {limit}")
+    words = LIMIT_DESCRIPTIONS.get(limit, f"the limit {limit}")
     text = (
         f"the target {wanted} needs {given:.6g} {unit} of {name}{how}, and {words} is {allowed:.6g} {unit}: "
         f"off by {abs(given - allowed):.3g} {unit}"
@@ -209,11 +183,12 @@ def _find_balance(plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, i
         if not structure.node_anchored[node, list(structure.axes)].any()
     ]
     return min(
-        (_sum_forces(plan_model, limits, start, index, node, length) for node in free), default=math.inf
+        (_sum_largest_forces(plan_model, limits, start, index, node, length) for node in free),
+        default=math.inf,
     )
 
 
-def _sum_forces(
+def _sum_largest_forces(
     plan_model: PlanModel, limits: PlanLimits, start: PlanPoint, index: int, node: int, length: FloatArray
 ) -> float:
     """Return the sum of the largest forces of the other members at a node, and of the loads on it [N]."""
@@ -263,12 +238,12 @@ def _tension(plan_model: PlanModel, index: int, length: float, rest_length: floa
 
 
 def _below(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
-    short = given < allowed - SURE * abs(allowed) if math.isfinite(allowed) else False
+    short = given < allowed - CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
     return (limit, given, allowed, unit) if short else None
 
 
 def _above(limit: str, given: float, allowed: float, unit: str) -> Excess | None:
-    over = given > allowed + SURE * abs(allowed) if math.isfinite(allowed) else False
+    over = given > allowed + CONTRADICTION_TOLERANCE * abs(allowed) if math.isfinite(allowed) else False
     return (limit, given, allowed, unit) if over else None
 
 
@@ -280,23 +255,12 @@ def find_shape_certificate(
 ) -> tuple[Certificate | None, bool]:
     """Return the proof that no tensions with some cables in tension, and no others in compression, balance.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    problem : StaticProblem
-        Its static problem.
-    coordinate : ndarray, shape (n_coordinates,)
-        The shape.
-    required : ndarray of bool, shape (n_members,)
-        Members that must be in tension; other cables may be slack, and other bars have either sign.
-
-    Returns
-    -------
-    certificate : Certificate or None
-        None where such tensions exist, where the program cannot verify the proof, and for scenes of bodies.
-    loaded : bool
-        Whether there are loads.
+    coordinate (n_coordinates,): the shape.
+    required (n_members,): members that must be in tension; other cables may be slack, and other bars have
+        either sign.
+    Returns certificate: None where such tensions exist, where the program cannot verify the proof, and for
+        scenes of bodies.
+    Returns loaded: whether there are loads.
     """
     model = plan_model.model
     structure = model.structure
@@ -320,7 +284,7 @@ def _is_sure(found: Certificate, required: NDArray[np.bool_], load: FloatArray) 
     """Return whether a proof holds beyond the error of the shape."""
     shortening = float(-found.elongation[required].min(initial=0.0))
     most_work = float(np.linalg.norm(load) * np.linalg.norm(found.displacement))
-    return found.is_verified and (shortening > PROVED or found.load_work > PROVED * most_work)
+    return found.is_verified and (shortening > LEAST_PROOF or found.load_work > LEAST_PROOF * most_work)
 
 
 def find_fixed_shape(
@@ -328,22 +292,11 @@ def find_fixed_shape(
 ) -> FloatArray | None:
     """Return the coordinates that targets fix, where they fix the whole shape.
 
-    Parameters
-    ----------
-    problem : StaticProblem
-        The static problem.
-    targets : Targets
-        The targets.
-    start : ndarray, shape (n_coordinates,)
-        Where the search begins.
-    neutral : ndarray, shape (n_coordinates, m)
-        Rigid motions that the targets need not fix.
-
-    Returns
-    -------
-    ndarray, shape (n_coordinates,), or None
-        None where the targets leave the shape free, where no shape near the start has their values, and
-        where they are not linear in the coordinates, as then other shapes may have their values too.
+    start (n_coordinates,): where the search begins.
+    neutral (n_coordinates, m): rigid motions that the targets need not fix.
+    Returns (n_coordinates,): None where the targets leave the shape free, where no shape near the start has
+        their values, and where they are not linear in the coordinates, as then other shapes may have their
+        values too.
     """
     goal = targets.goal
     free = len(start) - neutral.shape[1]
@@ -376,18 +329,15 @@ def _is_linear(problem: StaticProblem, targets: Targets, start: FloatArray, size
     for _ in range(2):
         other = start + 0.3 * size * draw.uniform(-1.0, 1.0, len(start))
         bend = np.abs(_find_slope(problem, targets, other, size) - first).max(initial=0.0)
-        if not bend <= STRAIGHT * largest:
+        if not bend <= LINEAR_TOLERANCE * largest:
             return False
     return True
 
 
 def _find_slope(problem: StaticProblem, targets: Targets, place: FloatArray, size: float) -> FloatArray:
     """Return the derivatives of the targets, (n_targets, n_coordinates)."""
-    return np.array([_difference(problem, targets, place, unit, size) for unit in np.eye(len(place))]).T
-
-
-def _difference(
-    problem: StaticProblem, targets: Targets, place: FloatArray, unit: FloatArray, size: float
-) -> FloatArray:
-    ends = [targets.evaluate(problem, place + sign * STEP * size * unit) for sign in (1, -1)]
-    return np.asarray((ends[0] - ends[1]) / (2 * STEP * size))
+    step, columns = STEP * size, []
+    for unit in np.eye(len(place)):
+        ends = [targets.evaluate(problem, place + sign * step * unit) for sign in (1, -1)]
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.array(columns).T

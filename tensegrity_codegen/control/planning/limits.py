@@ -15,7 +15,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
-WITHIN = 5e-7  # of the size of a limit: excess that counts as none
+LIMIT_TOLERANCE = 5e-7  # of the size of a limit: excess that counts as none
 LEAST_SIZE = 1e-4  # of the largest force or the longest member: size of limits near zero
 LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue where it is near zero
 
@@ -24,22 +24,16 @@ LEAST_STIFFNESS = 1e-3  # [N/m]: size of the limit of the smallest eigenvalue wh
 class PlanLimits:
     """What every equilibrium of a plan satisfies; infinities stand for no limit.
 
-    Attributes
-    ----------
-    least_tension, most_tension : ndarray, shape (n_members,) [N]
-        Bounds of the member tensions.
-    yield_force : ndarray, shape (n_members,) [N]
-        Largest force in tension and compression, from the yield stress.
-    buckling : ndarray, shape (n_members,) [N m2]
-        pi^2 E I over the safety factor: the compression is at most this over the squared length.
-    clearance : float [m]
-        Least distance between bars.
-    least_stiffness : float [N/m]
-        Least smallest eigenvalue of the stiffness; 0 where the limits are below: plans are stable.
-    least_change, most_change : ndarray, shape (n_actuators,) [m]
-        Range of the actuators' inputs, by members that one actuator alone moves.
-    ranges : MemberRanges
-        Ranges of the rest lengths of all members that move.
+    least_tension, most_tension (n_members,) [N]: bounds of the member tensions.
+    yield_force (n_members,) [N]: largest force in tension and compression, from the yield stress.
+    buckling (n_members,) [N m2]: pi^2 E I over the safety factor: the compression is at most this over the
+        squared length.
+    clearance [m]: least distance between bars.
+    least_stiffness [N/m]: least smallest eigenvalue of the stiffness; 0 where the limits are below: plans
+        are stable.
+    least_change, most_change (n_actuators,) [m]: range of the actuators' inputs, by members that one
+        actuator alone moves.
+    ranges: ranges of the rest lengths of all members that move.
     """
 
     least_tension: FloatArray
@@ -57,20 +51,12 @@ class PlanLimits:
 class Margins:
     """Margins to all limits, positive inside; one row each.
 
-    Attributes
-    ----------
-    kind : tuple of str
-        "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
-    index : ndarray of int, shape (n,)
-        Member, pair of bars, eigenvalue or row of the ranges.
-    value : ndarray, shape (n,) [N, m, N/m]
-        Margins.
-    size : ndarray, shape (n,)
-        Size of each limit, for tolerances.
-    bound : ndarray, shape (n,) [N, m, N/m]
-        The limits themselves; of ranges, the value of the input.
-    slope : ndarray, shape (n, n_actuators) or None
-        Derivatives of the margins with respect to the inputs.
+    kind: "least_tension", "most_tension", "yield", "buckling", "clearance", "least_stiffness", "range".
+    index (n,): member, pair of bars, eigenvalue or row of the ranges.
+    value (n,) [N, m, N/m]: margins.
+    size (n,): size of each limit, for tolerances.
+    bound (n,) [N, m, N/m]: the limits themselves; of ranges, the value of the input.
+    slope (n, n_actuators) or None: derivatives of the margins with respect to the inputs.
     """
 
     kind: tuple[str, ...]
@@ -89,24 +75,10 @@ class Margins:
 def build_limits(model: CompiledModel, ranges: MemberRanges, limits: Limits | None = None) -> PlanLimits:
     """Return the limits of a structure and of its actuators, as bounds of forces and inputs.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure.
-    ranges : MemberRanges
-        Ranges of the actuators.
-    limits : Limits, optional
-        By default those of the structure.
-
-    Returns
-    -------
-    PlanLimits
-        The limits.
-
-    Raises
-    ------
-    InvalidValueError
-        Limits that are no numbers, or not one for each member.
+    model: with its structure.
+    ranges: ranges of the actuators.
+    limits: by default those of the structure.
+    Raises InvalidValueError: limits that are no numbers, or not one for each member.
     """
     structure = model.structure
     assert structure is not None
@@ -155,19 +127,8 @@ def _read_limits(limits: Limits, count: int) -> Limits:
 def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]) -> PlanLimits:
     """Return the limits with least tension 0 for cables without one that are in tension at the start.
 
-    Parameters
-    ----------
-    limits : PlanLimits
-        The limits.
-    at : PlanPoint
-        The start.
-    tension_only : ndarray of bool, shape (n_members,)
-        Cables that can go slack.
-
-    Returns
-    -------
-    PlanLimits
-        Limits by which no cable goes slack: there the equilibria have a kink.
+    tension_only (n_members,): cables that can go slack.
+    Returns: limits by which no cable goes slack: there the equilibria have a kink.
     """
     free = tension_only & (at.tension > 0) & ~np.isfinite(limits.least_tension)
     return replace(limits, least_tension=np.where(free, 0.0, limits.least_tension))
@@ -176,19 +137,8 @@ def keep_taut(limits: PlanLimits, at: PlanPoint, tension_only: NDArray[np.bool_]
 def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = None) -> Margins:
     """Return the margins of an equilibrium to all limits that exist.
 
-    Parameters
-    ----------
-    limits : PlanLimits
-        The limits.
-    at : PlanPoint
-        The equilibrium.
-    slopes : Slopes, optional
-        Its derivatives, for those of the margins.
-
-    Returns
-    -------
-    Margins
-        One row for each limit.
+    slopes: its derivatives, for those of the margins.
+    Returns: one row for each limit.
     """
     tension, load, count = at.tension, limits.buckling / at.length**2, len(at.change)
     ranges = limits.ranges

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.control.planning.limits import WITHIN, Margins, PlanLimits, compute_margins
+from tensegrity_codegen.control.planning.limits import LIMIT_TOLERANCE, Margins, PlanLimits, compute_margins
 from tensegrity_codegen.control.planning.plan_point import (
     PlanModel,
     PlanPoint,
@@ -19,26 +19,27 @@ from tensegrity_codegen.control.planning.plan_point import (
     compute_slopes,
     describe_immobility,
 )
-from tensegrity_codegen.control.planning.step_problem import EASED, INSIDE, Program, Step
+from tensegrity_codegen.control.planning.step_problem import AIMED_MARGIN, FINAL_MARGIN, Program, Step
 from tensegrity_codegen.control.planning.targets import Targets
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError, SingularStiffnessError
 
 Progress = Callable[[int, float], None]
 
-EXACT = 1e-8  # of the change of the targets: error that counts as none
-END = 1e-9  # progress this near to 1 is 1
+TARGET_TOLERANCE = 1e-8  # of the change of the targets: error that counts as none
+PROGRESS_TOLERANCE = 1e-9  # progress this near to 1 is 1
 MOST_CORRECTIONS = 8
-LEAST_SHARE = 0.1  # of the progress of a step that its corrections leave
-SHRINK, GROW = 0.4, 2.0
+LEAST_CORRECTED_PART = 0.1  # of the progress of a step that its corrections leave
+STEP_DECREASE, STEP_INCREASE = 0.4, 2.0
 LARGEST_CHANGE = 1.0  # of the longest member: of an input in all steps together
 SMALLEST_CHANGE = 1e-6  # of the largest change: shorter steps are not tried
-UNIT = 1e-3  # of the longest member: scale of changes
+CHANGE_SCALE = 1e-3  # of the longest member
 LEAST_PROGRESS = 1e-6  # of a step that counts at all
-N_LAST, DEAD = 8, 1e-4  # the last steps together make less progress than this: it has died out
-FADED = 0.05  # of `least_progress`: the same, as a part of what such steps would make at the start
-REACH = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
-SOFT = 3.0  # steps after which the smallest eigenvalue could reach its limit
+# The path has stalled where so many last steps together make less progress than this, or less than this part,
+# of `least_progress`, of what such steps would make at the start.
+N_RECENT_STEPS, LEAST_RECENT_PROGRESS, LEAST_RECENT_PART = 8, 1e-4, 0.05
+SEARCH_PART = 0.5  # of the predicted motion: how far the equilibrium is from the prediction
+STEPS_TO_LIMIT = 3.0  # steps after which the smallest eigenvalue could reach its limit
 
 
 @dataclass(frozen=True)
@@ -59,24 +60,13 @@ class PathPoint:
 class PlanPath:
     """The moving state of one plan.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model and its actuators.
-    limits : PlanLimits
-        The limits.
-    targets : Targets
-        Targets bound to the model.
-    start : PlanPoint
-        An equilibrium within all limits.
-    steps : int
-        Number of steps where nothing limits them.
-    least_progress : float
-        Progress, as part of that of a step which nothing limits: the path ends where several steps in a row
-        make less.
-    preferred : ndarray, shape (n_actuators,) [m], optional
-        Changes of the inputs that the first step prefers to the smallest ones, as far as targets and limits
-        leave them free.
+    targets: targets bound to the model.
+    start: an equilibrium within all limits.
+    steps: number of steps where nothing limits them.
+    least_progress: progress, as part of that of a step which nothing limits: the path ends where several
+        steps in a row make less.
+    preferred (n_actuators,) [m]: changes of the inputs that the first step prefers to the smallest ones, as
+        far as targets and limits leave them free.
     """
 
     def __init__(
@@ -96,99 +86,107 @@ class PlanPath:
         none = np.zeros(0)
         margins = compute_margins(limits, start)
         self.points = [PathPoint(start, 0.0, self.first, margins, none.astype(np.int64), none)]
-        self.unit = UNIT * start.point.longest
+        self.unit = CHANGE_SCALE * start.point.longest
         self.most_radius = self.radius = LARGEST_CHANGE * start.point.longest / steps
-        self.most_pace = self.pace = 1.0 / steps
+        self.most_step_progress = self.step_progress = 1.0 / steps
         self.least_progress, self.preferred = least_progress, preferred
         self.slopes = self._find_slopes(start, start)
-        self.first_free: float | None = None  # progress that the largest step at the start could make
-        self.expected: list[float] = []  # of each step, the progress that such a step would make at the start
+        # Progress that the largest step at the start could make; and of each step, what it would make there.
+        self.first_unlimited_progress: float | None = None
+        self.expected_progress: list[float] = []
         self.n_slow = 0  # last steps in a row with less progress than `least_progress`
         self.failure = ""  # why the last step was shortened
         self.is_limited = True  # whether limits are to blame for it
-        self.inside = INSIDE  # margin that the programs of the step leave to limits
+        self.aimed_margin = AIMED_MARGIN  # margin that the programs of the step leave to limits
 
     @property
     def is_done(self) -> bool:
         """Whether the targets are reached."""
         size = np.maximum(np.abs(self.first), np.abs(self.goal))
-        at_start = bool(np.all(np.abs(self.direction) <= EXACT * np.maximum(size, self.unit)))
+        at_start = bool(np.all(np.abs(self.direction) <= TARGET_TOLERANCE * np.maximum(size, self.unit)))
         return at_start or self.points[-1].progress >= 1.0
 
     def advance(self) -> bool:
         """Make one step, or shorten the next one; return whether the path can go on."""
         here = self.points[-1]
-        ask = min(self.pace, 1.0 - here.progress)
-        self.inside = INSIDE
+        wanted = min(self.step_progress, 1.0 - here.progress)
+        self.aimed_margin = AIMED_MARGIN
         program = self._build_program(here.at, here.target, here.progress)
+        # The first step makes half of the progress that limits leave: the rest is left to preferred changes.
         if self.preferred is not None and len(self.points) == 1:
-            furthest = program.find_furthest(0.0, ask)
-            ask = ask if furthest is None else furthest.progress / 2  # the rest is left to other changes
+            furthest = program.find_furthest(0.0, wanted)
+            wanted = wanted if furthest is None else furthest.progress / 2
             program = replace(program, preferred=self.preferred)
-        step = program.find_step(ask) or self._find_last(here, ask) or program.find_furthest(0.0, ask)
+        # The smallest changes that make the wanted progress; else the most progress that there is.
+        step = (
+            program.find_step(wanted)
+            or self._find_final_step(here, wanted)
+            or program.find_furthest(0.0, wanted)
+        )
         if step is None:
             return self._shorten("the limits leave no progress")
-        if step.progress < LEAST_PROGRESS and here.progress + step.progress < 1.0 - END:
-            return self._stop(program)
-        reached = self._reach(here, step)
+        if step.progress < LEAST_PROGRESS and here.progress + step.progress < 1.0 - PROGRESS_TOLERANCE:
+            return self._explain_end(program)
+        # The equilibrium there, corrected until it is within all limits.
+        reached = self._find_reached_point(here, step)
         if reached is None:
             return self._shorten(self.failure)
         self.points.append(reached)
         self.failure = ""
         self.targets = self.targets.follow(reached.at.position)
-        return self._judge(program, ask, reached.progress - here.progress)
+        return self._adapt_step(program, wanted, reached.progress - here.progress)
 
-    def _judge(self, program: Program, ask: float, made: float) -> bool:
-        """Return whether the path can go on after a step; set the size of the next one.
+    def _adapt_step(self, program: Program, wanted: float, made: float) -> bool:
+        """Return whether the path can go on after a step of a program; set the size of the next one.
 
-        Parameters
-        ----------
-        program : Program
-            That of the step.
-        ask, made : float
-            Progress asked for, and made.
+        wanted, made: progress asked for, and made.
         """
-        if self.first_free is None:
-            self.first_free = program.find_free(1.0)
-        self.expected.append(min(ask, program.radius / self.most_radius * self.first_free))
-        least, meant = self.least_progress * ask, made
-        if made < least:  # without limits, the bound of the step may permit less than asked for
-            least = min(least, self.least_progress * program.find_free(ask))
-            bound = program.find_bound(ask)
-            meant = 0.0 if bound is None else bound.progress
-        if made < least <= meant:  # limits leave more to first order: shorter steps follow them better
+        # What such a step would make at the start, by which later ones are measured.
+        if self.first_unlimited_progress is None:
+            self.first_unlimited_progress = program.find_unlimited_progress(1.0)
+        at_start = program.radius / self.most_radius * self.first_unlimited_progress
+        self.expected_progress.append(min(wanted, at_start))
+        # The least that is enough: without limits, the bound of the step may permit less than asked for.
+        least, possible = self.least_progress * wanted, made
+        if made < least:
+            least = min(least, self.least_progress * program.find_unlimited_progress(wanted))
+            bound = program.find_bound(wanted)
+            possible = 0.0 if bound is None else bound.progress
+        # Limits leave more to first order: shorter steps follow them better.
+        if made < least <= possible:
             self.failure = "the corrections of the steps leave too little progress"
-            return self.is_done or (self._shorten(self.failure) and not self._has_died_out())
-        self.radius = min(GROW * self.radius, self.most_radius)
-        self.pace = min(GROW * self.pace, self.most_pace)
+            return self.is_done or (self._shorten(self.failure) and not self._has_stalled())
+        # Longer steps, unless several in a row were slow.
+        self.radius = min(STEP_INCREASE * self.radius, self.most_radius)
+        self.step_progress = min(STEP_INCREASE * self.step_progress, self.most_step_progress)
         self.n_slow = self.n_slow + 1 if made < least else 0
-        if self.n_slow == N_LAST and not self.is_done:
+        if self.n_slow == N_RECENT_STEPS and not self.is_done:
             self.failure = (
                 f"the limits leave little progress, less than {self.least_progress:g} of what a step could "
-                f"make (`least_progress`) in {N_LAST} in a row: further steps are possible, and "
+                f"make (`least_progress`) in {N_RECENT_STEPS} in a row: further steps are possible, and "
                 "`least_progress` 0 takes them"
             )
             return False
-        return not self._has_died_out()
+        return not self._has_stalled()
 
-    def _find_last(self, here: PathPoint, ask: float) -> Step | None:
+    def _find_final_step(self, here: PathPoint, wanted: float) -> Step | None:
         """Return the step to a target on a limit, which is met within the tolerance of limits."""
-        if here.progress + ask < 1.0 - END:
+        if here.progress + wanted < 1.0 - PROGRESS_TOLERANCE:
             return None
-        self.inside = EASED
-        step = self._build_program(here.at, here.target, here.progress).find_step(ask)
+        self.aimed_margin = FINAL_MARGIN
+        step = self._build_program(here.at, here.target, here.progress).find_step(wanted)
         if step is None:
-            self.inside = INSIDE
+            self.aimed_margin = AIMED_MARGIN
         return step
 
-    def _stop(self, program: Program) -> bool:
+    def _explain_end(self, program: Program) -> bool:
         """Say why steps of the full size make no progress: targets do not move, or limits; the path ends.
 
         Where such a step could, to first order, it and all shorter ones were rejected: the last one says why.
         """
         program = replace(program, radius=self.most_radius)
-        bound = program.find_bound(self.most_pace)
-        if program.find_free(self.most_pace) < LEAST_PROGRESS:
+        bound = program.find_bound(self.most_step_progress)
+        if program.find_unlimited_progress(self.most_step_progress) < LEAST_PROGRESS:
             self.is_limited = False
             self.failure = describe_immobility(
                 self.targets.names, self.slopes.target, self.direction, self.points[-1].at.point.longest
@@ -203,37 +201,39 @@ class PlanPath:
         here = self.points[-1]
         return self._build_program(here.at, here.target, here.progress).find_bound()
 
-    def _has_died_out(self) -> bool:
+    def _has_stalled(self) -> bool:
         """Return whether the last steps together make next to no progress, or little of that of the first."""
-        if self.is_done or len(self.points) <= N_LAST:
+        if self.is_done or len(self.points) <= N_RECENT_STEPS:
             return False
-        made = self.points[-1].progress - self.points[-1 - N_LAST].progress
-        meant = sum(
-            self.expected[-N_LAST:]
-        )  # zero where the first step, to first order, does not move the targets
-        share = f", {made / meant:.2g} of what they would make at the start" if meant > 0.0 else ""
+        made = self.points[-1].progress - self.points[-1 - N_RECENT_STEPS].progress
+        # Zero where the first step, to first order, does not move the targets.
+        expected = sum(self.expected_progress[-N_RECENT_STEPS:])
+        share = f", {made / expected:.2g} of what they would make at the start" if expected > 0.0 else ""
         self.failure = (
-            f"progress has died out: {made:.3g} of the way in the last {N_LAST} steps{share}; a step changes "
-            f"rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) permit more"
+            f"progress has died out: {made:.3g} of the way in the last {N_RECENT_STEPS} steps{share}; a step "
+            f"changes rest lengths by {self.most_radius:.3g} m at most, fewer steps (`steps`) permit more"
         )
-        return made < DEAD or made < FADED * self.least_progress * meant
+        return made < LEAST_RECENT_PROGRESS or made < LEAST_RECENT_PART * self.least_progress * expected
 
     def _shorten(self, why: str) -> bool:
+        """Shorten the next step; return whether it is long enough to be tried."""
         self.failure = why
-        self.radius *= SHRINK
-        self.pace *= SHRINK
+        self.radius *= STEP_DECREASE
+        self.step_progress *= STEP_DECREASE
         return self.radius > SMALLEST_CHANGE * self.most_radius
 
     def _build_program(self, at: PlanPoint, target: FloatArray, progress: float) -> Program:
         margins = compute_margins(self.limits, at, self.slopes)
         defect = self.first + progress * self.direction - target
-        return Program(margins, self.slopes, defect, self.direction, self.radius, self.unit, self.inside)
+        return Program(
+            margins, self.slopes, defect, self.direction, self.radius, self.unit, self.aimed_margin
+        )
 
-    def _reach(self, here: PathPoint, step: Step) -> PathPoint | None:
+    def _find_reached_point(self, here: PathPoint, step: Step) -> PathPoint | None:
         """Return the point that a step leads to, after corrections; None where it cannot be kept."""
         progress = here.progress + step.progress
-        progress = 1.0 if progress > 1.0 - END else progress
-        at, before = self._follow(here.at, step.change), self.slopes
+        progress = 1.0 if progress > 1.0 - PROGRESS_TOLERANCE else progress
+        at, before = self._find_equilibrium(here.at, step.change), self.slopes
         if at is None:
             return None
         try:
@@ -247,23 +247,27 @@ class PlanPath:
 
     def _correct(self, at: PlanPoint, progress: float, here: PathPoint, step: Step) -> PathPoint | None:
         """Return the point within all limits near an equilibrium, by programs with the same slopes."""
-        least = here.progress + LEAST_SHARE * step.progress
+        least = here.progress + LEAST_CORRECTED_PART * step.progress
         for _ in range(MOST_CORRECTIONS):
+            # Is the equilibrium stable, within all limits and on target?
             target = self.targets.evaluate(self.model.problem(at.change), at.coordinate)
             wanted = self.first + progress * self.direction
             margins = compute_margins(self.limits, at)
-            if self._is_inside(margins) and self._is_exact(target - wanted) and self._is_stable(at):
+            is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > 0.0
+            if self._is_inside(margins) and self._is_exact(target - wanted) and is_stable:
                 return PathPoint(at, progress, target, margins, step.binding, step.multiplier)
+            # The smallest change that corrects it, with less progress where there is none.
             program = self._build_program(at, target, progress)
             better = program.find_step(0.0) or program.find_furthest(min(least - progress, 0.0), 0.0)
             if better is None:
                 self.failure = f"the limits are exceeded beyond the step: {self._name_worst(margins)}"
                 return None
             progress += better.progress
-            moved = self._follow(at, better.change)
+            moved = self._find_equilibrium(at, better.change)
             if moved is None:
                 return None
             at = moved
+        # What is left after all corrections.
         miss = target - wanted
         worst = int(np.abs(miss).argmax())
         what = (
@@ -277,11 +281,11 @@ class PlanPath:
     def _name_worst(self, margins: Margins) -> str:
         return margins.kind[int(margins.excess.argmax())]
 
-    def _follow(self, at: PlanPoint, change: FloatArray) -> PlanPoint | None:
+    def _find_equilibrium(self, at: PlanPoint, change: FloatArray) -> PlanPoint | None:
         """Return the equilibrium after a change of the inputs, None where it is not found."""
         moved = self.slopes.coordinate @ change
         carried = self.model.problem(at.change + change).carry(at.coordinate, moved)
-        reach = REACH * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest
+        reach = SEARCH_PART * float(np.abs(moved).max(initial=0.0)) + SMALLEST_CHANGE * at.point.longest
         found = None if carried is None else self.model.find_point(at.change + change, carried[0], reach)
         if found is None:
             self.failure = "no equilibrium is found near the step"
@@ -297,13 +301,10 @@ class PlanPath:
         if at is before:
             return self.limits.least_stiffness > 0
         fallen = float(before.eigenvalue[0] - at.eigenvalue[0])
-        return float(at.eigenvalue[0]) - self.limits.least_stiffness < SOFT * fallen
+        return float(at.eigenvalue[0]) - self.limits.least_stiffness < STEPS_TO_LIMIT * fallen
 
     def _is_inside(self, margins: Margins) -> bool:
-        return float(margins.excess.max(initial=-1.0)) <= WITHIN
+        return float(margins.excess.max(initial=-1.0)) <= LIMIT_TOLERANCE
 
     def _is_exact(self, defect: FloatArray) -> bool:
-        return bool(np.all(np.abs(defect) <= EXACT * float(np.abs(self.direction).max())))
-
-    def _is_stable(self, at: PlanPoint) -> bool:
-        return len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > 0.0
+        return bool(np.all(np.abs(defect) <= TARGET_TOLERANCE * float(np.abs(self.direction).max())))

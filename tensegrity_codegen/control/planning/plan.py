@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.control.planning.actuation import Actuation, find_actuation
+from tensegrity_codegen.control.planning.actuation import find_actuation
 from tensegrity_codegen.control.planning.infeasible import (
     find_contradiction,
     find_fixed_shape,
@@ -14,7 +14,7 @@ from tensegrity_codegen.control.planning.infeasible import (
     find_unreachable_place,
 )
 from tensegrity_codegen.control.planning.limits import (
-    WITHIN,
+    LIMIT_TOLERANCE,
     PlanLimits,
     build_limits,
     compute_margins,
@@ -24,7 +24,7 @@ from tensegrity_codegen.control.planning.path import PlanPath, Progress
 from tensegrity_codegen.control.planning.plan_point import PlanModel, PlanPoint
 from tensegrity_codegen.control.planning.quadratic_program import require_solver
 from tensegrity_codegen.control.planning.record_plan import describe_margin, record_infeasible, record_path
-from tensegrity_codegen.control.planning.start import Start, check_stability, find_start
+from tensegrity_codegen.control.planning.start import check_stability, find_start
 from tensegrity_codegen.control.planning.target_text import read_targets
 from tensegrity_codegen.control.planning.targets import Targets, bind_targets
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -38,8 +38,9 @@ from tensegrity_codegen.system.errors import InvalidValueError, StructureError
 N_TRIES = 2  # paths that begin with other changes of the inputs, where limits block the first
 MOST_STEPS = 10**9
 FIRST_CHANGE = 0.01  # of the longest member: largest of these changes
-FURTHER = 1e-3  # progress by which another path comes further
-SAME = 9  # digits that order limits which are exceeded; equal ones stay in the order of the structure
+LEAST_GAIN = 1e-3  # progress by which another path comes further
+# Digits that order limits which are exceeded; equal ones stay in the order of the structure.
+SORTED_DIGITS = 9
 ROUNDING = 1e-9
 
 
@@ -132,7 +133,9 @@ def plan(
     path = _find_path(
         partial(PlanPath, plan_model, bounds, bound, start.at, steps, least_progress), max_steps, progress
     )
-    return _record(plan_model, path, start, actuation, duration)
+    change = np.array([point.at.change for point in path.points])
+    time = compute_times(change, actuation.rate, duration, actuation.names)
+    return record_path(plan_model, path, time, start.warnings)
 
 
 def _find_path(build: Callable[..., PlanPath], max_steps: int, progress: Progress | None) -> PlanPath:
@@ -143,19 +146,21 @@ def _find_path(build: Callable[..., PlanPath], max_steps: int, progress: Progres
     """
     furthest = build()
     at, draw, count = furthest.points[0].at, np.random.default_rng(0), 0
-    is_blocked = _follow(furthest, max_steps, progress)
+    is_blocked = _take_steps(furthest, max_steps, progress)
     while is_blocked and count < N_TRIES:
         preferred = FIRST_CHANGE * at.point.longest * draw.uniform(-1.0, 1.0, len(at.change))
         other, count = build(preferred), count + 1
-        is_blocked = _follow(other, max_steps, progress, furthest)
-        if other.points[-1].progress > furthest.points[-1].progress + FURTHER:
+        is_blocked = _take_steps(other, max_steps, progress, furthest)
+        if other.points[-1].progress > furthest.points[-1].progress + LEAST_GAIN:
             furthest = other
     if is_blocked:
         furthest.failure += f"; {count} paths that begin with other changes end no further"
     return furthest
 
 
-def _follow(path: PlanPath, max_steps: int, progress: Progress | None, rival: PlanPath | None = None) -> bool:
+def _take_steps(
+    path: PlanPath, max_steps: int, progress: Progress | None, rival: PlanPath | None = None
+) -> bool:
     """Take steps until the path ends, or as many as allowed; return whether limits block it.
 
     A path that is behind its rival after twice as many steps and attempts is given up.
@@ -173,14 +178,6 @@ def _follow(path: PlanPath, max_steps: int, progress: Progress | None, rival: Pl
     if not path.is_done:
         path.failure = f"the target is not reached after {max_steps} steps and attempts (`max_steps`)"
     return False
-
-
-def _record(
-    plan_model: PlanModel, path: PlanPath, start: Start, actuation: Actuation, duration: float | None
-) -> PlanResult:
-    change = np.array([point.at.change for point in path.points])
-    time = compute_times(change, actuation.rate, duration, actuation.names)
-    return record_path(plan_model, path, time, start.warnings)
 
 
 def _find_proof(
@@ -223,9 +220,9 @@ def _check_options(
 def _check_start(plan_model: PlanModel, limits: PlanLimits, at: PlanPoint) -> None:
     """Raise where the start violates limits, or is not stable."""
     margins = compute_margins(limits, at)
-    order = np.argsort(-np.round(margins.excess, SAME), kind="stable")
+    order = np.argsort(-np.round(margins.excess, SORTED_DIGITS), kind="stable")
     stated = np.array([kind != "least_stiffness" or limits.least_stiffness > 0 for kind in margins.kind])
-    outside = [int(k) for k in order if margins.excess[k] > WITHIN and stated[k]]
+    outside = [int(k) for k in order if margins.excess[k] > LIMIT_TOLERANCE and stated[k]]
     if outside:
         shown = "; ".join(describe_margin(plan_model, limits, at, margins, k) for k in outside[:3])
         more = f"; and {len(outside) - 3} more" if len(outside) > 3 else ""
@@ -283,29 +280,13 @@ def compute_times(
 ) -> FloatArray | None:
     """Return the times at which the points of a plan are reached.
 
-    Parameters
-    ----------
-    change : ndarray, shape (n_steps, n_actuators) [m]
-        Values of the inputs.
-    rate : ndarray, shape (n_actuators,) [m/s]
-        Largest rates, infinite without a limit.
-    duration : float, optional
-        Time of the whole plan [s]; by default the shortest that the rates permit.
-    names : sequence of str
-        Names of the actuators, for the error.
+    change (n_steps, n_actuators) [m]: values of the inputs.
+    rate (n_actuators,) [m/s]: largest rates, infinite without a limit.
+    duration: time of the whole plan [s]; by default the shortest that the rates permit.
+    names: names of the actuators, for the error.
+    Returns (n_steps,) [s]: None without rates and duration.
+    Raises InvalidValueError: the rates need more than the duration.
 
-    Returns
-    -------
-    ndarray, shape (n_steps,) [s], or None
-        None without rates and duration.
-
-    Raises
-    ------
-    InvalidValueError
-        The rates need more than the duration.
-
-    Notes
-    -----
     Each step takes as long as its slowest actuator, with straight lines between the points. A longer duration
     stretches all steps alike; without rates it is shared by the largest changes of the steps.
     """

@@ -27,12 +27,12 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 MOST_ITERATIONS = 12
-BALANCED = 1e-9  # node residual over the largest member force
-POLISHED = 1e-12
+RESIDUAL_TOLERANCE = 1e-9  # node residual over the largest member force
+RESIDUAL_GOAL = 1e-12
 ROUNDING = 8 * float(np.finfo(float).eps)
-LOWEST = 6  # eigenvectors kept
+N_EIGENVECTORS = 6  # eigenvectors kept
 STEP = 3e-6  # of the longest member: length of differences
-STILL = 1e-4  # of the way, by inputs as large as the longest member: a target that does not move
+STILL_PART = 1e-4  # of the way, by inputs as large as the longest member: a target that does not move
 RANK = 1e-6  # of the largest singular value
 
 
@@ -40,28 +40,16 @@ RANK = 1e-6  # of the largest singular value
 class PlanPoint:
     """An equilibrium: inputs, coordinates, what limits look at.
 
-    Attributes
-    ----------
-    change : ndarray, shape (n_actuators,) [m]
-        Values of the actuators' inputs.
-    coordinate, model_coordinate : ndarray, shape (n_coordinates,)
-        Coordinates of the static problem, and of the model.
-    position : ndarray, shape (n_nodes, 3) [m]
-        Node positions.
-    point : Point
-        Energy, residual and tensions.
-    length : ndarray, shape (n_members,) [m]
-        Member lengths.
-    distance : ndarray, shape (n_bar_pairs,) [m]
-        Distances between bars.
-    eigenvalue : ndarray, shape (k,) [N/m]
-        The smallest eigenvalues of the stiffness without neutral rigid motions.
-    eigenvector : ndarray, shape (n_directions, k)
-        Their unit vectors.
-    neutral : ndarray, shape (n_directions, m)
-        Orthonormal neutral rigid motions.
-    stiffness : sparse array, shape (n_directions, n_directions) [N/m]
-        Tangent stiffness.
+    change (n_actuators,) [m]: values of the actuators' inputs.
+    coordinate, model_coordinate (n_coordinates,): coordinates of the static problem, and of the model.
+    position (n_nodes, 3) [m]: node positions.
+    point: energy, residual and tensions.
+    length (n_members,) [m]: member lengths.
+    distance (n_bar_pairs,) [m]: distances between bars.
+    eigenvalue (k,) [N/m]: the smallest eigenvalues of the stiffness without neutral rigid motions.
+    eigenvector (n_directions, k): their unit vectors.
+    neutral (n_directions, m): orthonormal neutral rigid motions.
+    stiffness (n_directions, n_directions) [N/m]: tangent stiffness.
     """
 
     change: FloatArray
@@ -85,23 +73,11 @@ class PlanPoint:
 class PlanModel:
     """A model whose actuators are moved, all other arguments fixed.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"plan"``.
-    actuation : Actuation
-        The actuators.
-    arguments : mapping, optional
-        Inputs and parameters by name, where they differ from the scene.
-
-    Attributes
-    ----------
-    incidence : ndarray, shape (n_members, n_actuators)
-        One where an actuator changes the rest length of a member.
-    columns : mapping of str to tuple of str
-        Members of each actuator, by name.
-    has_pairs : bool
-        Whether distances between bars are known.
+    model: compiled for ``"plan"``.
+    arguments: inputs and parameters by name, where they differ from the scene.
+    incidence (n_members, n_actuators): one where an actuator changes the rest length of a member.
+    columns: members of each actuator, by name.
+    has_pairs: whether distances between bars are known.
     """
 
     def __init__(
@@ -175,19 +151,10 @@ class PlanModel:
     def find_point(self, change: FloatArray, coordinate: FloatArray, reach: float) -> PlanPoint | None:
         """Return the equilibrium near predicted coordinates.
 
-        Parameters
-        ----------
-        change : ndarray, shape (n_actuators,) [m]
-            Values of the actuators' inputs.
-        coordinate : ndarray, shape (n_coordinates,)
-            Prediction.
-        reach : float
-            Largest distance from the prediction to the equilibrium [m].
-
-        Returns
-        -------
-        PlanPoint or None
-            None where Newton's method does not converge, or leads further away than `reach`.
+        change (n_actuators,) [m]: values of the actuators' inputs.
+        coordinate (n_coordinates,): prediction.
+        reach: largest distance from the prediction to the equilibrium [m].
+        Returns: None where Newton's method does not converge, or leads further away than `reach`.
         """
         problem = self.problem(change)
         point, best, floor = problem.find_point(coordinate), None, 0.0
@@ -197,7 +164,7 @@ class PlanModel:
             if best is not None and _is_balanced(best, floor) and point.node_force > best.node_force / 4:
                 break
             best = point
-            if point.node_force <= POLISHED * point.largest_force:
+            if point.node_force <= RESIDUAL_GOAL * point.largest_force:
                 break
             point, floor = self._iterate(problem, point)
         final = point if point is not None and best and point.node_force <= best.node_force else best
@@ -250,7 +217,7 @@ class PlanModel:
 
 
 def _is_balanced(point: Point, floor: float) -> bool:
-    return point.node_force <= max(BALANCED * point.largest_force, floor)
+    return point.node_force <= max(RESIDUAL_TOLERANCE * point.largest_force, floor)
 
 
 def _find_floor(stiffness: Any, point: Point) -> float:
@@ -266,7 +233,7 @@ def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatA
     if neutral.shape[1]:
         matrix = matrix + 2 * float(np.abs(matrix).sum(axis=0).max(initial=0.0)) * (neutral @ neutral.T)
     value, vector = np.linalg.eigh(matrix)
-    count = min(LOWEST, max(len(value) - neutral.shape[1], 0))
+    count = min(N_EIGENVECTORS, max(len(value) - neutral.shape[1], 0))
     return value[:count], vector[:, :count]
 
 
@@ -277,18 +244,13 @@ def find_lowest(stiffness: Any, neutral: FloatArray) -> tuple[FloatArray, FloatA
 class Slopes:
     """Derivatives of an equilibrium with respect to the actuators' inputs, one column each.
 
-    Attributes
-    ----------
-    coordinate : ndarray, shape (n_coordinates, n_actuators)
-        Of the coordinates.
-    tension, length, extension : ndarray, shape (n_members, n_actuators) [N/m, 1, 1]
-        Of tensions, lengths, and lengths minus rest lengths of the members.
-    distance : ndarray, shape (n_bar_pairs, n_actuators)
-        Of the distances between bars.
-    target : ndarray, shape (n_targets, n_actuators)
-        Of the target values.
-    eigenvalue : ndarray, shape (k, n_actuators) [N/m2]
-        Of the smallest eigenvalues; (0, n_actuators) unless asked for, and with rigid bars.
+    coordinate (n_coordinates, n_actuators): of the coordinates.
+    tension, length, extension (n_members, n_actuators) [N/m, 1, 1]: of tensions, lengths, and lengths minus
+        rest lengths of the members.
+    distance (n_bar_pairs, n_actuators): of the distances between bars.
+    target (n_targets, n_actuators): of the target values.
+    eigenvalue (k, n_actuators) [N/m2]: of the smallest eigenvalues; (0, n_actuators) unless asked for, and
+        with rigid bars.
     """
 
     coordinate: FloatArray
@@ -305,29 +267,10 @@ def compute_slopes(
 ) -> Slopes:
     """Return the derivatives of an equilibrium with respect to the actuators' inputs.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model and its actuators.
-    at : PlanPoint
-        The equilibrium.
-    targets : Targets
-        Targets bound to the model.
-    with_stiffness : bool
-        Whether to include those of the smallest eigenvalues.
+    targets: targets bound to the model.
+    with_stiffness: whether to include those of the smallest eigenvalues.
+    Raises SingularStiffnessError: a motion that is not rigid meets no resistance.
 
-    Returns
-    -------
-    Slopes
-        Derivatives.
-
-    Raises
-    ------
-    SingularStiffnessError
-        A motion that is not rigid meets no resistance.
-
-    Notes
-    -----
     dq/du and dt/du by equilibrium_sensitivity; distances between bars, expressions and eigenvalues, as
     v^T K v at constant v, by central differences along (dq/du, du).
     """
@@ -351,10 +294,10 @@ def compute_slopes(
     step = STEP * at.point.longest
     distance, eigenvalue = np.zeros((0, count)), np.zeros((0, count))
     if plan_model.has_pairs:
-        distance = _difference(lambda problem, q: problem.compute("bar_distance", q), move, count, step)
+        distance = _difference_along(lambda problem, q: problem.compute("bar_distance", q), move, count, step)
     if with_stiffness and len(at.eigenvector) == len(at.coordinate):
         vector = at.eigenvector
-        eigenvalue = _difference(
+        eigenvalue = _difference_along(
             lambda problem, q: np.einsum("ik,ik->k", vector, problem.stiffness(q) @ vector), move, count, step
         )
     return Slopes(
@@ -368,7 +311,7 @@ def compute_slopes(
     )
 
 
-def _difference(
+def _difference_along(
     compute: Callable[[StaticProblem, FloatArray], FloatArray], move: MovedBy, count: int, step: float
 ) -> FloatArray:
     """Return the derivatives of an array along (dq/du, du), (n, count), by central differences."""
@@ -384,24 +327,14 @@ def describe_immobility(
 ) -> str:
     """Return why no change of the inputs moves targets along a direction, to first order.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the components of the targets.
-    slope : ndarray, shape (n_targets, n_actuators)
-        Derivatives of the targets with respect to the inputs.
-    direction : ndarray, shape (n_targets,)
-        Changes of the targets that are wanted.
-    longest : float [m]
-        The longest member.
-
-    Returns
-    -------
-    str
-        The targets that no actuator changes; or how many components the actuators change independently.
+    names: names of the components of the targets.
+    slope (n_targets, n_actuators): derivatives of the targets with respect to the inputs.
+    direction (n_targets,): changes of the targets that are wanted.
+    longest [m]: the longest member.
+    Returns: the targets that no actuator changes; or how many components the actuators change independently.
     """
     effect = np.abs(slope).sum(axis=1) * longest
-    still = effect <= STILL * np.abs(direction)
+    still = effect <= STILL_PART * np.abs(direction)
     if np.any(still & (direction != 0)):
         who = ", ".join(name for name, is_still in zip(names, still, strict=True) if is_still)
         return f"no actuator changes {who} here, to first order: plan another target, or start elsewhere"

@@ -16,10 +16,9 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.extras import CONTROL, import_extra
 
 FEASIBLE = 1e-7  # violation of rows scaled to unit norm, up to which they count as satisfied
-PRIMAL_TOLERANCE = (
-    1e-9  # of both solvers, far below `FEASIBLE`: with 1e-7, good answers of HiGHS were refused
-)
-EMPTY = 1e-14  # norm of a row, next to the largest, that counts as zero
+# Of both solvers, far below `FEASIBLE`: with 1e-7, good answers of HiGHS were refused.
+PRIMAL_TOLERANCE = 1e-9
+ZERO_NORM = 1e-14  # norm of a row, next to the largest, that counts as zero
 INFINITE = 1e30  # of DAQP
 EQUALITY, INEQUALITY = 5, 0  # of DAQP
 
@@ -65,26 +64,12 @@ def find_minimum(
 ) -> Solution | None:
     """Return the minimiser of x.H x / 2 + g.x with lower <= rows x <= upper.
 
-    Parameters
-    ----------
-    hessian : ndarray, shape (n, n)
-        Positive definite.
-    gradient : ndarray, shape (n,)
-        Linear part of the objective.
-    rows : ndarray, shape (n_rows, n)
-        Constraints.
-    lower, upper : ndarray, shape (n_rows,)
-        Their bounds; equal ones are equations, infinite ones none.
-
-    Returns
-    -------
-    Solution or None
-        None where no answer satisfies the constraints.
-
-    Raises
-    ------
-    MissingExtraError
-        DAQP is not installed.
+    hessian (n, n): positive definite.
+    gradient (n,): linear part of the objective.
+    rows (n_rows, n): constraints.
+    lower, upper (n_rows,): their bounds; equal ones are equations, infinite ones none.
+    Returns: None where no answer satisfies the constraints.
+    Raises MissingExtraError: DAQP is not installed.
     """
     scaled = _scale(rows, lower, upper)
     if scaled is None:
@@ -104,31 +89,14 @@ def find_nearest(
 ) -> Solution | None:
     """Return the minimiser of |matrix x - target|^2 / 2 with lower <= rows x <= upper.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (n_rows, n)
-        Of rank n.
-    target : ndarray, shape (n_rows,)
-        What matrix x should be.
-    rows : ndarray, shape (n_constraints, n)
-        Constraints.
-    lower, upper : ndarray, shape (n_constraints,)
-        Their bounds; equal ones are equations, infinite ones none.
-    tolerance : float
-        Violation of rows scaled to unit norm, up to which DAQP takes them as satisfied.
+    matrix (n_rows, n): of rank n.
+    target (n_rows,): what matrix x should be.
+    rows (n_constraints, n): constraints.
+    lower, upper (n_constraints,): their bounds; equal ones are equations, infinite ones none.
+    tolerance: violation of rows scaled to unit norm, up to which DAQP takes them as satisfied.
+    Returns: None where no answer satisfies the constraints.
+    Raises MissingExtraError: DAQP is not installed.
 
-    Returns
-    -------
-    Solution or None
-        None where no answer satisfies the constraints.
-
-    Raises
-    ------
-    MissingExtraError
-        DAQP is not installed.
-
-    Notes
-    -----
     matrix = Q R; DAQP finds y = R x, the nearest to Q^T target. The square of the matrix, whose rounding
     errors are larger, is not formed.
     """
@@ -166,19 +134,10 @@ def _solve(
 def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: FloatArray) -> Solution | None:
     """Return the x with the largest gain.x and lower <= rows x <= upper, by HiGHS.
 
-    Parameters
-    ----------
-    gain : ndarray, shape (n,)
-        Objective.
-    rows : ndarray, shape (n_rows, n)
-        Constraints.
-    lower, upper : ndarray, shape (n_rows,)
-        Their bounds; equal ones are equations, infinite ones none.
-
-    Returns
-    -------
-    Solution or None
-        Multipliers are the gain for a unit less of a lower bound (positive) or more of an upper one
+    gain (n,): objective.
+    rows (n_rows, n): constraints.
+    lower, upper (n_rows,): their bounds; equal ones are equations, infinite ones none.
+    Returns: multipliers are the gain for a unit less of a lower bound (positive) or more of an upper one
         (negative); None where nothing satisfies the constraints, or the solver failed.
     """
     scaled = _scale(rows, lower, upper)
@@ -212,7 +171,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
 def _scale(rows: FloatArray, lower: FloatArray, upper: FloatArray) -> _Scaled | None:
     """Return the constraints with rows of unit norm, None where a row contradicts itself."""
     norm = np.linalg.norm(rows, axis=1)
-    kept = norm > EMPTY * float(norm.max(initial=0.0))
+    kept = norm > ZERO_NORM * float(norm.max(initial=0.0))
     if np.any(lower[~kept] > FEASIBLE) or np.any(upper[~kept] < -FEASIBLE):
         return None
     norm = norm[kept]

@@ -26,8 +26,8 @@ from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import write_csv
 
 UNITS = {"clearance": "m", "range": "m", "least_stiffness": "N/m"}  # of others: N
-SAME = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
-NAMED = 6  # limits that a message names
+SORTED_DIGITS = 6  # digits of multipliers that order limits; equal ones stay in the order of the structure
+N_NAMED = 6  # limits that a message names
 ENDINGS = (".npz", ".csv")
 
 
@@ -50,25 +50,9 @@ def record_infeasible(
 ) -> PlanResult:
     """Return the record of a plan that provably does not exist.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    targets : Targets
-        The targets.
-    at : PlanPoint
-        The start; not in balance where it is the stated shape that is proved to have no tensions.
-    proof : Certificate or Contradiction
-        The proof.
-    message : str
-        A sentence.
-    shape : ndarray, shape (n_coordinates,), optional
-        Coordinates at which displacements prove it.
-
-    Returns
-    -------
-    PlanResult
-        Of status ``"infeasible"``, with arrays of one row, the start.
+    at: the start; not in balance where it is the stated shape that is proved to have no tensions.
+    shape (n_coordinates,): coordinates at which displacements prove it.
+    Returns: of status ``"infeasible"``, with arrays of one row, the start.
     """
     position = moved = None
     if shape is not None and isinstance(proof, Certificate):
@@ -95,27 +79,16 @@ def record_path(
 ) -> PlanResult:
     """Return the record of a path, found or blocked.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    path : Path
-        The path.
-    time : ndarray, shape (n_steps,) [s], optional
-        Times of its points.
-    warnings : tuple of str
-        What to check.
-
-    Returns
-    -------
-    PlanResult
-        Of status ``"found"`` or ``"blocked"``.
+    time (n_steps,) [s]: times of its points.
+    warnings: what to check.
+    Returns: of status ``"found"`` or ``"blocked"``.
     """
     points = path.points
     block = None if path.is_done else _find_block(plan_model, path)
+    message = f"a path of {len(points) - 1} steps reaches the target; every point is within all limits"
     return PlanResult(
         status="found" if block is None else "blocked",
-        message=_describe_found(path) if block is None else _describe_block(path, block),
+        message=message if block is None else _describe_block(path, block),
         progress=np.array([point.progress for point in points]),
         target=np.array([point.target for point in points]),
         goal=path.goal,
@@ -132,6 +105,8 @@ def record_path(
 def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[PlanPoint]) -> dict[str, Any]:
     """Return the names and the arrays of a record that points alone determine."""
     manifest, change = plan_model.model.manifest, np.array([at.change for at in points])
+    structure = plan_model.model.structure
+    assert structure is not None  # it has the actuators
     lowest = [float(at.eigenvalue[0]) if len(at.eigenvalue) else np.inf for at in points]
     return {
         "target_name": targets.names,
@@ -142,21 +117,15 @@ def _describe_points(plan_model: PlanModel, targets: Targets, points: Sequence[P
         "node_name": manifest.node_name,
         "member_name": manifest.member_name,
         "bar_pair_name": manifest.bar_pair_name,
-        "is_cable": _find_cables(plan_model),
+        "is_cable": ~np.asarray(structure.is_bar),
         "node_position": np.array([at.position for at in points]),
         "member_tension": np.array([at.tension for at in points]),
         "bar_distance": np.array([at.distance for at in points]),
         "smallest_eigenvalue": np.array(lowest),
         "residual": np.array([at.point.node_force for at in points]),
         "coordinate": np.array([at.model_coordinate for at in points]),
-        "structure": plan_model.model.structure,
+        "structure": structure,
     }
-
-
-def _find_cables(plan_model: PlanModel) -> NDArray[np.bool_]:
-    structure = plan_model.model.structure
-    assert structure is not None
-    return ~np.asarray(structure.is_bar)
 
 
 def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
@@ -166,10 +135,11 @@ def _find_block(plan_model: PlanModel, path: PlanPath) -> Block:
     """
     last = path.points[-1]
     bound = path.find_bound()
-    if bound is None or not path.is_limited or bound.progress >= min(path.most_pace, 1.0 - last.progress):
+    whole = min(path.most_step_progress, 1.0 - last.progress)
+    if bound is None or not path.is_limited or bound.progress >= whole:
         return Block(last.progress, last.target, float("nan"), (), path.failure)
     weight = bound.multiplier * last.margins.size[bound.binding]
-    order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SAME), kind="stable")
+    order = np.argsort(-np.round(weight / float(weight.max(initial=1e-300)), SORTED_DIGITS), kind="stable")
     binding = _bindings(plan_model, last.margins, bound.binding[order], bound.multiplier[order])
     return Block(last.progress, last.target, bound.progress, binding, path.failure)
 
@@ -198,10 +168,6 @@ def _name(plan_model: PlanModel, kind: str, index: int) -> str:
     return "" if kind == "least_stiffness" else manifest.member_name[index]
 
 
-def _describe_found(path: PlanPath) -> str:
-    return f"a path of {len(path.points) - 1} steps reaches the target; every point is within all limits"
-
-
 def _describe_block(path: PlanPath, block: Block) -> str:
     """Return where a path ends and what binds, and that this proves nothing about other paths."""
     parts = [
@@ -211,11 +177,11 @@ def _describe_block(path: PlanPath, block: Block) -> str:
         )
     ]
     names: dict[str, list[str]] = {}
-    for item in block.binding[:NAMED]:
+    for item in block.binding[:N_NAMED]:
         limit = f"{LIMIT_WORDS[item.limit]} of {item.bound:.6g} {item.unit}"
         names.setdefault(limit, []).append(item.name)
     bound = "; ".join(f"{limit} ({', '.join(who)})".removesuffix(" ()") for limit, who in names.items())
-    more = len(block.binding) - NAMED
+    more = len(block.binding) - N_NAMED
     what = f"; binding: {bound}{f' and {more} more' if more > 0 else ''}" if bound else ""
     return (
         f"at {block.progress:.1%} of the way, {', '.join(parts)}: {block.reason}{what}. "
@@ -229,20 +195,10 @@ def _describe_block(path: PlanPath, block: Block) -> str:
 def write_plan(found: PlanResult, path: str | Path, *, overwrite: bool = False) -> None:
     """Write a plan to a file, whole or not at all.
 
-    Parameters
-    ----------
-    found : PlanResult
-        The plan.
-    path : str or Path
-        ``.npz``: all arrays. ``.csv``: a row for each point, the first column ``time`` [s] (``progress``
+    path: ``.npz``: all arrays. ``.csv``: a row for each point, the first column ``time`` [s] (``progress``
         where there are no times), then the value of the input of each actuator [m].
-    overwrite : bool
-        Whether a file that exists is replaced.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written, exists already, or has another ending.
+    overwrite: whether a file that exists is replaced.
+    Raises OutputError: the file cannot be written, exists already, or has another ending.
     """
     check_ending(path, *ENDINGS)
     if Path(path).suffix.lower() == ".npz":

@@ -33,26 +33,12 @@ FLAT = 1e-6  # second extent of a set of nodes, next to the first, below which i
 def find_nodes(names: Sequence[str], node_name: Sequence[str], where: str) -> IntArray:
     """Return the indices of nodes.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names, or patterns with ``*``.
-    node_name : sequence of str
-        All nodes of the structure.
-    where : str
-        The target, for errors.
-
-    Returns
-    -------
-    ndarray of int
-        Indices in the order of the names; those of a pattern in the order of the structure.
-
-    Raises
-    ------
-    UnknownNameError
-        A name or pattern matches no node.
-    InvalidValueError
-        A node is named twice.
+    names: names, or patterns with ``*``.
+    node_name: all nodes of the structure.
+    where: the target, for errors.
+    Returns: indices in the order of the names; those of a pattern in the order of the structure.
+    Raises UnknownNameError: a name or pattern matches no node.
+    Raises InvalidValueError: a node is named twice.
     """
     found: list[int] = []
     for name in names:
@@ -79,15 +65,8 @@ def find_nodes(names: Sequence[str], node_name: Sequence[str], where: str) -> In
 def find_rings(node_name: Sequence[str]) -> tuple[IntArray, IntArray] | None:
     """Return the top and bottom ring of a structure whose nodes have the names of a prism or tower.
 
-    Parameters
-    ----------
-    node_name : sequence of str
-        All nodes: b1.., t1.. of a prism; b1_1.., t1_1.. of a tower.
-
-    Returns
-    -------
-    top, base : ndarray of int
-        Their indices, in the order of their numbers; None for other names.
+    node_name: all nodes: b1.., t1.. of a prism; b1_1.., t1_1.. of a tower.
+    Returns top, base: their indices, in the order of their numbers; None for other names.
     """
     place: dict[tuple[str, int, int], int] = {}
     for index, name in enumerate(node_name):
@@ -250,26 +229,12 @@ def turn_near(angle: FloatArray, reference: FloatArray) -> FloatArray:
 def bind_shape(call: ShapeCall, where: str, model: CompiledModel) -> BoundShape:
     """Return a shape parameter bound to the nodes of a model.
 
-    Parameters
-    ----------
-    call : ShapeCall
-        Its name, names of nodes, and component.
-    where : str
-        The target, for errors.
-    model : CompiledModel
-        The model.
-
-    Returns
-    -------
-    BoundShape
-        Function of the node positions.
-
-    Raises
-    ------
-    UnknownNameError, InvalidValueError
-        Unknown nodes, or sets of nodes that do not determine the value.
-    FormulationError
-        The model does not know its masses, or has less than three axes.
+    call: its name, names of nodes, and component.
+    where: the target, for errors.
+    Returns: function of the node positions.
+    Raises UnknownNameError, InvalidValueError: unknown nodes, or sets of nodes that do not determine the
+        value.
+    Raises FormulationError: the model does not know its masses, or has less than three axes.
     """
     if len(model.manifest.axes) < 3:
         raise FormulationError(

@@ -18,10 +18,10 @@ from tensegrity_codegen.structure.applied_inputs import add_inputs_to_rest_lengt
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import SingularStiffnessError, StructureError, UnstableError
 
-SINGULAR = 1e-9  # of the stiffness: eigenvalues that count as zero
-TAUT = 1e-9  # of the length: a cable as long as its rest length is not slack
-NAMED = 3  # nodes that are named in a motion without resistance
-NEAR = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
+ZERO_EIGENVALUE = 1e-9  # of the stiffness: eigenvalues that count as zero
+TAUT_TOLERANCE = 1e-9  # of the length: a cable as long as its rest length is not slack
+N_NAMED = 3  # nodes that are named in a motion without resistance
+SEARCH_RADIUS = 1e-3  # of the longest member: motion to the equilibrium that is not worth a warning
 
 
 @dataclass(frozen=True)
@@ -38,32 +38,18 @@ class Start:
 def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     """Return the equilibrium that a plan starts from.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    limits : PlanLimits
-        Cables with a least tension must be in tension.
-
-    Returns
-    -------
-    Start
-        The equilibrium at the stated positions if they are one. Else, without loads, the proof that no
+    limits: cables with a least tension must be in tension.
+    Returns: the equilibrium at the stated positions if they are one. Else, without loads, the proof that no
         tensions make them one, if there is such a proof; else the equilibrium that find_equilibrium finds.
-
-    Raises
-    ------
-    ConvergenceError, UnstableError
-        No stable equilibrium is found.
-    StructureError
-        The stiffness at the start is singular.
+    Raises ConvergenceError, UnstableError: no stable equilibrium is found.
+    Raises StructureError: the stiffness at the start is singular.
     """
     model, change = plan_model.model, plan_model.start
     stated = plan_model.enter(model.nominal("coordinate").ravel())
     problem = plan_model.problem(change)
     point = problem.find_point(stated)
     longest = 1.0 if point is None else point.longest
-    near = None if point is None else plan_model.find_point(change, stated, NEAR * longest)
+    near = None if point is None else plan_model.find_point(change, stated, SEARCH_RADIUS * longest)
     if point is not None and (near is None or not _is_sound(near, limits)):
         required = _find_required(plan_model, problem, stated, limits)
         certificate, loaded = find_shape_certificate(plan_model, problem, stated, required)
@@ -74,7 +60,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
         return Start(near)
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
     found = find_equilibrium(model, arguments=arguments)
-    settled = plan_model.find_point(change, plan_model.enter(found.coordinate), NEAR * longest)
+    settled = plan_model.find_point(change, plan_model.enter(found.coordinate), SEARCH_RADIUS * longest)
     if settled is None:
         raise StructureError(
             "the equilibrium to start from is not found exactly enough",
@@ -100,7 +86,7 @@ def _find_required(
     _, tension = problem.forces(stated)
     inputs = zip(plan_model.model.manifest.input_name, plan_model.base.ravel().tolist(), strict=True)
     rest = add_inputs_to_rest_length(structure, dict(inputs))
-    is_taut = (tension > 0.0) | (np.abs(length - rest) <= TAUT * length)
+    is_taut = (tension > 0.0) | (np.abs(length - rest) <= TAUT_TOLERANCE * length)
     return np.asarray((limits.least_tension > 0.0) | (structure.tension_only & is_taut))
 
 
@@ -118,26 +104,15 @@ def _describe_stated(limits: PlanLimits) -> str:
 def _is_sound(at: PlanPoint, limits: PlanLimits) -> bool:
     """Return whether an equilibrium is stable, with all members in tension that have a least tension."""
     stiffest = float(abs(at.stiffness).max()) if at.stiffness.nnz else 0.0
-    is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > SINGULAR * stiffest
+    is_stable = len(at.eigenvalue) == 0 or float(at.eigenvalue[0]) > ZERO_EIGENVALUE * stiffest
     return is_stable and bool(np.all(at.tension[limits.least_tension > 0.0] > 0.0))
 
 
 def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
     """Raise where an equilibrium is unstable, or neutral: a stiffness of zero to rounding is not unstable.
 
-    Parameters
-    ----------
-    plan_model : PlanModel
-        The model.
-    at : PlanPoint
-        The equilibrium.
-
-    Raises
-    ------
-    UnstableError
-        The smallest eigenvalue is negative beyond rounding.
-    SingularStiffnessError
-        It is zero to rounding; the nodes that move most are named.
+    Raises UnstableError: the smallest eigenvalue is negative beyond rounding.
+    Raises SingularStiffnessError: it is zero to rounding; the nodes that move most are named.
     """
     problem, name = plan_model.problem(at.change), plan_model.model.manifest.name
     stability = find_stability(problem, at.point)
@@ -153,7 +128,7 @@ def check_stability(plan_model: PlanModel, at: PlanPoint) -> None:
     count = find_neutral(problem, at.coordinate, stability).mechanism.shape[2]
     field = problem.node_velocities(at.coordinate, stability.direction[:, None])[:, :, 0]
     size = np.linalg.norm(field, axis=1)
-    nodes = [plan_model.model.manifest.node_name[k] for k in np.argsort(-size, kind="stable")[:NAMED]]
+    nodes = [plan_model.model.manifest.node_name[k] for k in np.argsort(-size, kind="stable")[:N_NAMED]]
     many = f"{count} independent motions" if count > 1 else "a motion"
     whole = " besides rigid motions of the whole" if at.neutral.shape[1] else ""
     raise SingularStiffnessError(

@@ -19,12 +19,13 @@ from tensegrity_codegen.control.planning.plan_point import Slopes
 from tensegrity_codegen.control.planning.quadratic_program import find_largest, find_minimum
 from tensegrity_codegen.system.arrays import FloatArray
 
-STEADY = 50.0  # w: weight of changes of extensions next to changes of rest lengths
-GENTLE = 1e-6  # weight of both next to progress, where progress is what is sought; it should not cut it, so
-LARGE = 50.0  # changes of more units than this weigh no more than these
-INSIDE = 1e-7  # of the size of a limit: where steps aim
-EASED = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
-BINDS = 1e-7  # of the largest multiplier
+EXTENSION_WEIGHT = 50.0  # w: weight of changes of extensions next to changes of rest lengths
+# Weight of both next to progress, where progress is what is sought. It should not cut it, so changes of more
+# units than the second number weigh no more than these.
+CHANGE_WEIGHT, MOST_WEIGHTED_UNITS = 1e-6, 50.0
+AIMED_MARGIN = 1e-7  # of the size of a limit: where steps aim
+FINAL_MARGIN = -1e-7  # the same, of a last step that ends on a limit; limits count as satisfied to 5e-7
+BINDING_PART = 1e-7  # of the largest multiplier
 
 
 @dataclass(frozen=True)
@@ -44,24 +45,14 @@ class Step:
 class Program:
     """What steps from one equilibrium are found from.
 
-    Attributes
-    ----------
-    margins : Margins
-        Margins to all limits, with slopes.
-    slopes : Slopes
-        Derivatives of targets and extensions.
-    defect : ndarray, shape (n_targets,)
-        g(s) - g.
-    direction : ndarray, shape (n_targets,)
-        dg/ds.
-    radius : float [m]
-        Largest change of an input.
-    unit : float [m]
-        Scale of the changes.
-    inside : float
-        Margin that is left to each limit, as a part of its size.
-    preferred : ndarray, shape (n_actuators,) [m], optional
-        The changes of the inputs from which a step differs least, instead of 0.
+    margins: margins to all limits, with slopes.
+    slopes: derivatives of targets and extensions.
+    defect (n_targets,): g(s) - g.
+    direction (n_targets,): dg/ds.
+    radius [m]: largest change of an input.
+    unit [m]: scale of the changes.
+    aimed_margin: margin that is left to each limit, as a part of its size.
+    preferred (n_actuators,) [m]: the changes of the inputs from which a step differs least, instead of 0.
     """
 
     margins: Margins
@@ -70,7 +61,7 @@ class Program:
     direction: FloatArray
     radius: float
     unit: float
-    inside: float = INSIDE
+    aimed_margin: float = AIMED_MARGIN
     preferred: FloatArray | None = None
 
     def find_step(self, progress: float) -> Step | None:
@@ -79,21 +70,23 @@ class Program:
         hessian = self._hessian()
         gradient = np.zeros(len(hessian)) if self.preferred is None else -hessian @ self.preferred / self.unit
         found = find_minimum(hessian, gradient, rows, lower, upper)
-        return None if found is None else self._read(found.x, progress, found.multiplier)
+        return None if found is None else self._build_step(found.x, progress, found.multiplier)
 
     def find_furthest(self, least: float, most: float) -> Step | None:
         """Return the step with the most progress within [least, most], None where there is none."""
         rows, lower, upper = self._constraints_with_progress(least, most)
         count = rows.shape[1] - 1
         hessian = np.diag(np.append(np.zeros(count), 1.0))
-        hessian[:count, :count] = GENTLE * min((LARGE * self.unit / self.radius) ** 2, 1.0) * self._hessian()
+        weight = CHANGE_WEIGHT * min((MOST_WEIGHTED_UNITS * self.unit / self.radius) ** 2, 1.0)
+        hessian[:count, :count] = weight * self._hessian()
         gradient = np.append(np.zeros(count), -1.0)
         found = find_minimum(hessian, gradient, rows, lower, upper)
         if found is None:
             return None
-        return self._read(found.x[:count], least + (most - least) * float(found.x[-1]), found.multiplier)
+        progress = least + (most - least) * float(found.x[-1])
+        return self._build_step(found.x[:count], progress, found.multiplier)
 
-    def find_free(self, most: float) -> float:
+    def find_unlimited_progress(self, most: float) -> float:
         """Return the most progress within [0, most] that the bound of the step permits without limits."""
         margins = replace(self.margins, value=np.full(len(self.margins.value), np.inf))
         found = replace(self, margins=margins).find_bound(most)
@@ -104,14 +97,14 @@ class Program:
         rows, lower, upper = self._constraints_with_progress(0.0, 1.0)
         lower[-1], upper[-1] = -np.inf, most
         found = find_largest(np.append(np.zeros(rows.shape[1] - 1), 1.0), rows, lower, upper)
-        return None if found is None else self._read(found.x[:-1], float(found.x[-1]), found.multiplier)
+        return None if found is None else self._build_step(found.x[:-1], float(found.x[-1]), found.multiplier)
 
     @property
-    def _near(self) -> NDArray[np.int64]:
+    def _reachable_rows(self) -> NDArray[np.int64]:
         """Rows of the margins that a step within the radius can reach."""
         assert self.margins.slope is not None
         reach = np.abs(self.margins.slope).sum(axis=1) * self.radius
-        return np.flatnonzero(self.margins.value - self.inside * self.margins.size < reach)
+        return np.flatnonzero(self.margins.value - self.aimed_margin * self.margins.size < reach)
 
     @property
     def _goal_unit(self) -> float:
@@ -119,14 +112,15 @@ class Program:
 
     def _hessian(self) -> FloatArray:
         count = self.slopes.extension.shape[1]
-        return np.asarray(np.eye(count) + STEADY * self.slopes.extension.T @ self.slopes.extension)
+        return np.asarray(np.eye(count) + EXTENSION_WEIGHT * self.slopes.extension.T @ self.slopes.extension)
 
     def _constraints(self, progress: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows over du / unit and their bounds: targets, limits that are near, the box."""
-        near, count = self._near, len(self.slopes.target.T)
+        near, count = self._reachable_rows, len(self.slopes.target.T)
+        # Targets are scaled by the largest of their changes, inputs by their unit.
         assert self.margins.slope is not None
         goal = (self.defect + progress * self.direction) / self._goal_unit
-        aim = (self.inside * self.margins.size - self.margins.value)[near]
+        aim = (self.aimed_margin * self.margins.size - self.margins.value)[near]
         box = np.full(count, self.radius / self.unit)
         targets = self.slopes.target * (self.unit / self._goal_unit)
         rows = np.vstack([targets, self.margins.slope[near] * self.unit, np.eye(count)])
@@ -147,8 +141,8 @@ class Program:
         rows = np.vstack([np.hstack([rows, column[:, None]]), last])
         return rows, np.append(lower, 0.0), np.append(upper, 1.0)
 
-    def _read(self, x: FloatArray, progress: float, multiplier: FloatArray) -> Step:
-        near, first = self._near, len(self.direction)
+    def _build_step(self, x: FloatArray, progress: float, multiplier: FloatArray) -> Step:
+        near, first = self._reachable_rows, len(self.direction)
         own = multiplier[first : first + len(near)]
-        active = np.flatnonzero(own > BINDS * float(own.max(initial=0.0)))
+        active = np.flatnonzero(own > BINDING_PART * float(own.max(initial=0.0)))
         return Step(self.unit * x, progress, near[active], own[active])

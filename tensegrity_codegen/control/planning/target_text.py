@@ -64,22 +64,10 @@ def read_targets(
 ) -> tuple[TargetText, ...]:
     """Return targets that are given as texts `TARGET=VALUE` or as a mapping of target to value.
 
-    Parameters
-    ----------
-    targets : mapping, sequence of str, or str
-        For example ``{"twist": 165.0}`` or ``["twist=165deg"]``.
-
-    Returns
-    -------
-    tuple of TargetText
-        Targets in their order.
-
-    Raises
-    ------
-    InvalidValueError
-        No target, a target without a value or with a value that is no number, or a target twice.
-    NonFiniteError
-        A value that is not finite.
+    targets: for example ``{"twist": 165.0}`` or ``["twist=165deg"]``.
+    Raises InvalidValueError: no target, a target without a value or with a value that is no number, or a
+        target twice.
+    Raises NonFiniteError: a value that is not finite.
     """
     if isinstance(targets, str):
         targets = [targets]
@@ -117,22 +105,9 @@ def rewrite(text: str) -> str:
 def parse_shape(text: str) -> ShapeCall | None:
     """Return the call of a shape parameter that a target consists of; None for any other expression.
 
-    Parameters
-    ----------
-    text : str
-        Left side of a target.
-
-    Returns
-    -------
-    ShapeCall or None
-        Name, arguments and component.
-
-    Raises
-    ------
-    UnknownNameError
-        An unknown function or component.
-    InvalidValueError
-        Arguments that are no names, or a shape parameter within an expression.
+    text: left side of a target.
+    Raises UnknownNameError: an unknown function or component.
+    Raises InvalidValueError: arguments that are no names, or a shape parameter within an expression.
     """
     try:
         node = ast.parse(rewrite(text).strip(), mode="eval").body

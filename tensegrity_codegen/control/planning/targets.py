@@ -102,21 +102,10 @@ class Targets:
     def slopes(self, position: FloatArray, node_slope: FloatArray, moved: MovedBy, step: float) -> FloatArray:
         """Return the derivatives of all components along k directions, (n_targets, k).
 
-        Parameters
-        ----------
-        position : ndarray, shape (n_nodes, 3) [m]
-            Positions of the nodes.
-        node_slope : ndarray, shape (n_nodes, 3, k)
-            How they move along the directions.
-        moved : callable
-            (direction, length) -> static problem and coordinates at that length along a direction.
-        step : float
-            Length of the differences of expressions.
-
-        Returns
-        -------
-        ndarray, shape (n_targets, k)
-            Derivatives, by central differences.
+        position (n_nodes, 3) [m]: positions of the nodes.
+        node_slope (n_nodes, 3, k): how they move along the directions.
+        moved: (direction, length) -> static problem and coordinates at that length along a direction.
+        step: length of the differences of expressions.
         """
         rows = []
         for part in self.parts:
@@ -161,20 +150,7 @@ def _slope_of_shape(
 def find_target_quantities(targets: Sequence[TargetText]) -> tuple[str, ...]:
     """Return the quantities that a model needs for targets.
 
-    Parameters
-    ----------
-    targets : sequence of TargetText
-        The targets.
-
-    Returns
-    -------
-    tuple of str
-        Names of quantities.
-
-    Raises
-    ------
-    SceneError
-        A target that is no expression.
+    Raises SceneError: a target that is no expression.
     """
     found: dict[str, None] = {}
     for target in targets:
@@ -187,26 +163,11 @@ def find_target_quantities(targets: Sequence[TargetText]) -> tuple[str, ...]:
 def bind_targets(targets: Sequence[TargetText], model: CompiledModel) -> Targets:
     """Return targets bound to a model.
 
-    Parameters
-    ----------
-    targets : sequence of TargetText
-        The targets.
-    model : CompiledModel
-        With the quantities of find_target_quantities.
-
-    Returns
-    -------
-    Targets
-        Values and derivatives.
-
-    Raises
-    ------
-    UnknownNameError
-        An unknown node, member, function or quantity.
-    InvalidValueError
-        A wrong number of values, a wrong unit, or sets of nodes that do not determine the target.
-    FormulationError
-        The model lacks a quantity.
+    model: with the quantities of find_target_quantities.
+    Raises UnknownNameError: an unknown node, member, function or quantity.
+    Raises InvalidValueError: a wrong number of values, a wrong unit, or sets of nodes that do not determine
+        the target.
+    Raises FormulationError: the model lacks a quantity.
     """
     return Targets(tuple(_bind(target, model) for target in targets))
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.cli.scene_files import list_examples
 from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.control.planning.step_problem import Program
 from tensegrity_codegen.runtime.records.plan_result import PlanResult
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
 from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
@@ -233,7 +234,7 @@ def test_times_follow_from_the_slowest_actuator_of_each_step() -> None:
 def test_a_path_goes_on_where_the_progress_of_the_first_step_is_unknown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tensegrity_codegen.control.planning.step_problem.Program.find_free", lambda *_: 0.0)
+    monkeypatch.setattr(Program, "find_unlimited_progress", lambda *_: 0.0)
     found = plan(compile_plan(PRISM12), "twist=160", steps=12)
     check(found, PRISM12, steps=40, least=1.0, clearance=0.002)
 

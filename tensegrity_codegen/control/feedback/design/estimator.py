@@ -26,16 +26,9 @@ STEP = 1e-6  # of differences; coordinates are lengths of structures of a metre,
 class Sensing:
     """The measurements of a model, number by number.
 
-    Attributes
-    ----------
-    model : CompiledModel
-        The model.
-    sensors : tuple of Sensor
-        What is measured.
-    names : tuple of str
-        Name of each number, such as "length of top1" or "top1.x".
-    noise : ndarray, shape (n_y,)
-        Standard deviation of each, in its unit.
+    sensors: what is measured.
+    names: name of each number, such as "length of top1" or "top1.x".
+    noise (n_y,): standard deviation of each, in its unit.
     """
 
     model: CompiledModel
@@ -85,26 +78,12 @@ class Sensing:
 def find_sensing(model: CompiledModel, sensors: Sequence[Sensor] | None = None) -> Sensing:
     """Return the measurements of a model.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure.
-    sensors : sequence of Sensor, optional
-        What is measured; by default the sensors of the scene.
-
-    Returns
-    -------
-    Sensing
-        All numbers, sensor by sensor.
-
-    Raises
-    ------
-    StructureError
-        There are no sensors.
-    InvalidValueError
-        A sensor without noise, or of members or nodes that do not exist.
-    FormulationError
-        The model does not compute what is measured.
+    model: with its structure.
+    sensors: what is measured; by default the sensors of the scene.
+    Returns: all numbers, sensor by sensor.
+    Raises StructureError: there are no sensors.
+    Raises InvalidValueError: a sensor without noise, or of members or nodes that do not exist.
+    Raises FormulationError: the model does not compute what is measured.
     """
     structure, manifest = model.structure, model.manifest
     stated: Any = sensors

@@ -34,18 +34,14 @@ FOUND_STATUSES = ("converged", "rounding_limited")
 class LinearSamples:
     """Linear models at sample times, of x = (q, q') and the actuators' inputs u minus those of the motion.
 
-    Attributes
-    ----------
-    time : ndarray, shape (n_t,) [s]
-        Sample times; the last one is the end of the motion or just after it, at rest the second one.
-    sample : float [s]
-        Sample time.
-    A, B : ndarray, shape (n_t, n_states, n_states) and (n_t, n_states, n_actuators)
-        Transition over the sample that starts there, for inputs held constant.
-    past : ndarray, shape (n_t, n_states, n_past)
-        Effect of the commands that are on their way then, see `hold_delayed`; without delays n_past = 0.
-    rate, gain : ndarray, same shapes
-        Continuous-time matrices x' = rate x + gain u.
+    time (n_t,) [s]: sample times; the last one is the end of the motion or just after it, at rest the second
+        one.
+    sample [s]: sample time.
+    A, B (n_t, n_states, n_states) and (n_t, n_states, n_actuators): transition over the sample that starts
+        there, for inputs held constant.
+    past (n_t, n_states, n_past): effect of the commands that are on their way then, see `hold_delayed`;
+        without delays n_past = 0.
+    rate, gain same shapes: continuous-time matrices x' = rate x + gain u.
     """
 
     time: FloatArray
@@ -67,35 +63,16 @@ def sample_linear_models(
 ) -> LinearSamples:
     """Return the sampled linear models along a motion.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With LINEAR_QUANTITIES.
-    motion : Motion
-        The motion.
-    sample : float [s]
-        Sample time.
-    actuators : sequence of str
-        Names of the inputs that feedback changes.
-    arguments : mapping, optional
-        Run-time parameters where they differ from the scene.
-    delay : ndarray, shape (n_actuators,), optional [s]
-        After which commands arrive; by default at once.
+    model: with LINEAR_QUANTITIES.
+    sample [s]: sample time.
+    actuators: names of the inputs that feedback changes.
+    arguments: run-time parameters where they differ from the scene.
+    delay (n_actuators,) [s]: after which commands arrive; by default at once.
+    Returns: one model at each sample time.
+    Raises InvalidValueError: the sample time is out of range, or the motion has other coordinates than the
+        model.
+    Raises FormulationError: coordinates depend on each other, or the model lacks a quantity.
 
-    Returns
-    -------
-    LinearSamples
-        One model at each sample time.
-
-    Raises
-    ------
-    InvalidValueError
-        The sample time is out of range, or the motion has other coordinates than the model.
-    FormulationError
-        Coordinates depend on each other, or the model lacks a quantity.
-
-    Notes
-    -----
     expm([[A, B], [0, 0]] h) = [[A_h, B_h], [0, 1]] (Van Loan, IEEE Transactions on Automatic Control 23,
     1978), A and B at the state, inputs and time of the start of the sample.
     """
@@ -189,17 +166,9 @@ def split_delays(delay: FloatArray, sample: float) -> tuple[IntArray, FloatArray
 def compute_hold(rate: FloatArray, gain: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
     """Return the transition over one sample for a constant input.
 
-    Parameters
-    ----------
-    rate, gain : ndarray, shape (n, n) and (n, m)
-        x' = rate x + gain u.
-    sample : float [s]
-        Sample time.
-
-    Returns
-    -------
-    A, B : ndarray
-        x[k+1] = A x[k] + B u[k], same shapes.
+    rate, gain (n, n) and (n, m): x' = rate x + gain u.
+    sample [s]: sample time.
+    Returns A, B: x[k+1] = A x[k] + B u[k], same shapes.
     """
     n, m = gain.shape
     block = np.zeros((n + m, n + m))
@@ -213,20 +182,11 @@ def hold_delayed(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the transition over one sample for commands that arrive after delays and are held.
 
-    Parameters
-    ----------
-    rate, gain : ndarray, shape (n, n) and (n, m)
-        x' = rate x + gain u.
-    sample : float [s]
-        Sample time.
-    delay : ndarray, shape (m,) [s]
-        Delay of each input.
-
-    Returns
-    -------
-    A, B, P : ndarray, shape (n, n), (n, m) and (n, n_past)
-        x[k+1] = A x[k] + B c[k] + P p[k], with c[k] the commands of the sample and p[k] those that are on
-        their way: of each input the latest first. Exact.
+    rate, gain (n, n) and (n, m): x' = rate x + gain u.
+    sample [s]: sample time.
+    delay (m,) [s]: delay of each input.
+    Returns A, B, P (n, n), (n, m) and (n, n_past): x[k+1] = A x[k] + B c[k] + P p[k], with c[k] the commands
+        of the sample and p[k] those that are on their way: of each input the latest first. Exact.
     """
     a, now = compute_hold(rate, gain, sample)
     back, rest, count = split_delays(delay, sample)
@@ -248,10 +208,7 @@ def hold_delayed(
 def shift_commands(delay: FloatArray, sample: float) -> tuple[FloatArray, FloatArray]:
     """Return by which matrices commands on their way follow from those before and the new ones.
 
-    Returns
-    -------
-    shift, enter : ndarray, shape (n_past, n_past) and (n_past, m)
-        p[k+1] = shift p[k] + enter c[k].
+    Returns shift, enter (n_past, n_past) and (n_past, m): p[k+1] = shift p[k] + enter c[k].
     """
     count = split_delays(delay, sample)[2]
     size = int(count.sum())
@@ -274,30 +231,14 @@ def build_rest(
 ) -> Motion:
     """Return the motion that stays at an equilibrium.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure, which has actuators.
-    equilibrium : Equilibrium
-        As of find_equilibrium, with the same arguments.
-    duration : float [s]
-        Time of the last knot.
-    arguments : mapping, optional
-        Inputs and run-time parameters where they differ from the scene.
-    actuators : sequence of str, optional
-        Names of the actuators that may move; by default all of the scene.
-
-    Returns
-    -------
-    Motion
-        Two knots.
-
-    Raises
-    ------
-    InvalidValueError
-        The equilibrium was not found, or is one of another model; the duration is no number > 0.
-    StructureError
-        The structure has no actuators.
+    model: with its structure, which has actuators.
+    equilibrium: as of find_equilibrium, with the same arguments.
+    duration [s]: time of the last knot.
+    arguments: inputs and run-time parameters where they differ from the scene.
+    actuators: names of the actuators that may move; by default all of the scene.
+    Raises InvalidValueError: the equilibrium was not found, or is one of another model; the duration is no
+        number > 0.
+    Raises StructureError: the structure has no actuators.
     """
     check_instance(equilibrium, Equilibrium, "motion", "a Motion of time_motion, or an Equilibrium")
     if equilibrium.status not in FOUND_STATUSES:

@@ -37,21 +37,12 @@ def step_back(
 ) -> tuple[FloatArray, FloatArray]:
     """Return P one sample earlier, and the gain there.
 
-    Parameters
-    ----------
-    p : ndarray, shape (n, n)
-        Cost to go after the sample.
-    a, b : ndarray, shape (n, n) and (n, m)
-        x[k+1] = a x[k] + b u[k].
-    q, r : ndarray, shape (n, n) and (m, m)
-        Weights.
-
-    Returns
-    -------
-    p : ndarray, shape (n, n)
-        Q + K^T R K + (A - B K)^T P (A - B K), symmetric and positive semidefinite in rounded arithmetic too.
-    gain : ndarray, shape (m, n)
-        K, for u = -K x.
+    p (n, n): cost to go after the sample.
+    a, b (n, n) and (n, m): x[k+1] = a x[k] + b u[k].
+    q, r (n, n) and (m, m): weights.
+    Returns p (n, n): Q + K^T R K + (A - B K)^T P (A - B K), symmetric and positive semidefinite in rounded
+        arithmetic too.
+    Returns gain (m, n): K, for u = -K x.
     """
     gain = compute_gain(p, a, b, r)
     closed = a - b @ gain
@@ -64,27 +55,12 @@ def find_stationary(
 ) -> tuple[FloatArray, float]:
     """Return the stabilising solution of the stationary Riccati equation, and its residual over |P|.
 
-    Parameters
-    ----------
-    a, b, q, r : ndarray
-        As in `step_back`.
-    where : str
-        For errors.
+    a, b, q, r: as in `step_back`.
+    where: for errors.
+    Returns p (n, n): P = Q + K^T R K + (A - B K)^T P (A - B K).
+    Returns residual: largest entry of the difference of both sides over that of P.
+    Raises ConvergenceError: no solution was found whose residual is below RESIDUAL.
 
-    Returns
-    -------
-    p : ndarray, shape (n, n)
-        P = Q + K^T R K + (A - B K)^T P (A - B K).
-    residual : float
-        Largest entry of the difference of both sides over that of P.
-
-    Raises
-    ------
-    ConvergenceError
-        No solution was found whose residual is below RESIDUAL.
-
-    Notes
-    -----
     The structure-preserving doubling algorithm (E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang,
     "Structure-preserving algorithms for periodic discrete-time algebraic Riccati equations", International
     Journal of Control 77, 2004): k steps of it are 2^k steps of the recursion. Where its solution does not
@@ -171,14 +147,9 @@ def _solve_by_decomposition(
 class HiddenMode:
     """A mode that inputs do not change, or outputs do not show.
 
-    Attributes
-    ----------
-    eigenvalue : complex
-        Of the sampled system; modulus 1 or more does not decay.
-    direction : ndarray, shape (n_states,)
-        Unit vector of the states that take part.
-    rank, size : int
-        Rank of the test matrix, and the rank that it should have.
+    eigenvalue: of the sampled system; modulus 1 or more does not decay.
+    direction (n_states,): unit vector of the states that take part.
+    rank, size: rank of the test matrix, and the rank that it should have.
     """
 
     eigenvalue: complex
@@ -190,15 +161,8 @@ class HiddenMode:
 def find_uncontrolled(a: FloatArray, b: FloatArray) -> list[HiddenMode]:
     """Return the modes that do not decay and that no input changes.
 
-    Parameters
-    ----------
-    a, b : ndarray, shape (n, n) and (n, m)
-        x[k+1] = a x[k] + b u[k].
-
-    Returns
-    -------
-    list of HiddenMode
-        Empty if the system is stabilisable.
+    a, b (n, n) and (n, m): x[k+1] = a x[k] + b u[k].
+    Returns: empty if the system is stabilisable.
     """
     return _test(a.T, b.T)
 
@@ -206,15 +170,8 @@ def find_uncontrolled(a: FloatArray, b: FloatArray) -> list[HiddenMode]:
 def find_unobserved(a: FloatArray, c: FloatArray) -> list[HiddenMode]:
     """Return the modes that do not decay and that no output shows.
 
-    Parameters
-    ----------
-    a, c : ndarray, shape (n, n) and (k, n)
-        x[k+1] = a x[k], y = c x.
-
-    Returns
-    -------
-    list of HiddenMode
-        Empty if the system is detectable.
+    a, c (n, n) and (k, n): x[k+1] = a x[k], y = c x.
+    Returns: empty if the system is detectable.
     """
     return _test(a, c)
 
@@ -266,24 +223,12 @@ def name_free_motions(
 ) -> tuple[str, ...]:
     """Return the rigid motions that no actuator changes, such as "slide along x".
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With `mass_matrix`; of bodies none are found.
-    coordinate : ndarray, shape (n_coordinates,)
-        Configuration.
-    gain : ndarray, shape (n_coordinates, n_actuators)
-        Derivatives of the accelerations by the actuators' inputs.
-    arguments : mapping
-        Run-time parameters where they differ from the scene.
+    model: with `mass_matrix`; of bodies none are found.
+    coordinate (n_coordinates,): configuration.
+    gain (n_coordinates, n_actuators): derivatives of the accelerations by the actuators' inputs.
+    arguments: run-time parameters where they differ from the scene.
+    Returns: names; empty where the anchors permit no rigid motion.
 
-    Returns
-    -------
-    tuple of str
-        Names; empty where the anchors permit no rigid motion.
-
-    Notes
-    -----
     Rigid motions R for which R^T M gain = 0: internal forces change neither momentum.
     """
     manifest = model.manifest

@@ -20,20 +20,12 @@ ROUNDING = 1e-9  # of a rate, by which a motion may exceed it
 class ActuatorBounds:
     """Bounds of the actuators of a motion, in its order.
 
-    Attributes
-    ----------
-    names : tuple of str
-        Their names.
-    place : ndarray of int, shape (n_actuators,)
-        Indices of their inputs.
-    members : tuple of tuple of int
-        Indices of their members.
-    least, most : ndarray, shape (n_actuators,) [m]
-        Bounds of their inputs.
-    rate : ndarray, shape (n_actuators,) [m/s]
-        Largest rates.
-    delay : ndarray, shape (n_actuators,) [s]
-        Times from the command to the motion.
+    names: their names.
+    place (n_actuators,): indices of their inputs.
+    members: indices of their members.
+    least, most (n_actuators,) [m]: bounds of their inputs.
+    rate (n_actuators,) [m/s]: largest rates.
+    delay (n_actuators,) [s]: times from the command to the motion.
     """
 
     names: tuple[str, ...]
@@ -56,30 +48,15 @@ def find_bounds(
 ) -> ActuatorBounds:
     """Return the bounds of a motion's actuators: those of the scene, or those given.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure, which has the actuators.
-    motion : Motion
-        Names the actuators.
-    rate : float or array_like, shape (n_actuators,), optional [m/s]
-        Largest rates.
-    range : array_like, shape (2,) or (n_actuators, 2), optional [m]
-        Least and largest rest lengths.
-    delay : float or array_like, shape (n_actuators,), optional [s]
-        Delays.
-    longest_delay : float, optional [s]
-        That is accepted; by default the duration of the motion.
-
-    Returns
-    -------
-    ActuatorBounds
-        Bounds in the order of the motion.
-
-    Raises
-    ------
-    InvalidValueError
-        A value out of range, a motion that needs higher rates, or a delay longer than the motion.
+    model: with its structure, which has the actuators.
+    motion: names the actuators.
+    rate (n_actuators,) [m/s]: largest rates.
+    range (2,) or (n_actuators, 2) [m]: least and largest rest lengths.
+    delay (n_actuators,) [s]: delays.
+    longest_delay [s]: that is accepted; by default the duration of the motion.
+    Returns: bounds in the order of the motion.
+    Raises InvalidValueError: a value out of range, a motion that needs higher rates, or a delay longer than
+        the motion.
     """
     actuation = find_actuation(model, motion.actuators)
     structure = model.structure
@@ -149,14 +126,9 @@ def _check_rates(bounds: ActuatorBounds, motion: Motion, longest: float) -> None
 class DelayedInputs:
     """The inputs of the model during a sample, where each actuator follows its commands after a delay.
 
-    Parameters
-    ----------
-    bounds : ActuatorBounds
-        Delays of the actuators.
-    start : ndarray, shape (n_actuators,) [m]
-        Their inputs before the first command arrives.
-    sample : float [s]
-        Time between two commands.
+    bounds: delays of the actuators.
+    start (n_actuators,) [m]: their inputs before the first command arrives.
+    sample [s]: time between two commands.
     """
 
     def __init__(self, bounds: ActuatorBounds, start: FloatArray, sample: float) -> None:
@@ -167,15 +139,8 @@ class DelayedInputs:
     def push(self, command: FloatArray) -> list[tuple[float, FloatArray]]:
         """Return the inputs from here to the next command.
 
-        Parameters
-        ----------
-        command : ndarray, shape (n_actuators,) [m]
-            The new command.
-
-        Returns
-        -------
-        list of (float, ndarray)
-            Time after the command [s] from which inputs hold, and the inputs (n_actuators,).
+        command (n_actuators,) [m]: the new command.
+        Returns: time after the command [s] from which inputs hold, and the inputs (n_actuators,).
         """
         self.commands = [*self.commands[1:], command]
         arrived = [self._arrived(0.0)]

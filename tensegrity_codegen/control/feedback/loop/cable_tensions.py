@@ -25,18 +25,11 @@ TOLERANCE = 1e-12  # of bounds, over the largest tension (1 N at least)
 class CableTensions:
     """Linear springs t = (k + EA / rho) (l - rho), taut or not, with rest lengths moved by actuators.
 
-    Attributes
-    ----------
-    spring_constant, axial_stiffness : ndarray, shape (n_members,) [N/m, N]
-        k and EA.
-    base : ndarray, shape (n_members,) [m]
-        Rest lengths without inputs.
-    incidence : ndarray, shape (n_members, n_actuators)
-        Which actuators change which rest lengths.
-    other_incidence : ndarray, shape (n_members, n_inputs)
-        The same of the inputs that are not these actuators.
-    limited : ndarray of int, shape (n_limited,)
-        Members that actuators pull and that have a least tension.
+    spring_constant, axial_stiffness (n_members,) [N/m, N]: k and EA.
+    base (n_members,) [m]: rest lengths without inputs.
+    incidence (n_members, n_actuators): which actuators change which rest lengths.
+    other_incidence (n_members, n_inputs): the same of the inputs that are not these actuators.
+    limited (n_limited,): members that actuators pull and that have a least tension.
     """
 
     spring_constant: FloatArray
@@ -90,26 +83,10 @@ def find_cables(
 ) -> CableTensions:
     """Return the members of a model as functions of its actuators.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With its structure.
-    bounds : ActuatorBounds
-        The actuators.
-    least : ndarray, shape (n_members,) [N]
-        Least tensions.
-    arguments : mapping
-        Run-time rest lengths and stiffnesses where they differ from the scene.
-
-    Returns
-    -------
-    CableTensions
-        Stiffnesses and rest lengths.
-
-    Raises
-    ------
-    FormulationError
-        An actuator pulls a member whose law is not a linear spring.
+    model: with its structure.
+    least (n_members,) [N]: least tensions.
+    arguments: run-time rest lengths and stiffnesses where they differ from the scene.
+    Raises FormulationError: an actuator pulls a member whose law is not a linear spring.
     """
     structure = model.structure
     assert structure is not None

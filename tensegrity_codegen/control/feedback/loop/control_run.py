@@ -141,33 +141,15 @@ def build_run(
 ) -> ControlRun:
     """Return the record of a run.
 
-    Parameters
-    ----------
-    manifest : Manifest
-        Of the simulated model.
-    motion : Motion
-        The motion to hold.
-    sample : float [s]
-        Time between two commands.
-    state : ndarray, shape (n_t, n_states)
-        Coordinates and velocities at the samples.
-    command, input : ndarray, shape (n_t - 1, n_actuators) and (n_t - 1, n_inputs)
-        Of each sample.
-    tension : ndarray, shape (n_t, n_members) [N]
-        Tensions at the samples.
-    known : ndarray, shape (n_t - 1, n_states + n_coordinates), or None
-        Estimated states and disturbance forces, with an estimator.
-    statuses : sequence of str
-        Status of each step.
-    word : str
-        ``"ok"``, or why the run ended.
-    yielding : ndarray of bool, shape (n_t - 1, n_members), optional
-        Members whose least tension yields.
-
-    Returns
-    -------
-    ControlRun
-        The record.
+    manifest: of the simulated model.
+    sample [s]: time between two commands.
+    state (n_t, n_states): coordinates and velocities at the samples.
+    command, input (n_t - 1, n_actuators) and (n_t - 1, n_inputs): of each sample.
+    tension (n_t, n_members) [N]: tensions at the samples.
+    known (n_t - 1, n_states + n_coordinates): estimated states and disturbance forces, with an estimator.
+    statuses: status of each step.
+    word: ``"ok"``, or why the run ended.
+    yielding (n_t - 1, n_members): members whose least tension yields.
     """
     n_t, n = len(state), len(manifest.coordinate_name)
     time = sample * np.arange(n_t, dtype=float)
@@ -202,21 +184,9 @@ def compare_with_open_loop(
 ) -> ControlRun:
     """Return a run with the status ``"does_not_hold"`` where it ends further away than the open loop.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        The model that was simulated.
-    motion : Motion
-        The motion.
-    run : ControlRun
-        The run with feedback.
-    run_open : callable
-        Simulates the same draw without feedback, where the error at the end is large enough to need it.
-
-    Returns
-    -------
-    ControlRun
-        The run; its message has both errors where they were compared.
+    run_open: simulates the same draw without feedback, where the error at the end is large enough to need
+        it.
+    Returns: the run; its message has both errors where they were compared.
     """
     if run.status != "ok":
         return run

@@ -54,26 +54,13 @@ class Distribution(Protocol):
 class Controller:
     """Feedback u = u_motion - K (x - x_motion) at each sample, cut to rates and ranges.
 
-    Parameters
-    ----------
-    motion : Motion
-        The motion to hold.
-    gains : Gains or None
-        Feedback; None: the inputs of the motion alone.
-    bounds : ActuatorBounds
-        Rates and ranges.
-    sample : float [s]
-        Time between two commands.
-    distribution : TensionDistribution, optional
-        Finds tensions above the least ones that give the same forces.
+    gains: feedback; None: the inputs of the motion alone.
+    bounds: rates and ranges.
+    sample [s]: time between two commands.
+    distribution: finds tensions above the least ones that give the same forces.
+    yielding (n_members,): members whose least tension the last command could not reach; None without a
+        distribution.
 
-    Attributes
-    ----------
-    yielding : ndarray of bool, shape (n_members,), or None
-        Members whose least tension the last command could not reach; None without a distribution.
-
-    Notes
-    -----
     The input of the motion is that of the middle of the time in which the command holds, delays included. The
     sums of errors stand still while a command is cut, so that they do not grow without effect.
     """
@@ -97,12 +84,8 @@ class Controller:
     def step(self, k: int, state: FloatArray) -> tuple[FloatArray, str]:
         """Return the command of a sample, (n_actuators,) [m], and its status.
 
-        Parameters
-        ----------
-        k : int
-            Number of the sample, from 0.
-        state : ndarray, shape (n_states,)
-            Coordinates and velocities, true or estimated.
+        k: number of the sample, from 0.
+        state (n_states,): coordinates and velocities, true or estimated.
         """
         wanted, error = self.find_wanted(k, state)
         if self.distribution is None:
@@ -170,22 +153,12 @@ class Controller:
 class Filter:
     """An estimator that runs from the start of a motion on.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        The model that the estimator knows.
-    estimator : Estimator
-        Its gains.
-    motion : Motion
-        Whose start is the first prediction, without disturbances.
-    arguments : mapping
-        Run-time parameters where they differ from the scene.
-
-    Attributes
-    ----------
-    is_outlier : bool
-        Whether the last measurements were too far from their predictions, and were not used: further than six
-        standard deviations, or twice what was accepted lately, or twice as far again after each outlier.
+    model: the model that the estimator knows.
+    motion: whose start is the first prediction, without disturbances.
+    arguments: run-time parameters where they differ from the scene.
+    is_outlier: whether the last measurements were too far from their predictions, and were not used: further
+        than six standard deviations, or twice what was accepted lately, or twice as far again after each
+        outlier.
     """
 
     def __init__(
@@ -207,14 +180,9 @@ class Filter:
     def correct(self, time: float, measured: FloatArray, value: FloatArray) -> FloatArray:
         """Return the state (q, q') after a measurement, of which outliers are not used.
 
-        Parameters
-        ----------
-        time : float [s]
-            Time of the measurement.
-        measured : ndarray, shape (n_y,)
-            Measured numbers.
-        value : ndarray, shape (n_inputs,)
-            Inputs of the model then.
+        time [s]: time of the measurement.
+        measured (n_y,): measured numbers.
+        value (n_inputs,): inputs of the model then.
         """
         off = measured - self.estimator.sensing.measure(self._at(self.state, value))
         most = float(np.abs(off * self.estimator.weight(time)).max(initial=0.0))

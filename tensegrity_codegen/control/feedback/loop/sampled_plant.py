@@ -52,16 +52,9 @@ class Gust:
 class GustLoad:
     """Gusts on a model whose loads can change at run time.
 
-    Attributes
-    ----------
-    gusts : tuple of Gust
-        The gusts.
-    row : tuple of int
-        Row of each one's node among the changeable loads.
-    axes : tuple of int
-        Modelled axes.
-    base : ndarray, shape (k, n_axes) [N]
-        Loads without gusts.
+    row: row of each one's node among the changeable loads.
+    axes: modelled axes.
+    base (k, n_axes) [N]: loads without gusts.
     """
 
     gusts: tuple[Gust, ...]
@@ -88,26 +81,10 @@ def bind_gust(
 ) -> GustLoad | None:
     """Return the loads of gusts, None without one.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With the run-time parameter `node_load`.
-    gust : Gust or sequence of Gust, optional
-        The gusts.
-    base : ndarray, optional [N]
-        Loads of the nodes in the order of the parameter; by default those of the scene.
-
-    Returns
-    -------
-    GustLoad or None
-        Loads over time.
-
-    Raises
-    ------
-    UnknownNameError
-        The loads of the node cannot change.
-    InvalidValueError
-        A force that is no vector of numbers, or a time out of range.
+    model: with the run-time parameter `node_load`.
+    base [N]: loads of the nodes in the order of the parameter; by default those of the scene.
+    Raises UnknownNameError: the loads of the node cannot change.
+    Raises InvalidValueError: a force that is no vector of numbers, or a time out of range.
     """
     stated = () if gust is None else (gust,) if isinstance(gust, Gust) else gust
     check_instance(stated, (list, tuple), "gust", "a Gust, or a list of them")
@@ -153,21 +130,11 @@ def _check(gust: Gust) -> None:
 class SampledPlant:
     """A model that is integrated from one time to the next, with inputs constant in between.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With the integrator CONTROL_METHOD.
-    state : ndarray, shape (n_states,)
-        State at time 0.
-    arguments : mapping
-        Run-time parameters and inputs.
-    gusts : GustLoad, optional
-        Loads that change with time.
-
-    Attributes
-    ----------
-    word : str
-        Status of the last integration: "ok", or why it stopped.
+    model: with the integrator CONTROL_METHOD.
+    state (n_states,): state at time 0.
+    arguments: run-time parameters and inputs.
+    gusts: loads that change with time.
+    word: status of the last integration: "ok", or why it stopped.
     """
 
     def __init__(

@@ -242,17 +242,9 @@ def find_low_tensions(loops: Mapping[str, LoopResult], limits: Limits) -> tuple[
 def find_warnings(loops: Mapping[str, LoopResult], tolerance: float) -> tuple[str, ...]:
     """Return a sentence for each loop with feedback whose commands are often cut, or that gains little.
 
-    Parameters
-    ----------
-    loops : mapping of str to LoopResult
-        All loops.
-    tolerance : float [m]
-        Displacement that the weights accept; smaller errors than a tenth of it are no reason to warn.
-
-    Returns
-    -------
-    tuple of str
-        Sentences.
+    loops: all loops.
+    tolerance [m]: displacement that the weights accept; smaller errors than a tenth of it are no reason to
+        warn.
     """
     found = []
     without = float(loops[OPEN].end_error.max())

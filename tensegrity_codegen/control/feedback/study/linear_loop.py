@@ -40,14 +40,9 @@ SETTLING_CONSTANTS = 5.0  # time constants of the estimate, up to the time from 
 class Margins:
     """What a linear loop stands before it becomes unstable.
 
-    Attributes
-    ----------
-    is_stable : bool
-        Whether the loop itself is stable.
-    delay : float [s]
-        Largest further delay of all actuators, infinite where ten samples more are not too many.
-    gain : float
-        Largest factor of the effect of all actuators, infinite where 11 is not too much.
+    is_stable: whether the loop itself is stable.
+    delay [s]: largest further delay of all actuators, infinite where ten samples more are not too many.
+    gain: largest factor of the effect of all actuators, infinite where 11 is not too much.
     """
 
     is_stable: bool
@@ -59,18 +54,12 @@ class Margins:
 class LinearLoop:
     """A linear closed loop about the end of a motion.
 
-    Attributes
-    ----------
-    rate, gain : ndarray, shape (n_x, n_x) and (n_x, n_actuators)
-        x' = rate x + gain u, x = (q, q').
-    gains : Gains
-        Feedback, of which the last gains count.
-    delay : ndarray, shape (n_actuators,) [s]
-        Delays of the actuators, which an estimator knows.
-    estimate_rate, slope, correction : ndarray, shape (n_e, n_e), (n_y, n_e) and (n_e, n_y)
-        Model, measurements and last gains of an estimator; n_e = 0 without one.
-    noise : ndarray, shape (n_y,)
-        Standard deviations of the measurements.
+    rate, gain (n_x, n_x) and (n_x, n_actuators): x' = rate x + gain u, x = (q, q').
+    gains: feedback, of which the last gains count.
+    delay (n_actuators,) [s]: delays of the actuators, which an estimator knows.
+    estimate_rate, slope, correction (n_e, n_e), (n_y, n_e) and (n_e, n_y): model, measurements and last
+        gains of an estimator; n_e = 0 without one.
+    noise (n_y,): standard deviations of the measurements.
     """
 
     rate: FloatArray
@@ -88,17 +77,10 @@ class LinearLoop:
     def step(self, more_delay: float = 0.0, factor: float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Return the transition of one sample, and the effect of the noise of its measurements.
 
-        Parameters
-        ----------
-        more_delay : float [s]
-            Of all actuators, which neither gains nor estimator know.
-        factor : float
-            Of the effect of all actuators, likewise.
-
-        Returns
-        -------
-        F, G : ndarray, shape (n, n) and (n, n_y)
-            s[k+1] = F s[k] + G v[k], s: state x, commands on their way, predicted estimate, sums of errors.
+        more_delay [s]: of all actuators, which neither gains nor estimator know.
+        factor: of the effect of all actuators, likewise.
+        Returns F, G (n, n) and (n, n_y): s[k+1] = F s[k] + G v[k], s: state x, commands on their way,
+            predicted estimate, sums of errors.
         """
         sample, n, m = self.gains.sample, len(self.rate), len(self.delay)
         n_e, n_z, late = len(self.estimate_rate), len(self.gains.integral_action), self.delay + more_delay
@@ -151,25 +133,11 @@ def build_linear_loop(
 ) -> LinearLoop:
     """Return the linear loop at the end of a motion.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"control"``.
-    motion : Motion
-        The motion.
-    gains : Gains
-        Feedback.
-    delay : ndarray, shape (n_actuators,) [s]
-        Delays of the actuators.
-    estimator : Estimator or None
-        None: feedback of the true state.
-    arguments : mapping
-        Run-time parameters where they differ from the scene; inputs as one array.
-
-    Returns
-    -------
-    LinearLoop
-        The loop.
+    model: compiled for ``"control"``.
+    gains: feedback.
+    delay (n_actuators,) [s]: delays of the actuators.
+    estimator: None: feedback of the true state.
+    arguments: run-time parameters where they differ from the scene; inputs as one array.
     """
     rate, gain = linearise(model, motion, motion.duration, gains.actuators, arguments)
     estimate, slope, correction, noise = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)

@@ -50,19 +50,8 @@ class RunMeasures:
 def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasures:
     """Return the measures of a run.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        The model that was simulated.
-    run : ControlRun
-        The run; where it stopped, its end is that time.
-    last : float [s]
-        Time before the end that counts as the end.
-
-    Returns
-    -------
-    RunMeasures
-        Errors, tensions, limits, statuses.
+    run: the run; where it stopped, its end is that time.
+    last [s]: time before the end that counts as the end.
     """
     away = find_displacement(model, run)
     ending = run.time >= run.time[-1] - last - 1e-12
@@ -131,14 +120,9 @@ def _find_broken(model: CompiledModel, run: ControlRun, ending: BoolArray) -> di
 class LoopResult:
     """One loop over all draws; those of the end are over the last part of the time.
 
-    Attributes
-    ----------
-    name : str
-        ``"open"``, ``"true_state"`` or ``"estimator"``.
-    measures : tuple of RunMeasures
-        Of each draw: status, errors, tensions, limits, statuses of the commands.
-    run : ControlRun
-        The run of the worst draw of the study.
+    name: ``"open"``, ``"true_state"`` or ``"estimator"``.
+    measures: of each draw: status, errors, tensions, limits, statuses of the commands.
+    run: the run of the worst draw of the study.
     """
 
     name: str

@@ -18,24 +18,11 @@ REAL = "fiu"  # kinds of NumPy: floating, signed and unsigned integers
 def read_path(path: str | Path, model: CompiledModel) -> EquilibriumPath:
     """Read the path of a plan that `write_plan` wrote.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``.npz`` file.
-    model : CompiledModel
-        The structure that it must be a plan of.
-
-    Returns
-    -------
-    EquilibriumPath
-        Inputs, coordinates (where the file has them), progress and actuators.
-
-    Raises
-    ------
-    SceneSyntaxError
-        The file cannot be read, or is no plan.
-    InvalidValueError
-        The plan was not found, has no steps, or belongs to another structure.
+    path: ``.npz`` file.
+    model: the structure that it must be a plan of.
+    Returns: inputs, coordinates (where the file has them), progress and actuators.
+    Raises SceneSyntaxError: the file cannot be read, or is no plan.
+    Raises InvalidValueError: the plan was not found, has no steps, or belongs to another structure.
     """
     needed = ("change", "progress", "actuator_name", "member_name", "status")
     data = _read(path, needed, "that the verb plan wrote", optional=("coordinate",))

@@ -127,21 +127,11 @@ def draw_errors(
 ) -> DrawnErrors:
     """Return the errors of a draw, the same for the same seed and number.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        Compiled for ``"control"``.
-    stated : StatedErrors
-        What disturbs.
-    scales : Scales
-        Lengths of the structure.
-    seed, draw : int
-        Seed of the study, number of the draw from 0.
-
-    Returns
-    -------
-    DrawnErrors
-        Errors as `simulate_control` takes them.
+    model: compiled for ``"control"``.
+    stated: what disturbs.
+    scales: lengths of the structure.
+    seed, draw: seed of the study, number of the draw from 0.
+    Returns: errors as `simulate_control` takes them.
     """
     rng = np.random.default_rng([seed, draw])
     length = 0.01 * scales.size if stated.start_error is None else stated.start_error

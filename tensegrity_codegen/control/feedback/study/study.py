@@ -156,7 +156,7 @@ def study_control(
     chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()
     check_errors(model, stated)
-    _check_count(draws)
+    check_whole(draws, "draws", 1, MOST_DRAWS)
     if gains is None:
         gains = design_lqr(
             model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
@@ -208,7 +208,9 @@ class _Work:
                 if progress is not None:
                     progress((first + len(some) * (k + 1) / len(names)) / draws)
             for draw in some:
-                rank = _rank(rows[names[-1]][draw])
+                # The error at the end, above all where a run stopped.
+                row = rows[names[-1]][draw]
+                rank = np.finfo(float).max if row.status != "ok" else row.end_error
                 if rank > worst:
                     worst, number = rank, draw
                     kept = {name: runs[name][draw - first] for name in names}
@@ -287,12 +289,3 @@ def _find_estimator(
     if model.structure is None or not model.structure.sensors:
         return None, None
     return design_slow_estimator(model, motion, gains, tuning.scales, arguments=arguments)
-
-
-def _rank(row: RunMeasures) -> float:
-    """Return what the worst draw is chosen by: the error at the end, above all where a run stopped."""
-    return np.finfo(float).max if row.status != "ok" else row.end_error
-
-
-def _check_count(draws: int) -> None:
-    check_whole(draws, "draws", 1, MOST_DRAWS)

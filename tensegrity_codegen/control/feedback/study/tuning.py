@@ -32,18 +32,12 @@ ZERO = 1e-9  # of the largest squared frequency: below it a motion has no stiffn
 class Scales:
     """Lengths and times of a structure, for weights with consistent units.
 
-    Attributes
-    ----------
-    size : float [m]
-        Longest side of the box around the nodes.
-    lever : ndarray, shape (n_coordinates,) [m/rad or 1]
-        The most that a unit of each coordinate moves a node.
-    is_angle : ndarray of bool, shape (n_coordinates,)
-        Which coordinates are angles.
-    frequency : float [rad/s]
-        Lowest natural frequency, without damping; 0 where no motion has stiffness.
-    static_gain : ndarray, shape (n_coordinates, n_actuators) [m/m]
-        By how much a unit of each actuator's input moves each coordinate at rest, times its lever.
+    size [m]: longest side of the box around the nodes.
+    lever (n_coordinates,) [m/rad or 1]: the most that a unit of each coordinate moves a node.
+    is_angle (n_coordinates,): which coordinates are angles.
+    frequency [rad/s]: lowest natural frequency, without damping; 0 where no motion has stiffness.
+    static_gain (n_coordinates, n_actuators) [m/m]: by how much a unit of each actuator's input moves each
+        coordinate at rest, times its lever.
     """
 
     size: float
@@ -59,19 +53,9 @@ class Scales:
 def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, Any]) -> Scales:
     """Return lengths at the start of a motion, and times at its end.
 
-    Parameters
-    ----------
-    model : CompiledModel
-        With `state_jacobian` and `input_jacobian`.
-    motion : Motion
-        The motion.
-    arguments : mapping
-        Run-time parameters where they differ from the scene; inputs as one array.
-
-    Returns
-    -------
-    Scales
-        Size, levers, angles, lowest natural frequency, static gain.
+    model: with `state_jacobian` and `input_jacobian`.
+    arguments: run-time parameters where they differ from the scene; inputs as one array.
+    Returns: size, levers, angles, lowest natural frequency, static gain.
     """
     q = motion.coordinate[0]
     n = len(q)
@@ -227,7 +211,9 @@ def choose_weights(
     step = check_positive(sample, "sample", "[s]")
     scales = find_scales(model, motion, merge_inputs(model.manifest, arguments))
     d = _read_positive(tolerance, "tolerance", "m") or TOLERANCE * scales.size
-    time = _read_positive(response_time, "response_time", "s") or _find_time(scales, motion, step)
+    period = 1.0 / scales.frequency if scales.frequency > 0.0 else np.inf
+    usual = float(max(min(period, LONGEST * motion.duration), SHORTEST * step))
+    time = _read_positive(response_time, "response_time", "s") or usual
     inputs = _find_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
     outputs, reach = _choose_outputs(model, scales, inputs, integral_action)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -257,11 +243,6 @@ def _read_positive(value: float | None, where: str, unit: str) -> float | None:
     if value is None:
         return None
     return check_positive(value, where, f"[{unit}]")
-
-
-def _find_time(scales: Scales, motion: Motion, sample: float) -> float:
-    own = 1.0 / scales.frequency if scales.frequency > 0.0 else np.inf
-    return float(max(min(own, LONGEST * motion.duration), SHORTEST * sample))
 
 
 def _find_efforts(
