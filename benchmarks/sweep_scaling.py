@@ -28,8 +28,7 @@ import numpy as np
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.cases.layout import CaseLayout
 from tensegrity_codegen.sweeps.store.contents import StoreContents
 from tensegrity_codegen.sweeps.store.create import create_store

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tests.cli.conftest import Run
 from tests.sweeps.store.conftest import KINDS, make_contents, make_result
 

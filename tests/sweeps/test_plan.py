@@ -9,8 +9,7 @@ import pytest
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_scene
 from tensegrity_codegen.pipeline.compile_scene import load_scene
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.cases import Cases
+from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen/scene/examples"

@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.cases.points import Points
+from tensegrity_codegen.sweeps.cases.cases import Cases, Points
 from tensegrity_codegen.sweeps.cases.ranges import RANGE_RULE, read_axis
 from tensegrity_codegen.sweeps.cases.sampled import build_sample
 from tensegrity_codegen.sweeps.cases.table import columns_of

@@ -2,17 +2,71 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.codegen.compilation.fingerprint import hash_text
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.points import Points
 from tensegrity_codegen.system.errors import InvalidValueError
 
 MOST_LISTED = 1000  # values of an axis that a description lists; of longer ones it has the hash
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """One axis of a grid.
+
+    Attributes
+    ----------
+    key : str
+        Path of the number in the scene, as ``"classes.cable.spring_constant"``.
+    values : ndarray, shape (n_values,)
+        Its values, in order; read-only.
+    """
+
+    key: str
+    values: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        values = np.array(self.values, dtype=np.float64).reshape(-1)
+        values.flags.writeable = False
+        object.__setattr__(self, "values", values)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+class Points(Protocol):
+    """A sample or a table: rows of values of some keys, computed on demand."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Paths of the numbers in the scene."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        ...
+
+    @property
+    def method(self) -> str:
+        """One of ``"random"``, ``"latin_hypercube"``, ``"sobol"``, ``"saltelli"``, ``"table"``."""
+        ...
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of a sample; None for a table."""
+        ...
+
+    def values(self, first: int, last: int) -> NDArray[np.float64]:
+        """Return rows first to last - 1, (last - first, n_keys): the same however they are divided."""
+        ...
+
+    def describe(self) -> dict[str, Any]:
+        """Return all that the rows follow from, as plain values."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +85,7 @@ class Cases:
 
     Examples
     --------
-    >>> from tensegrity_codegen.sweeps.cases.axis import Axis
-    >>> from tensegrity_codegen.sweeps.cases.cases import Cases
+    >>> from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
     >>> cases = Cases((Axis("shape.height", [0.2, 0.3]), Axis("gravity[2]", [0.0, -9.81])))
     >>> cases.count, cases.values(1, 3).tolist()
     (4, [[0.2, -9.81], [0.3, 0.0]])

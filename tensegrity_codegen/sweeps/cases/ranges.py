@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.cases.axis import Axis
+from tensegrity_codegen.sweeps.cases.cases import Axis
 from tensegrity_codegen.sweeps.cases.numbers import read_count, read_number
 from tensegrity_codegen.system.errors import InvalidValueError
 

@@ -10,22 +10,88 @@ saltelli          n pairs (A, B) of rows of a Sobol' sequence in 2 D dimensions,
                   `sobol.sample(problem, n, calc_second_order=False)`, which `SALib.analyze.sobol` reads.
 """
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from threading import Lock
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from tensegrity_codegen.sweeps.cases.distributions import Distribution, read_distribution
 from tensegrity_codegen.sweeps.cases.numbers import read_count
-from tensegrity_codegen.sweeps.cases.unit_points import LatinHypercube, PlainRandom, SobolPoints, UnitPoints
+from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import check_choice
 
 METHODS = ("random", "latin_hypercube", "sobol", "saltelli")
 SMALLEST = 2.0**-54  # probabilities are kept from 0 and 1, where a normal distribution has no value
 LARGEST = 1.0 - 2.0**-53
+WORDS = 4  # numbers that Philox makes of one value of its counter
+BITS = 30  # of the coordinates of a Sobol' sequence
+
+
+class UnitPoints(Protocol):
+    """Rows of numbers from 0 to 1."""
+
+    def rows(self, first: int, last: int) -> FloatArray:
+        """Return rows first to last - 1, (last - first, width)."""
+        ...
+
+
+class PlainRandom:
+    """Independent random numbers, of a generator that can start anywhere."""
+
+    def __init__(self, width: int, seed: int) -> None:
+        self.width, self.seed = width, seed
+
+    def rows(self, first: int, last: int) -> FloatArray:
+        """Return rows first to last - 1, (last - first, width)."""
+        start, stop = first * self.width, last * self.width
+        bits = np.random.Philox(seed=np.random.SeedSequence(self.seed))
+        bits.advance(start // WORDS)
+        skipped = start % WORDS
+        numbers = np.random.Generator(bits).random(skipped + stop - start)
+        return numbers[skipped:].reshape(-1, self.width)
+
+
+class LatinHypercube:
+    """One point in each of n equal parts, along each axis: qmc.LatinHypercube, axis by axis."""
+
+    def __init__(self, width: int, n: int, seed: int) -> None:
+        self.width, self.n, self.seed = width, n, seed
+
+    def rows(self, first: int, last: int) -> FloatArray:
+        """Return rows first to last - 1, (last - first, width)."""
+        return self._columns[:, first:last].T
+
+    @cached_property
+    def _columns(self) -> FloatArray:
+        columns = np.empty((self.width, self.n))
+        for column, seed in enumerate(np.random.SeedSequence(self.seed).spawn(self.width)):
+            engine = qmc.LatinHypercube(1, seed=np.random.default_rng(seed))
+            columns[column] = engine.random(self.n)[:, 0]
+        return columns
+
+
+class SobolPoints:
+    """The scrambled Sobol' sequence of `qmc.Sobol`, each point in the middle of its interval of 2^-30."""
+
+    def __init__(self, width: int, seed: int) -> None:
+        self._engine = qmc.Sobol(width, scramble=True, bits=BITS, seed=np.random.default_rng(seed))
+        self._lock = Lock()  # of the engine's place, which threads of a Dask worker share
+
+    def rows(self, first: int, last: int) -> FloatArray:
+        """Return rows first to last - 1, (last - first, width); ascending ones are the fastest."""
+        with self._lock, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the engine warns where it does not draw 2, 4, 8, ... points
+            if first < self._engine.num_generated:
+                self._engine.reset()
+            if first > self._engine.num_generated:
+                self._engine.fast_forward(first - self._engine.num_generated)
+            points: FloatArray = self._engine.random(last - first) + 2.0 ** -(BITS + 1)
+        return points
 
 
 @dataclass(frozen=True)
@@ -57,7 +123,7 @@ class Sample:
         """Number of rows."""
         return self.n * (len(self.keys) + 2) if self.method == "saltelli" else self.n
 
-    def values(self, first: int, last: int) -> NDArray[np.float64]:
+    def values(self, first: int, last: int) -> FloatArray:
         """Return rows first to last - 1, (last - first, n_keys)."""
         unit = self._crossed(first, last) if self.method == "saltelli" else self._unit.rows(first, last)
         columns = zip(self.distributions, np.clip(unit, SMALLEST, LARGEST).T, strict=True)
@@ -78,16 +144,16 @@ class Sample:
             return PlainRandom(width, self.seed)
         if self.method == "latin_hypercube":
             return LatinHypercube(width, self.n, self.seed)
-        return SobolPoints(2 * width if self.method == "saltelli" else width, self.n, self.seed)
+        return SobolPoints(2 * width if self.method == "saltelli" else width, self.seed)
 
-    def _crossed(self, first: int, last: int) -> NDArray[np.float64]:
+    def _crossed(self, first: int, last: int) -> FloatArray:
         """Return rows of the layout of method saltelli."""
         width = len(self.keys)
         base, place = np.divmod(np.arange(first, last), width + 2)
         start = first // (width + 2)
         pairs = self._unit.rows(start, -(-last // (width + 2)))[base - start]
         is_b = (place[:, None] - 1 == np.arange(width)) | (place[:, None] == width + 1)
-        crossed: NDArray[np.float64] = np.where(is_b, pairs[:, width:], pairs[:, :width])
+        crossed: FloatArray = np.where(is_b, pairs[:, width:], pairs[:, :width])
         return crossed
 
 

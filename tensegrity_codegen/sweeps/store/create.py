@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.sweeps.cases.points import Points
+from tensegrity_codegen.sweeps.cases.cases import Points
 from tensegrity_codegen.sweeps.store.contents import StoreContents, StoredArray
 from tensegrity_codegen.sweeps.store.folder import (
     ATTRIBUTE,

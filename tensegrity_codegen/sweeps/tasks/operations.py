@@ -45,7 +45,8 @@ def build_operation(do: str, keep: str | Sequence[str] = (), **options: Any) -> 
     check_choice(do, OPERATIONS, "operation", "do")
     kind = OPERATIONS[do]
     texts = _list_texts(keep)
-    types = {item.name: str(item.type) for item in dataclasses.fields(kind) if item.name != "keep"}
+    fields = [item for item in dataclasses.fields(kind) if item.name != "keep"]
+    types = {item.name: getattr(item.type, "__name__", str(item.type)) for item in fields}
     known = list(types)
     stated = {name: value for name, value in options.items() if value is not None}
     for name, value in stated.items():

@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.cases import MOST_LISTED, Cases
+from tensegrity_codegen.sweeps.cases.cases import MOST_LISTED, Axis, Cases
 from tensegrity_codegen.system.errors import InvalidValueError
 
 AXES = (

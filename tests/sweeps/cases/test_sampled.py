@@ -8,10 +8,8 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from tensegrity_codegen.sweeps.cases.axis import Axis
-from tensegrity_codegen.sweeps.cases.cases import Cases
-from tensegrity_codegen.sweeps.cases.sampled import METHODS, Sample, build_sample
-from tensegrity_codegen.sweeps.cases.unit_points import BITS, SobolPoints
+from tensegrity_codegen.sweeps.cases.cases import Axis, Cases
+from tensegrity_codegen.sweeps.cases.sampled import BITS, METHODS, Sample, SobolPoints, build_sample
 from tensegrity_codegen.system.errors import (
     InvalidValueError,
     NonFiniteError,
@@ -67,7 +65,7 @@ def test_points_are_those_of_the_sobol_engine_of_scipy() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         expected = engine.random(300)
-    assert np.abs(SobolPoints(4, 300, 3).rows(0, 300) - expected).max() <= 2.0**-BITS
+    assert np.abs(SobolPoints(4, 3).rows(0, 300) - expected).max() <= 2.0**-BITS
 
 
 def test_saltelli_has_the_layout_that_salib_reads() -> None:
