@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from tensegrity_codegen import CompiledModel, Profile, build_library, simulate
-from tensegrity_codegen.runtime.integrate.flow import build_derivative
+from tensegrity_codegen.runtime.integrate.scipy_methods import build_derivative
 from tensegrity_codegen.runtime.profiles.driven import bind_profile
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import simulation_quantities
 from tensegrity_codegen.studies.papers.scs.figures import load_paper_tower, plan_paper_motions

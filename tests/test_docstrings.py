@@ -52,7 +52,6 @@ MODULES = (
     "runtime.sensitivity.sensitivity",
     "runtime.profiles.profile",
     "runtime.profiles.read_profile",
-    "runtime.simulate.motion_events",
     "runtime.simulate.simulate",
     "runtime.simulate.simulate_batch",
     "runtime.statics.batch.equilibria",
@@ -69,7 +68,7 @@ INTERNAL = {
     *("BATCH_WIDTHS", "INTERFACES", "check_batch_width", "check_interfaces", "complete_options"),
     *("BatchFunction", "CompiledFunction", "SparseBatch", "raise_for_status", "require_precision"),
     *("MEMBER_LIMITS", "MEMBER_SENSORS", "NODE_SENSORS", "SensorKind", "UNLIMITED"),
-    *("stop_at_contact", "simulation_quantities", "Pattern", "Method", "outline_motion"),
+    *("simulation_quantities", "Pattern", "Method", "outline_motion"),
     *("EXPORTER", "NUMBERS", "WORDS", "EquilibriaTable", "check_search_options"),
 }
 HEADINGS = ("Parameters", "Attributes", "Returns", "Raises", "Notes", "Examples")

@@ -17,7 +17,6 @@ from tensegrity_codegen.runtime.integrate.rk4 import integrate_rk4
 from tensegrity_codegen.runtime.linear.linearize import linearize
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.paths.model_path import ModelPath
-from tensegrity_codegen.runtime.simulate.margins import build_contact_margins, build_slack_margins
 from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.statics.c_equilibrium import EquilibriumSolver
 from tensegrity_codegen.runtime.statics.equilibrium import find_equilibrium
@@ -233,8 +232,7 @@ ANALYSES = {
     "equilibrium in C": EquilibriumSolver,
     "linearize": linearize,
     "load path": lambda model: ModelPath(model, np.zeros((4, 3))),
-    "contact": lambda model: build_contact_margins(model, {}),
-    "slack": lambda model: build_slack_margins(model, ("e2",), {}),
+    "contact": lambda model: simulate(model, 0.1, until_contact=True),
 }
 
 

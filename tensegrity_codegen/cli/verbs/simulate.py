@@ -236,20 +236,15 @@ def _build(
 def _require(structure: "Subject", request: "ModelRequest", asked: _Asked) -> "ModelRequest":
     """Return the request with all that the run needs of a library."""
     from tensegrity_codegen.pipeline.analyses import find_needs
-    from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES
-    from tensegrity_codegen.tables.integrators import INTEGRATORS
+    from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES
 
     options = asked.options
-    by_itself = {name for name, item in INTEGRATORS.items() if item.watches_contact}
     needs = find_needs("simulate", structure, request, method=options.method, rtol=options.rtol)
-    quantities, integrators = needs.quantities, needs.integrators
+    quantities = needs.quantities
     quantities += find_needs("equilibrium", structure, request).quantities if asked.settle else ()
-    if asked.until_contact:
-        quantities += CONTACT_QUANTITIES
-        if not by_itself.intersection(integrators):
-            integrators = tuple(dict.fromkeys((*integrators, "rk54")))  # which locates the contact
-    wanted = request.wanting(*quantities, integrators=integrators)
-    if asked.until_contact and by_itself.intersection(integrators):
+    quantities += CONTACT_QUANTITIES if asked.until_contact else ()
+    wanted = request.wanting(*quantities, integrators=needs.integrators)
+    if asked.until_contact and needs.integrators:  # SciPy's methods look at distances by themselves
         wanted = watching(structure, wanted, "contact")
     wanted = wanted if asked.condition is None else watching(structure, wanted, "condition", asked.condition)
     return replace(wanted, keep=(options.keep,)) if options.keep else wanted

@@ -1,22 +1,42 @@
 """SciPy's methods over the generated functions: a check, and for arguments that change with time."""
 
 import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.integrate.flow import build_derivative
+from tensegrity_codegen.runtime.integrate.event_log import EventLog
 from tensegrity_codegen.runtime.integrate.methods import find_method
-from tensegrity_codegen.runtime.integrate.motion import Motion
+from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, judge_end
+from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
-LONGEST_STEP = 0.01  # of the time, where a function of time may change anything: steps must not pass over it
+# Of the time, where a function of time may change anything, or bars may touch: steps must not pass over it.
+LONGEST_STEP = 0.01
+AT_ONCE = 1e-9  # of the largest coordinate: pairs of bars this near touch with the first one
+
+
+def build_derivative(
+    model: CompiledModel, arguments: Mapping[str, Any], schedule: Schedule | None = None
+) -> Callable[[float, FloatArray], FloatArray]:
+    """Return (t [s], x) -> x' = (q', H^-1 f), with arguments that a schedule may change with time."""
+    n = len(model.manifest.coordinate_name)
+
+    def derivative(t: float, x: FloatArray) -> FloatArray:
+        given = arguments if schedule is None else {**arguments, **schedule(t)}
+        a = model.compute("acceleration", coordinate=x[:n], velocity=x[n:], **given)
+        return np.concatenate([x[n:], a])
+
+    return derivative
 
 
 class _Steps:
@@ -33,13 +53,50 @@ class _Steps:
         return 1.0
 
 
+class _Contact:
+    """The least distance between bars [m], which ends a run of SciPy where it falls through zero."""
+
+    terminal, direction = True, -1
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion = motion
+
+    def __call__(self, time: float, state: FloatArray) -> float:
+        return float(self._measure(time, state).min())
+
+    def _measure(self, time: float, state: FloatArray) -> FloatArray:
+        schedule = self.motion.schedule
+        return find_distances(self.motion, state, schedule(time) if schedule else {})
+
+    def log(self, time: float, state: FloatArray) -> EventLog:
+        """Return the pairs of bars that touch at a time [s]."""
+        distance, size = self._measure(time, state), float(np.abs(state[: len(state) // 2]).max())
+        names = self.motion.model.manifest.bar_pair_name
+        touching = tuple(names[k] for k in np.flatnonzero(distance <= distance.min() + AT_ONCE * size))
+        count = len(touching)
+        return EventLog(np.full(count, time), ("contact",) * count, touching, np.full(count, -1), count)
+
+
+def find_distances(
+    motion: Motion, state: FloatArray, changed: Mapping[str, Any] = MappingProxyType({})
+) -> FloatArray:
+    """Return the distances between bars [m] at a state (n_states,), pair by pair.
+
+    changed: arguments by name that differ from those of the motion.
+    """
+    given = {**motion.arguments, **changed, "coordinate": state[: len(state) // 2]}
+    return np.asarray(motion.model.compute("bar_distance", **given))
+
+
 def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
     """Integrate a motion by a method of SciPy, begun anew at every kink of a profile.
 
-    Status "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
+    A contact of bars that is watched ends it; steps are at most a hundredth of the time then. Status
+    "unstable" where SciPy does not come to the end, "not_converged" after max_steps steps.
     """
     method, times = find_method(options.method).scipy, motion.sample_time
     state, count, steps = motion.state, 0, _Steps(motion, options.max_steps)
+    contact = _Contact(motion) if motion.watch and "contact" in motion.watch.stop else None
     states: list[FloatArray] = []
 
     def finish(status: str, message: str) -> RawTrajectory:
@@ -51,13 +108,23 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
         is_last = end == motion.t_end
         inside = times[(times >= start) & ((times < end) | is_last)]
         try:
-            found = _run(motion, options, (start, end), state, inside, steps)
+            found = _run(motion, options, (start, end), state, inside, (steps, contact))
         except NonFiniteError as error:
             return finish("unstable", error.problem)
         except ConvergenceError as error:
             return finish(*judge_end("ok", error.evidence["time"], motion.t_end))
         count += int(found.nfev)
         reached = found.y.T[: len(inside)]
+        if found.status == 1 and contact is not None:
+            touch, state = float(found.t_events[1][-1]), found.y_events[1][-1]
+            states += list(reached[: np.count_nonzero(found.t < touch)])
+            whole = finish("ok", f"{steps.count} steps")
+            return replace(
+                whole,
+                time=np.append(whole.time, touch),
+                state=np.vstack([whole.state, state]),
+                log=contact.log(touch, state),
+            )
         if found.status != 0 or len(found.t) == 0:
             states += list(reached[: len(found.t)])
             return finish("unstable", str(found.message))
@@ -81,7 +148,7 @@ def _run(
     span: tuple[float, float],
     state: FloatArray,
     inside: FloatArray,
-    steps: _Steps,
+    watched: tuple[_Steps, _Contact | None],
 ) -> Any:
     """Return what SciPy finds at the times `inside` a span and, where it ends at a kink, at its end."""
     schedule = motion.schedule
@@ -101,6 +168,6 @@ def _run(
             t_eval=times,
             rtol=options.rtol,
             atol=options.absolute,
-            max_step=LONGEST_STEP * motion.t_end if is_function else np.inf,
-            events=steps,
+            max_step=LONGEST_STEP * motion.t_end if is_function or watched[1] else np.inf,
+            events=[event for event in watched if event is not None],
         )

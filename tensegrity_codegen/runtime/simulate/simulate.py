@@ -6,25 +6,20 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from tensegrity_codegen.runtime.accuracy.integrate import integrate, join_runs
+from tensegrity_codegen.runtime.accuracy.integrate import join_runs
 from tensegrity_codegen.runtime.integrate.event_log import Condition
 from tensegrity_codegen.runtime.integrate.motion import Motion, Progress, Schedule
-from tensegrity_codegen.runtime.integrate.options import RunOptions, check_options, complete_run_options
-from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.integrate.options import check_options, complete_run_options
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_model
 from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
-from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.given import find_start, read_sample_times, read_schedule
-from tensegrity_codegen.runtime.simulate.motion_events import stop_at_contact
 from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
-from tensegrity_codegen.runtime.simulate.until_condition import stop_at_condition, watch_condition
-from tensegrity_codegen.runtime.simulate.until_contact import stop_at_watched_contact, watches_contact
+from tensegrity_codegen.runtime.simulate.until import Until
 from tensegrity_codegen.runtime.trajectory.evaluate_trajectory import evaluate_trajectory
-from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.checks import check_callback, check_switch
 
@@ -79,7 +74,7 @@ def simulate(
         depend on inputs, or a function time [s] -> such a mapping, for ``"auto"`` and SciPy methods, whose
         steps are then at most a hundredth of the time.
     until_contact : bool
-        Whether to stop at the first contact of bars; needs ``bar_distance`` and ``bar_distance_jacobian``.
+        Whether to stop at the first contact of bars; needs ``bar_distance`` and the event ``"contact"``.
     condition : str or callable, optional
         An expression over quantities such as ``"top.z < 0.1"``, or (time, coordinate, velocity) -> float.
         Steps end where it changes its sign; needs the event ``"condition"``.
@@ -141,26 +136,11 @@ def simulate(
     drive = read_schedule(model, schedule, options, given, t_end)
     given |= drive(0.0) if isinstance(drive, DrivenArguments) else {}
     state = find_start(model, coordinate, velocity, given)
-    watch = watch_condition(model, options.method, condition, until_condition, given, drive)
+    until = Until(condition, until_condition, until_contact)
+    watch = until.watch(model, options.method, given, drive)
     follow = progress if options.control == "steps" else join_runs(progress)
     motion = Motion(model, state, times, given, follow, watch, drive)
-    raw, events = _run(motion, options, until_contact, condition if until_condition else None)
+    raw, events = until.integrate(motion, options)
     if progress is not None:
         progress(1.0)
     return replace(evaluate_trajectory(model, raw, given, drive), events=events)
-
-
-def _run(
-    motion: Motion, options: RunOptions, until_contact: bool, condition: str | Condition | None
-) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
-    """Return the samples of a motion, and what ended it before its time: a contact or the condition."""
-    in_c = motion.schedule is None or follows_in_c(motion.schedule, motion.model.manifest)
-    if until_contact and in_c and watches_contact(motion.model, options.method):
-        return stop_at_watched_contact(motion, options)
-    if until_contact:
-        # What a longer fixed step makes of bars that go through each other says nothing.
-        once = options if options.step is None else replace(options, control="steps")
-        return stop_at_contact(motion, lambda motion: integrate(motion, once))
-    if condition is not None:
-        return stop_at_condition(motion, options, condition)
-    return integrate(motion, options), ()

@@ -1,4 +1,4 @@
-"""An event that a motion was searched for: contact of bars, a slack cable, a condition."""
+"""An event that ends a motion: contact of bars, or a condition."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,11 +8,11 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 @dataclass(frozen=True)
 class MotionEvent:
-    """Something that happens for the first time in a motion.
+    """What has ended a motion.
 
-    kind: "contact", "slack" or "condition"; names: all pairs of bars, or cables, that it happens to at once,
-    as by symmetry; time [s]; margin: distance or extension there [m], zero to rounding, negative where the
-    motion started beyond; coordinate, velocity (n_coordinates,): the state there.
+    kind: "contact" or "condition"; names: all pairs of bars that touch at once, as by symmetry, or the
+    condition; time [s]; margin: distance of these bars [m], zero to rounding, negative where the motion
+    started with an overlap; coordinate, velocity (n_coordinates,): the state there.
     """
 
     kind: str

@@ -37,8 +37,6 @@ class Integrator:
         Whether its steps end at events, and follow values that change with time.
     in_single : bool
         Whether it is there in single precision.
-    watches_contact : bool
-        Whether it can watch contacts between bars by itself.
     """
 
     name: str
@@ -51,7 +49,6 @@ class Integrator:
     keeps_energy: bool = False
     follows_events: bool = True
     in_single: bool = True
-    watches_contact: bool = False
 
     @property
     def has_step_control(self) -> bool:

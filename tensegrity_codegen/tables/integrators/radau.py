@@ -10,5 +10,4 @@ INTEGRATOR = Integrator(
     order=5,
     quantities=("cable_force", "member_law", "mass_matrix"),
     in_single=False,
-    watches_contact=True,
 )

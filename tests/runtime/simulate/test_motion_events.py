@@ -1,4 +1,4 @@
-"""Contact and slack in a simulation: times in closed form, dips between samples, symmetry, refusals."""
+"""Contacts in a simulation: times in closed form, dips between samples, symmetry, refusals."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.simulate.margins import CONTACT_QUANTITIES, SLACK_QUANTITIES
-from tensegrity_codegen.runtime.simulate.motion_events import find_contact, find_slack
 from tensegrity_codegen.runtime.simulate.simulate import simulate
+from tensegrity_codegen.runtime.simulate.until import CONTACT_QUANTITIES
 from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
     SIMULATION_QUANTITIES,
     simulation_quantities,
@@ -19,15 +18,18 @@ from tensegrity_codegen.runtime.trajectory.simulation_quantities import (
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.request import ModelRequest
 from tests.body_scenes import example
-from tests.runtime.build import bar, cable, make_structure, spring
+from tests.runtime.build import bar, make_structure, spring
 
 RADIUS = 0.05
 METHODS = ("auto", "rk54", "rk4", "scipy_dop853", "scipy_radau")
 
 
-def build(structure: Any, *more: str, formulation: str = "node_position", **options: Any) -> CompiledModel:
-    quantities = (*simulation_quantities(formulation), *SLACK_QUANTITIES, *more)
-    request = ModelRequest(quantities, integrators=("rk4", "rk54"), formulation=formulation, **options)
+EVENTS = ("contact", "condition")
+
+
+def build(structure: Any, *more: str, formulation: str = "node_position") -> CompiledModel:
+    quantities = (*simulation_quantities(formulation), *CONTACT_QUANTITIES, *more)
+    request = ModelRequest(quantities, integrators=("rk4", "rk54"), formulation=formulation, events=EVENTS)
     return build_library(structure, request).load()
 
 
@@ -52,7 +54,7 @@ def two_bars(
     )
     velocity = np.array([[0.0] * 3, [0.0] * 3, speed, speed])
     structure = structure.with_changes(radius=np.full(2, RADIUS), node_velocity=velocity)
-    return build(structure, *CONTACT_QUANTITIES, **options)
+    return build(structure, **options)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -138,7 +140,7 @@ def bouncing_bar() -> CompiledModel:
     position += [[0.0, -0.5, 0.25], [0.0, 0.5, 0.25]]
     members = [spring(0, 2, 2.5), spring(1, 3, 2.5), bar(2, 3, 1.0), bar(4, 5, 1.0)]
     structure = make_structure(position, members, anchored={0: "xyz", 1: "xyz", 2: "xy", 3: "xy", 4: "xyz"})
-    return build(structure.with_changes(radius=np.array([0, 0, RADIUS, RADIUS])), *CONTACT_QUANTITIES)
+    return build(structure.with_changes(radius=np.array([0, 0, RADIUS, RADIUS])))
 
 
 @pytest.mark.thorough
@@ -151,14 +153,12 @@ def test_the_first_of_many_contacts_between_two_samples_is_found(method: str) ->
     assert found.events[0].time == pytest.approx(np.arccos(-0.5) / 10, rel=1e-9)
     whole = simulate(model, 6 * np.pi, **run)
     assert whole.events == ()
-    (first,) = find_contact(model, whole)
-    assert first.time == pytest.approx(found.events[0].time, rel=1e-9)
 
 
 @pytest.mark.thorough
 def test_the_prism_of_three_bars_touches_at_three_places_at_once() -> None:
     system = example("lin_prism")
-    model = build(system, *CONTACT_QUANTITIES, "state_derivative", formulation="bodies")
+    model = build(system, "state_derivative", formulation="bodies")
     velocity = np.tile([0.0, -20.0], 3)  # all azimuths turn inwards
     given: Any = {"velocity": velocity, "rtol": 1e-10, "atol": 1e-12}
     found = simulate(model, 0.5, until_contact=True, **given)
@@ -177,70 +177,33 @@ def test_the_prism_of_three_bars_touches_at_three_places_at_once() -> None:
     check = solve_ivp(derivative, (0, 0.5), start, "DOP853", events=distance, rtol=1e-12, atol=1e-13)
     assert event.time == pytest.approx(check.t[-1], rel=1e-8)
     assert np.abs(model.compute("bar_distance", coordinate=event.coordinate)).max() < 1e-12
-    # The run that goes on meets the same contacts.
-    (again,) = find_contact(model, simulate(model, 0.5, **given))
-    assert again.names == event.names
-    assert again.time == pytest.approx(event.time, rel=1e-8)
 
 
-def test_contacts_one_after_the_other_come_in_the_order_of_time() -> None:
+def test_contacts_of_a_motion_that_goes_on_are_in_its_log() -> None:
     position = [[0, -1, 0], [0, 1, 0], [-1, 0, 1], [1, 0, 1], [-1, 0.06, -2], [1, 0.06, -2]]
     structure = make_structure(position, [bar(0, 1, 2.0), bar(2, 3, 2.0), bar(4, 5, 2.0)])
     velocity = np.array([[0.0, 0.0, 0.0]] * 2 + [[0.0, 0.0, -1.0]] * 2 + [[0.0, 0.0, 1.0]] * 2)
-    structure = structure.with_changes(radius=np.full(3, RADIUS), node_velocity=velocity)
-    model = build(structure, *CONTACT_QUANTITIES)
-    events = find_contact(model, simulate(model, 4.0, samples=5))
-    assert [event.names for event in events] == [("e0_e1",), ("e1_e2",), ("e0_e2",)]
+    model = build(structure.with_changes(radius=np.full(3, RADIUS), node_velocity=velocity))
+    times = []
+    for pair in ("e0_e1", "e1_e2", "e0_e2"):
+        found = simulate(model, 4.0, samples=5, condition=f'bar_distance["{pair}"]')
+        assert (found.status, found.events, found.time[-1]) == ("ok", (), 4.0)
+        times.append(found.log.time[found.log.direction < 0][0])
     # e1 and e2 pass each other side by side, 0.06 apart: they touch where the heights differ by 0.08.
-    assert [event.time for event in events] == pytest.approx([0.9, 1.46, 1.9], rel=1e-9)
+    assert times == pytest.approx([0.9, 1.46, 1.9], rel=1e-9)
 
 
-def hanging(*, mass: float = 0.1, count: int = 1, **options: Any) -> CompiledModel:
-    """Masses on cables along x, each alone: x = 1 + 0.2 cos(20 t) until the cable goes slack."""
-    position = [[0.0, 0.0, 0.0]] + [[1.2, 0.0, 0.0]] * count
-    members = [cable(0, k + 1, rest=1.0, mu=40.0) for k in range(count)]
-    structure = make_structure(position, members, anchored={0: "xyz"}, mass=mass, axes="x")
-    return build(structure, **options)
-
-
-def test_a_cable_goes_slack_when_it_must() -> None:
-    model = hanging()
-    found = simulate(model, 1.0, samples=3, rtol=1e-10, atol=1e-12)
-    (event,) = find_slack(model, found, ["e0"])
-    assert (event.kind, event.names) == ("slack", ("e0",))
-    assert event.time == pytest.approx(np.pi / 40, rel=1e-9)
-    assert event.coordinate == pytest.approx([1.0], abs=1e-9)
-
-
-def test_cables_that_go_slack_at_once_are_one_event() -> None:
-    model = hanging(count=2)
-    events = find_slack(model, simulate(model, 1.0), ["e0", "e1"])
-    assert [event.names for event in events] == [("e0", "e1")]
-    assert find_slack(model, simulate(model, 0.05), ["e0", "e1"]) == ()
-
-
-@pytest.mark.parametrize(("start", "time"), [(0.9, 0.0), (1.0, 0.0)])
-def test_a_cable_that_is_slack_from_the_start_says_so_at_zero(start: float, time: float) -> None:
-    model = hanging()
-    found = simulate(model, 0.5, coordinate=[start], velocity=[-1e-3])
-    (event,) = find_slack(model, found, ["e0"])
-    assert event.time == time
-    assert event.margin == pytest.approx(start - 1.0)
-
-
-def test_a_rest_length_that_swells_and_shrinks_between_two_samples_makes_a_cable_slack() -> None:
-    model = hanging(mass=1e15, parameters={"rest_length": (0,)})  # too heavy to move
-
-    def swell(time: float) -> dict[str, Any]:
-        return {"rest_length": np.array([1.0 + 0.25 * np.sin(np.pi * time)])}
-
-    found = simulate(model, 1.0, samples=2, method="scipy_dop853", schedule=swell)
-    (event,) = find_slack(model, found, ["e0"], schedule=swell)
-    assert event.time == pytest.approx(np.arcsin(0.8) / np.pi, rel=1e-9)
+def test_a_contact_with_a_schedule_is_found_by_scipy() -> None:
+    model = two_bars((0.1, 0.2, 1.0), (0.0, 0.0, -2.0))
+    found = simulate(model, 0.6, samples=4, schedule=lambda time: {}, until_contact=True)
+    assert found.method.startswith("auto (scipy")
+    assert found.events[0].time == pytest.approx(0.45, rel=1e-9)
+    assert found.time.tolist() == pytest.approx([0.0, 0.2, 0.4, found.events[0].time])
+    assert found.log.kind == ("contact",)
 
 
 def test_a_file_holds_the_events(tmp_path: Any) -> None:
-    model = build(example("lin_prism"), *CONTACT_QUANTITIES, formulation="bodies")
+    model = build(example("lin_prism"), formulation="bodies")
     found = simulate(model, 0.5, velocity=np.tile([0.0, -20.0], 3), until_contact=True)
     found.write(tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz", allow_pickle=False) as file:
@@ -253,13 +216,15 @@ def test_a_file_holds_the_events(tmp_path: Any) -> None:
 
 
 def test_a_model_without_the_functions_is_refused() -> None:
-    structure = make_structure([[0, 0, 0], [1.2, 0, 0]], [cable(0, 1, 1.0)], anchored={0: "xyz"}, axes="x")
+    position = [[0, -0.5, 0], [0, 0.5, 0], [-0.5, 0, 1], [0.5, 0, 1]]
+    structure = make_structure(position, [bar(0, 1, 1.0), bar(2, 3, 1.0)])
+    structure = structure.with_changes(radius=np.full(2, RADIUS))
     request = ModelRequest(SIMULATION_QUANTITIES, integrators=("rk54",))
     model = build_library(structure, request).load()
     with pytest.raises(FormulationError, match="lacks functions") as caught:
         simulate(model, 1.0, until_contact=True)
-    assert caught.value.given == "bar_distance, bar_distance_jacobian"
-    with pytest.raises(FormulationError, match="lacks functions"):
-        find_slack(model, simulate(model, 1.0), ["e0"])
-    with pytest.raises(FormulationError, match="no such member"):
-        find_slack(hanging(), simulate(hanging(), 1.0), ["e7"])
+    assert caught.value.given == "bar_distance"
+    request = ModelRequest((*SIMULATION_QUANTITIES, "bar_distance"), integrators=("rk54",))
+    model = build_library(structure, request).load()
+    with pytest.raises(FormulationError, match="built without these events"):
+        simulate(model, 1.0, until_contact=True)

@@ -1,0 +1,155 @@
+"""Motions that a contact of bars or a condition ends: what the integrator watches, and the event."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.accuracy.integrate import integrate
+from tensegrity_codegen.runtime.integrate.event_log import Condition, Watch
+from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
+from tensegrity_codegen.runtime.integrate.motion import Motion, Schedule
+from tensegrity_codegen.runtime.integrate.options import RunOptions
+from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
+from tensegrity_codegen.runtime.integrate.scipy_methods import find_distances
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.require import require_quantities
+from tensegrity_codegen.runtime.profiles.knots import follows_in_c
+from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
+from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.manifest import JUMP_KINDS
+
+CONTACT_QUANTITIES = ("bar_distance",)  # what contacts need besides what a simulation needs
+SAME_TIME = 1e-9  # of the simulated time: contacts this near happen at once
+
+
+@dataclass(frozen=True)
+class Until:
+    """What is watched along a motion, and which of it ends the motion."""
+
+    condition: str | Condition | None = None
+    stops_at_condition: bool = False
+    stops_at_contact: bool = False
+
+    def watch(
+        self,
+        model: CompiledModel,
+        method: str,
+        arguments: Mapping[str, Any],
+        schedule: Schedule | None = None,
+    ) -> Watch | None:
+        """Return what the integrator shall watch, jumps of stiffness too if it knows them; None: as usual.
+
+        Raises InvalidValueError for a condition and a method that watches none, as those are that follow a
+        schedule unless it is a profile in C, what build_condition raises, and FormulationError where contacts
+        lack bar_distance.
+        """
+        condition = self.condition
+        kinds: list[str] = []
+        stop: list[str] = []
+        call = condition if callable(condition) else None
+        if condition is not None:
+            if not (isinstance(condition, str) or callable(condition)):
+                raise InvalidValueError(
+                    "not a condition",
+                    where="condition",
+                    given=condition,
+                    allowed='a text such as "top.z < 0.1", or a function (time, coordinate, velocity) -> '
+                    "float",
+                )
+            _check_method(model, method, schedule)
+            if isinstance(condition, str):
+                call = build_condition(condition, model, arguments, schedule)
+            kinds.append("condition")
+            stop += ["condition"] if self.stops_at_condition else []
+        if self.stops_at_contact:
+            require_quantities(model, CONTACT_QUANTITIES, "these events need")
+            kinds.append("contact")
+            stop.append("contact")
+        if not kinds:
+            return None
+        events = {spec.name: spec.events for spec in model.manifest.integrators}
+        known = events.get(method, [kind for one in events.values() for kind in one])
+        return Watch((*(kind for kind in JUMP_KINDS if kind in known), *kinds), tuple(stop), call)
+
+    def integrate(self, motion: Motion, options: RunOptions) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
+        """Return the samples up to the event that ends the motion and the state there, and that event.
+
+        All samples where there is none. Bars that overlap touch at the start, and a comparison that holds
+        there ends the motion at once. Raises what the methods raise.
+        """
+        if self.stops_at_contact:
+            # What a longer fixed step makes of bars that go through each other says nothing.
+            options = options if options.step is None else replace(options, control="steps")
+            touching = find_distances(motion, motion.state) <= 0.0
+            if touching.any():
+                pairs = zip(motion.model.manifest.bar_pair_name, touching.tolist(), strict=True)
+                inside = tuple(name for name, touches in pairs if touches)
+                return _tell_contact(motion, _stay(motion, options, ""), inside)
+        if self.stops_at_condition and self._holds_at_start(motion):
+            raw = _stay(motion, options, "the condition holds from the start")
+            return raw, (self._describe_condition(raw),)
+        raw = integrate(motion, options)
+        log = raw.log
+        kind = log.kind[-1] if log.count and raw.time[-1] >= log.time[-1] else ""
+        if self.stops_at_contact:
+            same = log.time >= raw.time[-1] - SAME_TIME * motion.t_end
+            rows = zip(log.name, log.kind, same.tolist(), strict=True)
+            names = tuple(name for name, own, is_same in rows if own == "contact" and is_same)
+            return _tell_contact(motion, raw, names if kind == "contact" else ())
+        ends = self.stops_at_condition and kind == "condition"
+        return raw, (self._describe_condition(raw),) if ends else ()
+
+    def _holds_at_start(self, motion: Motion) -> bool:
+        """Return whether the condition is a comparison that is true at the start."""
+        if not isinstance(self.condition, str) or not is_comparison(self.condition):
+            return False
+        n = len(motion.state) // 2
+        assert motion.watch is not None
+        assert motion.watch.condition is not None
+        return motion.watch.condition(0.0, motion.state[:n], motion.state[n:]) > 0
+
+    def _describe_condition(self, raw: RawTrajectory) -> MotionEvent:
+        """Return the condition as the event at the last sample of a run."""
+        name = self.condition if isinstance(self.condition, str) else "condition"
+        n, state = raw.state.shape[1] // 2, raw.state[-1]
+        return MotionEvent("condition", (name,), float(raw.time[-1]), 0.0, state[:n], state[n:])
+
+
+def _check_method(model: CompiledModel, method: str, schedule: Schedule | None) -> None:
+    """Raise InvalidValueError where a run by this method, or with this schedule, watches no conditions."""
+    if not find_method(method).finds_events:
+        raise InvalidValueError(
+            "this method does not monitor conditions",
+            where="condition",
+            given=method,
+            allowed=", ".join(list_methods("finds_events")),
+        )
+    if schedule is not None and not follows_in_c(schedule, model.manifest):
+        raise InvalidValueError(
+            "a run with this schedule uses SciPy, which does not monitor conditions",
+            where="condition",
+            given="schedule and condition",
+            allowed="one of them",
+            hint="make the schedule a Profile of inputs, or evaluate the condition at the samples of the run",
+        )
+
+
+def _stay(motion: Motion, options: RunOptions, message: str) -> RawTrajectory:
+    """Return the run of a motion that is over at its start."""
+    return RawTrajectory(motion.sample_time[:1], motion.state[None, :], "ok", message, options.method, 0, 0)
+
+
+def _tell_contact(
+    motion: Motion, raw: RawTrajectory, names: tuple[str, ...]
+) -> tuple[RawTrajectory, tuple[MotionEvent, ...]]:
+    """Return a run with a word on the contact at its last sample of these pairs of bars, and that event."""
+    if not names:
+        return replace(raw, message="; ".join(filter(None, [raw.message, "no contact"]))), ()
+    n, state, time = raw.state.shape[1] // 2, raw.state[-1], float(raw.time[-1])
+    said = f"contact of {', '.join(names)} at t = {time:.9g} s"
+    margin = float(np.min(find_distances(motion, state)))
+    event = MotionEvent("contact", names, time, margin, state[:n], state[n:])
+    return replace(raw, message="; ".join(filter(None, [raw.message, said]))), (event,)
