@@ -12,12 +12,12 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
 )
 from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
 from tensegrity_codegen.codegen.describe import describe
-from tensegrity_codegen.codegen.emitter import EmittedModel, WantedFunction
+from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
 from tensegrity_codegen.codegen.integrators.events import find_events
 from tensegrity_codegen.codegen.integrators.integrators import PROJECTION
 from tensegrity_codegen.codegen.lanes.emitter import LANES
-from tensegrity_codegen.codegen.left_out import account_left_out, with_feature
+from tensegrity_codegen.codegen.left_out import account_left_out, build_with
 from tensegrity_codegen.codegen.print.lane_printer import PrintedLanes
 from tensegrity_codegen.codegen.print.number_range import check_number_range
 from tensegrity_codegen.codegen.source import write_sources
@@ -60,10 +60,16 @@ def emit(
     """
     plan = check_request(structure, request)
     model, request, functions = plan.model, plan.request, plan.functions
-    left_out = account_left_out(model, request, functions, EMITTERS[request.emitter])
+    emitter = EMITTERS[request.emitter]
+    left_out = account_left_out(model, request, functions, emitter)
     if object_size is not None:
         own = object_size(_sources(model, request, functions)[1])
-        left_out = tuple(_measure(model, request, row, own, object_size) for row in left_out)
+        measured = []
+        for row in left_out:
+            variant, wider = build_with(row.what, model, request, emitter)
+            _, files = _sources(variant, wider, emitter.prune(variant, wider.quantities))
+            measured.append(replace(row, object_bytes=object_size(files) - own, measured=True))
+        left_out = tuple(measured)
     return GeneratedSource(*_sources(model, request, functions, left_out), plan.why_emitter)
 
 
@@ -102,9 +108,11 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
     _check_names(structure)
     _check_precision(structure, request)
     request, why = settle_emitter(structure, request)
-    request = _with_integrator_needs(structure, with_stiffness(structure, request))
-    functions, model = _prune(structure, request)
-    EMITTERS[request.emitter].check(model, functions)
+    emitter = EMITTERS[request.emitter]
+    model = emitter.build(structure, request)
+    request = _with_called_functions(model, emitter, request)
+    functions = emitter.prune(model, request.quantities)
+    emitter.check(model, functions)
     describe(model, request, functions, ())
     return EmissionPlan(model, request, functions, why)
 
@@ -151,18 +159,15 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
     check_number_range(structure, precision)
 
 
-def _prune(structure: Subject, request: ModelRequest) -> tuple[tuple[WantedFunction, ...], EmittedModel]:
-    emitter = EMITTERS[request.emitter]
-    model = emitter.build(structure, request)
-    return emitter.prune(model, request.quantities), model
+def _with_called_functions(model: EmittedModel, emitter: Emitter, request: ModelRequest) -> ModelRequest:
+    """Return the request with what interfaces and integrators call besides what is wanted.
 
-
-def _with_integrator_needs(structure: Subject, request: ModelRequest) -> ModelRequest:
-    """Return the request with what integrators call, to keep coordinates consistent and to see events too."""
+    Integrators also keep coordinates consistent and see events.
+    """
+    structure = model.subject
+    request = with_stiffness(structure, request)
     if not request.integrators:
         return request
-    emitter = EMITTERS[request.emitter]
-    model = emitter.build(structure, request)
     events, watched = find_events(request, lambda name: emitter.is_offered(model, name), structure)
     check_keep(request, structure.name)
     kept = KEPT_QUANTITIES if request.keep else ()
@@ -189,16 +194,3 @@ def _sources(
     if request.batch_width and emitter.write_lanes is not None:
         lanes = emitter.write_lanes(functions, request.batch_width, precision)
     return write_sources(manifest, functions, bodies, lanes, derivatives)
-
-
-def _measure(
-    model: EmittedModel,
-    request: ModelRequest,
-    row: LeftOut,
-    own: int,
-    object_size: Callable[[dict[str, str]], int],
-) -> LeftOut:
-    structure, wider = with_feature(row.what, model.subject, request, EMITTERS[request.emitter])
-    functions, variant = _prune(structure, wider)
-    _, files = _sources(variant, wider, functions)
-    return replace(row, object_bytes=object_size(files) - own, measured=True)

@@ -127,40 +127,30 @@ FEATURES = (
 UNWANTED = "unwanted functions"
 
 
-def with_feature(
-    what: str, structure: Structure | BodySystem, request: ModelRequest, emitter: Emitter
-) -> Variant:
-    """Return structure and request with the left-out feature of that name put in.
+def build_with(
+    what: str, model: EmittedModel, request: ModelRequest, emitter: Emitter
+) -> tuple[EmittedModel, ModelRequest]:
+    """Return the model with the left-out feature of that name put in, and what is wanted of it.
 
     Quantities of which the feature leaves nothing are no longer wanted, such as the reaction of no anchors.
     """
     if what == UNWANTED:
-        wanted = _unwanted(emitter.build(structure, request), request, emitter)
-        return structure, replace(request, quantities=(*request.quantities, *wanted))
+        return model, replace(request, quantities=(*request.quantities, *_unwanted(model, request, emitter)))
     feature = next(item for item in FEATURES if item.what == what)
-    model, wider = _build_with(feature, structure, request, emitter)
-    return model.subject, wider
-
-
-def _build_with(
-    feature: _Feature, structure: Structure | BodySystem, request: ModelRequest, emitter: Emitter
-) -> tuple[EmittedModel, ModelRequest]:
-    """Return the model of the variant that has a feature, and the request with the quantities that it has."""
-    variant, wider = feature.add(structure, request)
-    model = emitter.build(variant, wider)
-    offered = tuple(name for name in wider.quantities if emitter.is_offered(model, name))
-    return model, replace(wider, quantities=offered)
+    variant, wider = feature.add(model.subject, request)
+    found = emitter.build(variant, wider)
+    offered = tuple(name for name in wider.quantities if emitter.is_offered(found, name))
+    return found, replace(wider, quantities=offered)
 
 
 def account_left_out(
     model: EmittedModel, request: ModelRequest, functions: tuple[WantedFunction, ...], emitter: Emitter
 ) -> tuple[LeftOut, ...]:
     """Return one row for each thing that was left out and would have cost something."""
-    structure = model.subject
     rows = []
     for feature in FEATURES:
-        if feature.is_absent(structure, request):
-            variant, wider = _build_with(feature, structure, request, emitter)
+        if feature.is_absent(model.subject, request):
+            variant, wider = build_with(feature.what, model, request, emitter)
             with_it = emitter.prune(variant, wider.quantities)
             same = tuple(f for f in functions if f.quantity.name in wider.quantities)
             rows.append(_row(feature.what, feature.why, same, with_it))

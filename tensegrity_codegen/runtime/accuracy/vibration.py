@@ -227,7 +227,9 @@ def _smooth_tension(
     return np.asarray(scipy.sparse.linalg.spsolve(saddle, np.concatenate([force, -turning]))[len(force) :])
 
 
-def _shares(ends: IntArray, mass: scipy.sparse.csr_array) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+def _shares(
+    ends: IntArray, mass: "scipy.sparse.csr_array"
+) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
     """Return which members stand alone, how far their ends move for a unit of stretch (n, 2), and w.
 
     Alone are those that share no coordinate with another one, and no mass but their own. An end that is

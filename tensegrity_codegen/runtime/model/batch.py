@@ -37,11 +37,11 @@ class SparseBatch:
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, k: int) -> scipy.sparse.csc_array:
+    def __getitem__(self, k: int) -> "scipy.sparse.csc_array":
         places = (self.pattern.row.copy(), self.pattern.column_start.copy())
         return scipy.sparse.csc_array((self.values[k].copy(), *places), shape=self.pattern.shape)
 
-    def __iter__(self) -> Iterator[scipy.sparse.csc_array]:
+    def __iter__(self) -> "Iterator[scipy.sparse.csc_array]":
         return (self[k] for k in range(len(self)))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:

@@ -111,7 +111,7 @@ def _parity(factor: Any) -> int:
     return -1 if odd % 2 else 1
 
 
-def _equations(four: FloatArray, stages: int) -> scipy.sparse.csc_array:
+def _equations(four: FloatArray, stages: int) -> "scipy.sparse.csc_array":
     """Return the equations (6 stages - 2, 6 stages - 2), stage by stage, joints in between.
 
     Columns of `four`: bar, vertical, bottom ring; bar and vertical, twice; bar, vertical, top ring; four of
