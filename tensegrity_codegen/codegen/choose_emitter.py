@@ -70,14 +70,6 @@ def choose_emitter(facts: EmitterFacts) -> EmitterChoice:
     )
 
 
-def settle_emitter(structure: Subject, request: ModelRequest) -> tuple[ModelRequest, str]:
-    """Return the request with the emitter's own name in place of "auto", and why it is this one."""
-    if request.emitter != AUTO:
-        return request, "asked for by name"
-    choice = choose_emitter(find_facts(structure, request))
-    return replace(request, emitter=choice.name), choice.why
-
-
 def find_facts(structure: Subject, request: ModelRequest) -> EmitterFacts:
     """Return what the choice depends on; what makes no difference stays at its default."""
     facts = EmitterFacts(request.formulation, structure.n_members, has_vectors(structure, request))

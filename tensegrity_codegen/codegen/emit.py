@@ -8,9 +8,9 @@ from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     Derivatives,
     build_derivatives,
     list_derivative_parts,
-    with_stiffness,
+    needed_stiffness,
 )
-from tensegrity_codegen.codegen.choose_emitter import AUTO, settle_emitter
+from tensegrity_codegen.codegen.choose_emitter import AUTO, EmitterChoice, choose_emitter, find_facts
 from tensegrity_codegen.codegen.describe import describe
 from tensegrity_codegen.codegen.emitter import EmittedModel, Emitter, WantedFunction
 from tensegrity_codegen.codegen.integrators.energy_keeping import KEPT_QUANTITIES, check_keep
@@ -59,28 +59,28 @@ def emit(
     numbers too large for single precision.
     """
     plan = check_request(structure, request)
-    model, request, functions = plan.model, plan.request, plan.functions
-    emitter = EMITTERS[request.emitter]
-    left_out = account_left_out(model, request, functions, emitter)
+    left_out = account_left_out(plan.model, plan.request, plan.functions, plan.emitter)
     if object_size is not None:
-        own = object_size(_sources(model, request, functions)[1])
-        measured = []
-        for row in left_out:
-            variant, wider = build_with(row.what, model, request, emitter)
-            _, files = _sources(variant, wider, emitter.prune(variant, wider.quantities))
-            measured.append(replace(row, object_bytes=object_size(files) - own, measured=True))
-        left_out = tuple(measured)
-    return GeneratedSource(*_sources(model, request, functions, left_out), plan.why_emitter)
+        own = object_size(_write(plan)[1])
+        sizes = {row.what: object_size(_write(_plan_with(plan, row.what))[1]) for row in left_out}
+        left_out = tuple(replace(row, object_bytes=sizes[row.what] - own, measured=True) for row in left_out)
+    return GeneratedSource(*_write(plan, left_out), plan.why_emitter)
 
 
 @dataclass(frozen=True)
 class EmissionPlan:
-    """A request with its emitter and all that integrators call settled, and the functions to be written."""
+    """All that is settled before C is written; nothing changes it afterwards.
 
+    request: with the emitter's own name, and with what interfaces and integrators call; manifest: without
+    what was left out.
+    """
+
+    emitter: Emitter
     model: EmittedModel
     request: ModelRequest
     functions: tuple[WantedFunction, ...]
-    why_emitter: str
+    manifest: Manifest
+    why_emitter: str = ""
 
 
 def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
@@ -107,14 +107,29 @@ def _plan(structure: Subject, request: ModelRequest) -> EmissionPlan:
         )
     _check_names(structure)
     _check_precision(structure, request)
-    request, why = settle_emitter(structure, request)
-    emitter = EMITTERS[request.emitter]
+    choice = EmitterChoice(request.emitter, "asked for by name")
+    if request.emitter == AUTO:
+        choice = choose_emitter(find_facts(structure, request))
+    emitter = EMITTERS[choice.name]
     model = emitter.build(structure, request)
-    request = _with_called_functions(model, emitter, request)
+    called, events = _find_called(model, emitter, request)
+    settled = replace(request, emitter=choice.name, quantities=(*request.quantities, *called), events=events)
+    return _plan_functions(emitter, model, settled, choice.why)
+
+
+def _plan_functions(
+    emitter: Emitter, model: EmittedModel, request: ModelRequest, why_emitter: str = ""
+) -> EmissionPlan:
     functions = emitter.prune(model, request.quantities)
     emitter.check(model, functions)
-    describe(model, request, functions, ())
-    return EmissionPlan(model, request, functions, why)
+    return EmissionPlan(
+        emitter, model, request, functions, describe(model, request, functions, ()), why_emitter
+    )
+
+
+def _plan_with(plan: EmissionPlan, left_out: str) -> EmissionPlan:
+    """Return the plan of the same library with something that was left out."""
+    return _plan_functions(plan.emitter, *build_with(left_out, plan.model, plan.request, plan.emitter))
 
 
 def _check_names(structure: Subject) -> None:
@@ -159,36 +174,36 @@ def _check_precision(structure: Subject, request: ModelRequest) -> None:
     check_number_range(structure, precision)
 
 
-def _with_called_functions(model: EmittedModel, emitter: Emitter, request: ModelRequest) -> ModelRequest:
-    """Return the request with what interfaces and integrators call besides what is wanted.
+def _find_called(
+    model: EmittedModel, emitter: Emitter, request: ModelRequest
+) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+    """Return what interfaces and integrators call besides what is wanted, and the events that these watch.
 
-    Integrators also keep coordinates consistent and see events.
+    Integrators also keep coordinates consistent.
     """
-    structure = model.subject
-    request = with_stiffness(structure, request)
+    stiffness = needed_stiffness(model.subject, request)
     if not request.integrators:
-        return request
-    events, watched = find_events(request, lambda name: emitter.is_offered(model, name), structure)
-    check_keep(request, structure.name)
+        return stiffness, request.events
+    events, watched = find_events(request, lambda name: emitter.is_offered(model, name), model.subject)
+    check_keep(request, model.name)
     kept = KEPT_QUANTITIES if request.keep else ()
     called = (*PROJECTION, *kept, *called_quantities(request.integrators))
-    wanted = [name for name in called if emitter.is_offered(model, name)]
-    return replace(request, quantities=(*request.quantities, *wanted, *watched), events=events)
+    offered = [name for name in called if emitter.is_offered(model, name)]
+    return (*stiffness, *offered, *watched), events
 
 
-def _sources(
-    model: EmittedModel,
-    request: ModelRequest,
-    functions: tuple[WantedFunction, ...],
-    left_out: tuple[LeftOut, ...] = (),
-) -> tuple[Manifest, dict[str, str]]:
+def _write(plan: EmissionPlan, left_out: tuple[LeftOut, ...] = ()) -> tuple[Manifest, dict[str, str]]:
+    """Return the manifest and the text of each file."""
+    emitter, model, request, functions = plan.emitter, plan.model, plan.request, plan.functions
+    # Derivatives for CasADi, and functions of the whole model for acados
     derivatives = build_derivatives(model, request, functions)
     if "acados" in request.interfaces:
         symbolic = model if isinstance(model, SymbolicModel) else build_model(model.subject, request)
         derivatives = Derivatives((*derivatives.made, *build_acados(symbolic)), derivatives.too_long)
-    manifest = describe(model, request, functions, left_out)
-    manifest = replace(manifest, parts=(*manifest.parts, *list_derivative_parts(request, derivatives)))
-    emitter, precision = EMITTERS[request.emitter], find_precision(request.precision)
+    parts = (*plan.manifest.parts, *list_derivative_parts(request, derivatives))
+    manifest = replace(plan.manifest, left_out=left_out, parts=parts)
+    # Bodies of functions, one by one and over the lanes of a batch
+    precision = find_precision(request.precision)
     bodies = emitter.write(model, functions, precision)
     lanes: Mapping[str, PrintedLanes] = {}
     if request.batch_width and emitter.write_lanes is not None:

@@ -34,6 +34,7 @@ class Needs:
     integrators: tuple[str, ...] = ()
     parameters: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     batch_width: int = 0
+    solvers: tuple[str, ...] = ()
 
     def alone(self, request: ModelRequest) -> ModelRequest:
         """Return the request for just this: no other quantities, integrators and solvers."""
@@ -46,7 +47,7 @@ class Needs:
             *request.quantities,
             *self.quantities,
             integrators=tuple(dict.fromkeys((*request.integrators, *self.integrators))),
-            solvers=request.solvers,
+            solvers=tuple(dict.fromkeys((*request.solvers, *self.solvers))),
             parameters=self.parameters,
         )
         return replace(wanted, batch_width=request.batch_width or self.batch_width)
@@ -205,8 +206,10 @@ def want_analyses(
     *,
     method: str = "",
     rtol: float = 1e-6,
+    besides: Needs = Needs(()),
 ) -> ModelRequest:
-    """Return the request with all that the analyses need added; raises as `find_needs`."""
-    for analysis in analyses:
-        request = find_needs(analysis, structure, request, method=method, rtol=rtol).besides(request)
+    """Return the request with all that the analyses need, and `besides`, added; raises as `find_needs`."""
+    needs = [find_needs(item, structure, request, method=method, rtol=rtol) for item in analyses]
+    for item in (*needs, besides):
+        request = item.besides(request)
     return request

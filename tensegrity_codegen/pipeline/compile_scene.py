@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.pipeline.analyses import want_analyses
+from tensegrity_codegen.pipeline.analyses import Needs, want_analyses
 from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.scene.read import name_source, read_scene
@@ -155,12 +155,12 @@ def compile_scene(
     chosen = check_names(actuate, "actuate")
     if chosen:
         structure, _ = actuate_members(structure, chosen)
-    request = want_analyses(structure, request, check_names(for_, "for_"), method=method, rtol=rtol)
-    wider = request.wanting(
-        *request.quantities,
-        *check_names(quantities, "quantities"),
-        integrators=tuple(dict.fromkeys((*request.integrators, *check_names(integrators, "integrators")))),
-        solvers=tuple(dict.fromkeys((*request.solvers, *check_names(solvers, "solvers")))),
-        parameters=parameters,
+    analyses = check_names(for_, "for_")
+    besides = Needs(
+        check_names(quantities, "quantities"),
+        check_names(integrators, "integrators"),
+        parameters or {},
+        solvers=check_names(solvers, "solvers"),
     )
-    return build_library(structure, wider).load()
+    request = want_analyses(structure, request, analyses, method=method, rtol=rtol, besides=besides)
+    return build_library(structure, request).load()

@@ -11,7 +11,7 @@ structure is too large for such code, the Jacobian of the static force is its st
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -73,13 +73,13 @@ class _Wanted:
         return self.prefix + self.function.quantity.name
 
 
-def with_stiffness(structure: Subject, request: ModelRequest) -> ModelRequest:
-    """Return the request with the stiffness, where that is to be the Jacobian of the static force."""
+def needed_stiffness(structure: Subject, request: ModelRequest) -> tuple[str, ...]:
+    """Return the name of the stiffness, where that is to be the Jacobian of the static force, or nothing."""
     is_wanted = set(request.interfaces).intersection(CASADI) and "node_residual" in request.quantities
     is_large = structure.n_members > MOST_MEMBERS
     if not is_wanted or not is_large or request.parameters or structure.inputs:
-        return request
-    return replace(request, quantities=tuple(dict.fromkeys((*request.quantities, "tangent_stiffness"))))
+        return ()
+    return ("tangent_stiffness",)
 
 
 def build_derivatives(
