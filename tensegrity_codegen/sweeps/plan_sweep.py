@@ -19,8 +19,7 @@ from tensegrity_codegen.sweeps.cases.cases import Cases
 from tensegrity_codegen.sweeps.cases.layout import LANES
 from tensegrity_codegen.sweeps.cases.numbers import read_count
 from tensegrity_codegen.sweeps.cases.table import Table
-from tensegrity_codegen.sweeps.engines.libraries import Libraries
-from tensegrity_codegen.sweeps.engines.work import SweepWork, select_arguments
+from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, select_arguments
 from tensegrity_codegen.sweeps.joint_outputs import join_outputs
 from tensegrity_codegen.sweeps.plan import SweepPlan, divide_cases
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output

@@ -23,9 +23,8 @@ from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.plan_sweep import PlannedSweep, plan_sweep
 from tensegrity_codegen.sweeps.progress import ShowProgress, SweepOutcome
 from tensegrity_codegen.sweeps.run import check_zarr, run_sweep
-from tensegrity_codegen.sweeps.store.folder import check_store_folder
+from tensegrity_codegen.sweeps.store.folder import check_store_folder, open_sweep
 from tensegrity_codegen.sweeps.store.identity import check_same_sweep
-from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
 from tensegrity_codegen.sweeps.tasks.operation import Operation
 from tensegrity_codegen.sweeps.tasks.operations import build_operation
 from tensegrity_codegen.system.checks import check_whole

@@ -13,8 +13,7 @@ import pytest
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.progress import SweepOutcome, SweepProgress
 from tensegrity_codegen.sweeps.run import run_sweep
-from tensegrity_codegen.sweeps.store.folder import find_finished
-from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tensegrity_codegen.sweeps.store.folder import find_finished, open_sweep
 from tensegrity_codegen.system.errors import InvalidValueError, OutputError
 from tensegrity_codegen.system.forked import can_fork
 from tests.cases import thorough

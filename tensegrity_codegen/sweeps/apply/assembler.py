@@ -1,4 +1,4 @@
-"""The structure of one case: the scene with the values of its keys, assembled."""
+"""The structure of one case: the scene, a plain dictionary that keys read and write, assembled."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.scene.checks.check import check_structure
 from tensegrity_codegen.scene.checks.check_laws import check_laws
-from tensegrity_codegen.scene.read import parse_scene
+from tensegrity_codegen.scene.read import name_source, parse_scene, read_document, to_plain
 from tensegrity_codegen.scene.schema.schema import Scene
+from tensegrity_codegen.scene.shapes import expand_shape
 from tensegrity_codegen.scene.subject import Subject, assemble_scene
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.sweeps.apply.array_keys import ARRAYS, INPUT, ArrayKey, find_array_key
-from tensegrity_codegen.sweeps.apply.scene_document import expand_document, read_scene_document
 from tensegrity_codegen.sweeps.key_schema import Bounds
 from tensegrity_codegen.sweeps.keys import KeyPath, parse_path
 from tensegrity_codegen.system.arrays import FloatArray
@@ -208,3 +208,28 @@ def _check_different(keys: Sequence[FileKey | ArrayKey], where: str) -> None:
                 given=f"{other}, {key.text}",
                 allowed="one of them",
             )
+
+
+def read_scene_document(scene: str | Path | Mapping[str, Any] | Scene) -> tuple[dict[str, Any], str]:
+    """Return a scene as a plain dictionary, checked, and its source for messages; raises as `read_scene`."""
+    if isinstance(scene, Scene):
+        document = scene.to_document()
+    elif isinstance(scene, Mapping):
+        document = dict(scene)
+    else:
+        document = read_document(scene, known=frozenset(Scene.model_fields))
+    plain, where = to_plain(document), name_source(scene)
+    parse_scene(plain, where)
+    return plain, where
+
+
+def expand_document(document: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return the scene with the nodes, members and groups of its shape written out, in place of the shape."""
+    shape = parse_scene(document, where).shape
+    if shape is None:
+        return dict(document)
+    made = expand_shape(shape, f"{where}: shape")
+    rest = {key: value for key, value in document.items() if key != "shape"}
+    return rest | {
+        section: {**made[section], **document.get(section, {})} for section in ("nodes", "members", "groups")
+    }

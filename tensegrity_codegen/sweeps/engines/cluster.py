@@ -1,18 +1,28 @@
 """A connection to a Dask scheduler: that it is there, that it has workers, and that these can do the work."""
 
+import functools
+import platform
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
-from tensegrity_codegen.sweeps.engines.versions import check_versions, describe_versions
+from tensegrity_codegen.codegen.compilation.fingerprint import hash_package
+from tensegrity_codegen.codegen.print.render import template_folder
 from tensegrity_codegen.system.errors import ClusterError, InvalidValueError
 from tensegrity_codegen.system.extras import CLUSTER, import_extra
+from tensegrity_codegen.system.version import VERSION
 
 PORT = "8786"  # of a Dask scheduler, where an address has none
 LOOK = 0.2  # [s] between two looks for workers
 LEAST_WAIT = 1.0  # [s] for an answer of the scheduler
+# Versions that must be equal wherever tasks of one sweep are computed, so that results are.
+PACKAGES = ("numpy", "scipy", "casadi")
+OWN = "tensegrity_codegen"
+SOURCE = "source of tensegrity_codegen"
 
 
 @contextmanager
@@ -116,3 +126,33 @@ def _check_workers(client: Any) -> None:
                 "a worker does not answer", where=f"worker {worker}", given=str(versions)
             ) from versions
         check_versions(describe_versions(), versions, worker)
+
+
+@functools.cache
+def describe_versions() -> dict[str, str]:
+    """Return the versions in this process, by name."""
+    python = ".".join(platform.python_version_tuple()[:2])
+    found = {OWN: VERSION, SOURCE: _hash_source(), "Python": python}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def check_versions(expected: Mapping[str, str], found: Mapping[str, str], worker: str) -> None:
+    """Raise ClusterError, naming what differs, unless a worker has the versions of the client."""
+    different = [name for name, value in expected.items() if found.get(name) != value]
+    if different:
+        raise ClusterError(
+            "a worker has other versions than this process",
+            where=f"worker {worker}",
+            given=", ".join(f"{name} {found.get(name, 'not installed')}" for name in different),
+            allowed=", ".join(f"{name} {expected[name]}" for name in different),
+            hint="start the workers in the environment of this process, or in one with the same versions",
+        )
+
+
+def _hash_source() -> str:
+    return hash_package(Path(__file__).resolve().parents[2], template_folder())[:12]

@@ -1,26 +1,36 @@
 """Tasks on a Dask cluster, a bounded number at a time."""
 
 import pickle
+import platform
 import queue
+import threading
 import time
 from collections import Counter, deque
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from tensegrity_codegen.pipeline.build_library import build_library
-from tensegrity_codegen.sweeps.engines.cluster import connect, count_threads
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.sweeps.apply.group import CaseGroup
+from tensegrity_codegen.sweeps.engines.cluster import (
+    check_versions,
+    connect,
+    count_threads,
+    describe_versions,
+)
 from tensegrity_codegen.sweeps.engines.engine import MOST_ATTEMPTS, FinishedTask
-from tensegrity_codegen.sweeps.engines.parcel import make_parcel
-from tensegrity_codegen.sweeps.engines.remote import RemoteWork, compute_remotely, unpack
-from tensegrity_codegen.sweeps.engines.versions import describe_versions
-from tensegrity_codegen.sweeps.engines.work import SweepWork, library_request, set_task_aside
+from tensegrity_codegen.sweeps.engines.parcel import SourceParcel, load_parcel, make_parcel
+from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task, library_request, set_task_aside
 from tensegrity_codegen.sweeps.plan import Task
+from tensegrity_codegen.sweeps.tasks.operation import TaskResult
 from tensegrity_codegen.system.errors import ClusterError, TensegrityError
 
 LOOK = 1.0  # [s] between two looks at the workers while no task ends
 AHEAD = 2  # tasks in flight for each thread of the workers: the next is there when one ends
+_models: dict[str, CompiledModel] = {}  # libraries of this process by the hash of their source
+_lock = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -163,3 +173,46 @@ def _lost(problem: str) -> ClusterError:
         where="scheduler",
         hint="start workers, and run the same command again: it goes on where it stopped",
     )
+
+
+@dataclass(frozen=True, eq=False)
+class RemoteWork:
+    """The work of a sweep, and the versions that it needs."""
+
+    work: SweepWork
+    versions: Mapping[str, str]
+
+
+def unpack(data: bytes) -> Any:
+    """Return the work or the source that was sent; its result is passed on from worker to worker."""
+    return pickle.loads(data)
+
+
+def compute_remotely(
+    remote: RemoteWork, sources: Mapping[int, SourceParcel], number: int
+) -> tuple[TaskResult, float, dict[str, Any]]:
+    """Return the results of a task, the time that it took, and where it was computed.
+
+    sources: source of the libraries of the task by the number of their group. Raises ClusterError where this
+    worker has other versions than the client.
+    """
+    check_versions(remote.versions, describe_versions(), platform.node())
+
+    def load(group: CaseGroup) -> CompiledModel:
+        return _load(sources[group.number], group)
+
+    work = remote.work
+    task = work.plan.tasks[number]
+    for group, _ in work.plan.find_rows(task):
+        load(group)
+    started = time.perf_counter()
+    result = compute_task(work, task, load)
+    return result, time.perf_counter() - started, {"machine": platform.node()}
+
+
+def _load(parcel: SourceParcel, group: CaseGroup) -> CompiledModel:
+    """Return a library of this process; the first thread that needs it compiles it."""
+    with _lock:
+        if parcel.hash not in _models:
+            _models[parcel.hash] = load_parcel(parcel, group.structure)
+        return _models[parcel.hash]

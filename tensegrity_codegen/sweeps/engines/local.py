@@ -13,9 +13,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from tensegrity_codegen.sweeps.engines.engine import MOST_ATTEMPTS, FinishedTask
-from tensegrity_codegen.sweeps.engines.libraries import Libraries
 from tensegrity_codegen.sweeps.engines.threads import limit_threads
-from tensegrity_codegen.sweeps.engines.work import SweepWork, compute_task, set_task_aside
+from tensegrity_codegen.sweeps.engines.work import Libraries, SweepWork, compute_task, set_task_aside
 from tensegrity_codegen.sweeps.plan import Task
 from tensegrity_codegen.system.errors import TensegrityError
 from tensegrity_codegen.system.forked import DEFERRED, can_fork, deferred_signals, end_process

@@ -1,12 +1,13 @@
 """What workers do: libraries by group, and the results of one task."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.sweeps.apply.group import AppliedCases, CaseGroup
 from tensegrity_codegen.sweeps.joint_outputs import find_places
@@ -109,3 +110,30 @@ def _insert(
             arrays[name][rows] = found.arrays[name]
         else:
             arrays[name][np.ix_(rows, *places)] = found.arrays[name]
+
+
+@dataclass(eq=False)
+class Libraries:
+    """Libraries by the number of their group.
+
+    Attributes
+    ----------
+    operation : Operation
+        What the libraries are for.
+    models : dict of int to CompiledModel
+        Those that are loaded; a forked process has them too.
+    """
+
+    operation: Operation
+    models: dict[int, CompiledModel] = field(default_factory=dict)
+
+    def load(self, group: CaseGroup) -> CompiledModel:
+        """Return the library of a group; raises as `build_library`."""
+        if group.number not in self.models:
+            built = build_library(group.structure, library_request(group, self.operation))
+            self.models[group.number] = built.load()
+        return self.models[group.number]
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a process that starts anew gets: it loads the libraries itself."""
+        return {"operation": self.operation, "models": {}}

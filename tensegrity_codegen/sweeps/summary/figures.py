@@ -11,7 +11,6 @@ from tensegrity_codegen.report.pages.page import Figure
 from tensegrity_codegen.report.pages.picture import draw_picture
 from tensegrity_codegen.report.pictures.canvas import new_figure
 from tensegrity_codegen.report.pictures.palette import GRID, INK, MUTED, SEQUENCE
-from tensegrity_codegen.sweeps.summary.bins import bin_means, find_edges, is_logarithmic, make_bins
 from tensegrity_codegen.sweeps.summary.chosen import ChosenResult
 from tensegrity_codegen.sweeps.summary.indices import Indices
 from tensegrity_codegen.sweeps.summary.results import SweepResults
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 MOST_POINTS = 5000  # of a scatter plot; more cases become a two-dimensional histogram
 BINS, MAP_BINS = 40, 60
 COLORS = "cividis"
+WIDE = 50.0  # largest over least value from which on a positive range is shown on a logarithmic axis
 
 
 def draw_histogram(result: ChosenResult, name: str) -> Figure:
@@ -216,3 +216,62 @@ def _plain(values: FloatArray) -> Any:
 def _shorten(key: str, most: int = 24) -> str:
     """Return the end of a long key: what differs stands there."""
     return key if len(key) <= most else "…" + key[1 - most :]
+
+
+def is_logarithmic(values: FloatArray) -> bool:
+    """Return whether values are all positive and lie so far apart that a logarithmic axis shows them better.
+
+    They must also fill it: the middle value lies nearer to the middle of the logarithms.
+    """
+    if not len(values) or values.min() <= 0.0 or values.max() < WIDE * values.min():
+        return False
+    low, high, middle = float(values.min()), float(values.max()), float(np.median(values))
+    return (middle - low) / (high - low) < 0.25
+
+
+def make_bins(values: FloatArray, count: int) -> FloatArray:
+    """Return the edges (count + 1,) of bins that hold all finite values, logarithmic where these are.
+
+    Values that are equal, but for rounding, are in the middle of one bin.
+    """
+    finite = values[np.isfinite(values)]
+    if not len(finite):
+        return np.array([0.0, 1.0])
+    low, high = float(finite.min()), float(finite.max())
+    if high - low <= 1e-12 * max(abs(low), abs(high)):
+        half = 0.5 * max(abs(low) * 1e-3, 1e-9 if low == 0.0 else 0.0)
+        return np.array([low - half, high + half])
+    if is_logarithmic(finite):
+        edges = np.geomspace(low, high, count + 1)
+    else:
+        edges = np.linspace(low, high, count + 1)
+    edges[0], edges[-1] = low, high
+    return edges
+
+
+def find_edges(points: FloatArray) -> FloatArray:
+    """Return the edges (n + 1,) of cells around increasing points (n,), half way between neighbours."""
+    if len(points) == 1:
+        return make_bins(points, 1)
+    log = is_logarithmic(points)
+    place = np.log(points) if log else points
+    middle = 0.5 * (place[1:] + place[:-1])
+    ends = 2 * place[0] - middle[0], 2 * place[-1] - middle[-1]
+    edges = np.concatenate([[ends[0]], middle, [ends[1]]])
+    result: FloatArray = np.exp(edges) if log else edges
+    return result
+
+
+def bin_means(
+    x: FloatArray, y: FloatArray, values: FloatArray, x_edges: FloatArray, y_edges: FloatArray
+) -> FloatArray:
+    """Return the mean of the finite values in each bin, (n_x, n_y); NaN in bins without any."""
+    rows = np.isfinite(values)
+    column = np.digitize(x[rows], x_edges[1:-1])
+    row = np.digitize(y[rows], y_edges[1:-1])
+    shape = (len(x_edges) - 1, len(y_edges) - 1)
+    place = column * shape[1] + row
+    count = np.bincount(place, minlength=shape[0] * shape[1])
+    total = np.bincount(place, weights=values[rows], minlength=len(count))
+    means: FloatArray = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+    return means.reshape(shape)

@@ -17,12 +17,11 @@ from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajecto
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.statuses import encode_status
 from tensegrity_codegen.sweeps.tasks.case_arguments import CaseArguments, read_case_arguments
-from tensegrity_codegen.sweeps.tasks.keep_text import KeptText, parse_kept
+from tensegrity_codegen.sweeps.tasks.keep_text import EVERY, FIRST, KeptText, parse_kept
 from tensegrity_codegen.sweeps.tasks.kept import Kept, bind_kept, find_kept_quantities
 from tensegrity_codegen.sweeps.tasks.limit_use import LIMIT_USE, LIMIT_USE_RESULT, compute_limit_use
 from tensegrity_codegen.sweeps.tasks.operation import Operation, Output, TaskResult, build_result
 from tensegrity_codegen.sweeps.tasks.quantities import compute_rows
-from tensegrity_codegen.sweeps.tasks.reductions import reduce_output, reduce_values
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 from tensegrity_codegen.tables.request import ModelRequest
@@ -46,6 +45,14 @@ RESULTS = {
     ),
     "n_steps": ("int64", "1", "Number of steps."),
     LIMIT_USE: LIMIT_USE_RESULT,
+}
+RealArray = NDArray[Any]
+WORDS = {
+    "final": "at the end",
+    "max": "largest over the samples",
+    "min": "smallest over the samples",
+    "mean": "mean over time",
+    "rms": "root of the mean square over time",
 }
 
 
@@ -237,3 +244,63 @@ def _with_velocity(manifest: Manifest) -> Manifest:
 
 def _differs(text: KeptText) -> str:
     return "" if text.name == text.text else text.text
+
+
+def reduce_output(text: KeptText, output: Output, time: RealArray) -> Output:
+    """Return the array of a motion from that of one sample; time: of the samples, (n_t,) [s]."""
+    if text.reduction == FIRST:
+        sentence = (
+            f"First time at which {text.expression} holds, between samples on a straight line; NAN if never."
+        )
+        return replace(output, unit="s", sentence=sentence)
+    if text.reduction in WORDS:
+        return replace(output, sentence=f"{output.sentence.rstrip('.')}: {WORDS[text.reduction]}.")
+    kept = time[:: text.step]
+    dim = "time" if text.step == 1 else f"time_{EVERY}_{text.step}"
+    return replace(
+        output,
+        dims=(dim, *output.dims),
+        shape=(len(kept), *output.shape),
+        coordinates={**output.coordinates, dim: tuple(kept.tolist())},
+    )
+
+
+def reduce_values(text: KeptText, values: RealArray, time: RealArray) -> RealArray:
+    """Return what is kept of values (count, n_t, ...) at times (n_t,) [s]."""
+    if text.reduction == FIRST:
+        return find_first_time(values, time)
+    if text.reduction == "final":
+        return values[:, -1]
+    if text.reduction == "max":
+        return np.asarray(values.max(axis=1))
+    if text.reduction == "min":
+        return np.asarray(values.min(axis=1))
+    if text.reduction in ("mean", "rms"):
+        weight = _weigh(time).reshape(-1, *(1,) * (values.ndim - 2))
+        if text.reduction == "mean":
+            return np.asarray((weight * values).sum(axis=1))
+        return np.asarray(np.sqrt((weight * values**2).sum(axis=1)))
+    return values[:, :: text.step]
+
+
+def find_first_time(values: RealArray, time: RealArray) -> RealArray:
+    """Return the first time at which values (count, n_t, ...) are positive, (count, ...) [s], NAN if never.
+
+    Between the sample before and the one at which they are, they are taken as a straight line.
+    """
+    holds = values > 0
+    k = holds.argmax(axis=1)
+    before = np.maximum(k - 1, 0)
+    low, high = (np.take_along_axis(values, place[:, None], axis=1)[:, 0] for place in (before, k))
+    with np.errstate(all="ignore"):
+        part = np.where(k > 0, -low / (high - low), 0.0)
+    first: RealArray = time[before] + part * (time[k] - time[before])
+    return np.asarray(np.where(holds.any(axis=1), first, np.nan))
+
+
+def _weigh(time: RealArray) -> RealArray:
+    """Return weights (n_t,) of the trapezoidal rule that add up to 1."""
+    weight = np.zeros(len(time))
+    weight[1:] += np.diff(time) / 2
+    weight[:-1] += np.diff(time) / 2
+    return np.asarray(weight / weight.sum())

@@ -10,7 +10,7 @@ import pytest
 from tensegrity_codegen.sweeps.engines.local import LocalEngine
 from tensegrity_codegen.sweeps.progress import SweepOutcome
 from tensegrity_codegen.sweeps.run import run_sweep
-from tensegrity_codegen.sweeps.store.open_sweep import open_sweep
+from tensegrity_codegen.sweeps.store.folder import open_sweep
 from tensegrity_codegen.sweeps.store.table import write_sweep_table
 from tensegrity_codegen.sweeps.summary.read_results import read_results
 from tensegrity_codegen.system.errors import OutputError

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tensegrity_codegen.pipeline.compile_scene import load_scene
-from tensegrity_codegen.sweeps.apply.scene_document import read_scene_document
-from tensegrity_codegen.sweeps.key_sentences import describe_key
+from tensegrity_codegen.sweeps.apply.assembler import read_scene_document
+from tensegrity_codegen.sweeps.describe import describe_key
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "tensegrity_codegen" / "scene" / "examples"
 
