@@ -61,25 +61,3 @@ def place_velocities(
     places = manifest.coordinate_place
     result[places[:, 0], places[:, 1]] = velocity
     return result
-
-
-def place_motion(
-    model: Model, coordinate: FloatArray, velocity: FloatArray, arguments: Mapping[str, Any]
-) -> tuple[FloatArray, FloatArray]:
-    """Return node positions and velocities (n_t, n_nodes, 3) [m, m/s] of states, both (n_t, n_coordinates).
-
-    arguments: all run-time arguments, `anchor_position` among them where anchors are changeable.
-    """
-    manifest = model.manifest
-    count = (len(coordinate), len(manifest.node_name), 3)
-    if not manifest.coordinate_node_axis:
-        states = list(zip(coordinate, velocity, strict=True))
-        places = [place_nodes(model, q, arguments=arguments) for q, _ in states]
-        rates = [place_velocities(model, q, v, arguments=arguments) for q, v in states]
-        return np.array(places).reshape(count), np.array(rates).reshape(count)
-    position, rate = np.empty(count), np.zeros(count)
-    position[:] = place_nodes(model, coordinate[0], arguments.get("anchor_position"))
-    node, axis = manifest.coordinate_place.T
-    position[:, node, axis] = coordinate
-    rate[:, node, axis] = velocity
-    return position, rate

@@ -13,7 +13,7 @@ from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
-from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile, check_not_constant
 from tensegrity_codegen.runtime.profiles.knots import follows_in_c
 from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
 from tensegrity_codegen.runtime.profiles.profile import Profile
@@ -22,7 +22,39 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.manifest import Manifest
 from tensegrity_codegen.tables.precision import PRECISIONS
+
+MAX_BYTES = 8 * 2**30  # of all arrays of a trajectory
+
+
+def check_sample_memory(manifest: Manifest, samples: int) -> None:
+    """Raise InvalidValueError where the arrays of a trajectory would exceed MAX_BYTES.
+
+    Each sample keeps two states (of the run and of the one it is compared with), positions and velocities
+    of nodes and tensions of members, all in double precision.
+    """
+    states = 2 * len(manifest.coordinate_name)
+    row = 8 * (2 * states + 6 * len(manifest.node_name) + len(manifest.member_name))
+    if samples * row > MAX_BYTES:
+        raise InvalidValueError(
+            "too many samples: they would not fit into memory",
+            where="samples",
+            given=f"{samples} samples, {samples * row / 2**30:.1f} GiB",
+            allowed=f"at most {max(2, MAX_BYTES // row)} for {len(manifest.member_name)} members",
+            hint="take fewer samples, or simulate in parts",
+        )
+
+
+def check_profiles(
+    model: CompiledModel,
+    schedule: Profile | Schedule | Sequence[Profile | Schedule] | None,
+    arguments: Mapping[str, Any] | None,
+) -> None:
+    """Raise InvalidValueError for an input with a profile in one of the schedules, and a constant value."""
+    for one in schedule if isinstance(schedule, Sequence) else (schedule,):
+        if isinstance(one, Profile):
+            check_not_constant(one, arguments or {}, model.manifest.input_name)
 
 
 def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:

@@ -14,12 +14,17 @@ from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_double, require_model
-from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, check_not_constant
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
 from tensegrity_codegen.runtime.profiles.profile import Profile
-from tensegrity_codegen.runtime.simulate.given import find_start, read_sample_times, read_schedule
-from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
+from tensegrity_codegen.runtime.simulate.given import (
+    check_profiles,
+    check_sample_memory,
+    find_start,
+    read_sample_times,
+    read_schedule,
+)
 from tensegrity_codegen.runtime.simulate.until import Until
-from tensegrity_codegen.runtime.trajectory.evaluate_trajectory import evaluate_trajectory
+from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_trajectory
 from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.checks import check_callback, check_switch
 
@@ -129,8 +134,7 @@ def simulate(
     check_options(options, t_end, len(times))
     require_double(model.manifest, "a simulation from Python")
     check_sample_memory(model.manifest, len(times))
-    if isinstance(schedule, Profile):
-        check_not_constant(schedule, arguments or {}, model.manifest.input_name)
+    check_profiles(model, schedule, arguments)
     given = merge_inputs(model.manifest, arguments)
     check_arguments(model.manifest, given)
     drive = read_schedule(model, schedule, options, given, t_end)

@@ -1,6 +1,7 @@
 """Simulation of a batch: many starts, or parameter sets, of one structure."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,15 +26,17 @@ from tensegrity_codegen.runtime.model.batch import check_threads
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
-from tensegrity_codegen.runtime.profiles.driven import check_not_constant
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
-from tensegrity_codegen.runtime.simulate.one_by_one import simulate_one_by_one
-from tensegrity_codegen.runtime.simulate.sample_memory import check_sample_memory
+from tensegrity_codegen.runtime.simulate.given import check_profiles, check_sample_memory
+from tensegrity_codegen.runtime.simulate.simulate import simulate
 from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
-from tensegrity_codegen.runtime.trajectory.evaluate_batch import evaluate_batch
+from tensegrity_codegen.runtime.trajectory.evaluate import evaluate_batch, select_motion
+from tensegrity_codegen.runtime.trajectory.sampled import SAMPLED, STATE
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_callback
+from tensegrity_codegen.system.errors import NonFiniteError
 
 
 def simulate_batch(
@@ -133,20 +136,16 @@ def simulate_batch(
     if side_by_side:
         options = scale_to_length(model.manifest, options)
     check_threads(threads)
-    for one in schedule if isinstance(schedule, Sequence) else (schedule,):
-        if isinstance(one, Profile):
-            check_not_constant(one, arguments or {}, model.manifest.input_name)
-    given = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
     schedules = tuple(schedule) if isinstance(schedule, Sequence) else schedule
+    check_profiles(model, schedules, arguments)
+    given = merge_inputs(model.manifest, arguments, is_batch=True, dtype=model.dtype)
     starts = _read_starts(model, coordinate, velocity, given, schedules)
     check_sample_memory(model.manifest, len(starts.state) * samples)
     times = np.linspace(0.0, t_end, samples)
     if not side_by_side:
-        motion = Motion(model, starts.state, times, starts.arguments, progress)
-        return simulate_one_by_one(motion, options, threads, schedules)
-    state = _make_consistent(model, starts)
+        return _simulate_one_by_one(model, starts, times, options, schedules, threads, progress)
     own = {name: array for name, (array, _) in starts.arguments.items()}
-    motion = Motion(model, state, times, own, progress)
+    motion = Motion(model, _make_consistent(model, starts), times, own, progress)
     raw = _integrate(motion, options, threads)
     return evaluate_batch(model, raw, starts.arguments, threads)
 
@@ -202,7 +201,7 @@ def _initial(model: CompiledModel, name: str, value: ArrayLike | None) -> tuple[
 
 def _make_consistent(model: CompiledModel, starts: _Starts) -> FloatArray:
     """Return the states, brought onto the constraints between coordinates where a model has any."""
-    state, arguments = starts.state, starts.arguments
+    state = starts.state
     if not model.has("consistent_coordinate"):
         return state
     n, rows = state.shape[1] // 2, []
@@ -210,6 +209,97 @@ def _make_consistent(model: CompiledModel, starts: _Starts) -> FloatArray:
         if not np.isfinite(row).all():  # the integrator says so
             rows.append(row)
             continue
-        own = {name: array[k] if is_batched else array for name, (array, is_batched) in arguments.items()}
-        rows.append(np.concatenate(make_consistent(model, row[:n], row[n:], own)))
+        rows.append(
+            np.concatenate(make_consistent(model, row[:n], row[n:], select_motion(starts.arguments, k)))
+        )
     return np.array(rows)
+
+
+def _simulate_one_by_one(
+    model: CompiledModel,
+    starts: _Starts,
+    times: FloatArray,
+    options: RunOptions,
+    schedule: Sequence[Profile | Schedule] | Profile | Schedule | None,
+    threads: int,
+    progress: Progress | None,
+) -> BatchTrajectory:
+    """Return the motions, each simulated by itself with the same options, in threads.
+
+    A motion that cannot even begin has the status "non_finite_input" or "unstable" and no samples.
+    """
+    n, state = starts.state.shape[1] // 2, starts.state
+
+    def run(k: int) -> Trajectory | tuple[str, str]:
+        own = select_motion(starts.arguments, k)
+        if not all(np.isfinite(array).all() for array in (state[k], *own.values())):
+            return "non_finite_input", "the initial state or an argument is not finite"
+        try:
+            return simulate(
+                model,
+                float(times[-1]),
+                samples=len(times),
+                coordinate=state[k, :n],
+                velocity=state[k, n:],
+                arguments=own,
+                schedule=schedule[k] if isinstance(schedule, Sequence) else schedule,
+                **options.as_given(),
+            )
+        except NonFiniteError as error:
+            return "unstable", str(error.problem)
+
+    found: list[Trajectory | tuple[str, str]] = []  # or why there is none
+    with ThreadPoolExecutor(threads) as pool:  # the calls into C hold no lock of Python's
+        try:
+            for one in pool.map(run, range(len(state))):
+                found.append(one)
+                if progress is not None:
+                    progress(len(found) / len(state))
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return _stack(model, times, found, options.method)
+
+
+def _stack(
+    model: CompiledModel, time: FloatArray, found: list[Trajectory | tuple[str, str]], method: str
+) -> BatchTrajectory:
+    """Return the motions as one, NAN where samples were not reached."""
+    manifest, n_batch, n_t = model.manifest, len(found), len(time)
+    n, nodes, members = len(manifest.coordinate_name), len(manifest.node_name), len(manifest.member_name)
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys((*STATE, *SAMPLED), ())
+    shapes |= {"coordinate": (n,), "velocity": (n,), "member_tension": (members,)}
+    shapes |= {"node_position": (nodes, 3), "node_velocity": (nodes, 3)}
+    arrays: dict[str, Any] = {name: np.full((n_batch, n_t, *shape), np.nan) for name, shape in shapes.items()}
+    drift, estimate = np.full(n_batch, np.nan), np.full(n_batch, np.nan)
+    counts = np.zeros((4, n_batch), dtype=np.int64)
+    counts[2] = -1
+    ends: list[tuple[str, str]] = []
+    for k, motion in enumerate(found):
+        if not isinstance(motion, Trajectory):
+            ends.append(motion)
+            continue
+        ends.append((motion.status, motion.message))
+        reached = len(motion.time)
+        for name, array in arrays.items():
+            array[k, :reached] = getattr(motion, name)
+        drift[k] = np.nan if motion.energy_drift is None else motion.energy_drift
+        estimate[k] = np.nan if motion.error_estimate is None else motion.error_estimate
+        counts[:2, k], counts[3, k] = (reached, motion.n_steps), motion.n_evaluations
+    return BatchTrajectory(
+        time=time,
+        **arrays,
+        energy_drift=drift,
+        error_estimate=estimate,
+        status=tuple(word for word, _ in ends),
+        message=tuple(message for _, message in ends),
+        n_reached=counts[0],
+        n_steps=counts[1],
+        n_rejected=counts[2],
+        n_evaluations=counts[3],
+        method=method,
+        step=None,
+        node_name=manifest.node_name,
+        member_name=manifest.member_name,
+        structure=model.structure,
+    )

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tensegrity_codegen.runtime.simulate.sample_memory import MOST_BYTES, check_sample_memory
+from tensegrity_codegen.runtime.simulate.given import MAX_BYTES, check_sample_memory
 from tensegrity_codegen.system.errors import InvalidValueError
 
 
@@ -28,4 +28,4 @@ def test_a_large_tower_may_have_hundreds_of_samples_and_not_ten_thousand() -> No
 
 def test_a_prism_may_have_a_million() -> None:
     check_sample_memory(manifest_of(6, 12), 1_000_000)
-    assert MOST_BYTES > 2**30
+    assert MAX_BYTES > 2**30

@@ -1,0 +1,249 @@
+"""From the samples of motions to nodes, tensions and energies, and a verdict on each motion.
+
+One motion is a batch of one, whose samples are computed one after the other.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tensegrity_codegen.runtime.integrate.motion import Schedule
+from tensegrity_codegen.runtime.integrate.raw_results import RawBatch, RawTrajectory
+from tensegrity_codegen.runtime.model.arguments import apply_loads
+from tensegrity_codegen.runtime.model.charts import judge_charts
+from tensegrity_codegen.runtime.model.interface import Model
+from tensegrity_codegen.runtime.model.model import CompiledModel
+from tensegrity_codegen.runtime.model.named_inputs import INPUT
+from tensegrity_codegen.runtime.model.own_tension import put_own_tensions
+from tensegrity_codegen.runtime.trajectory.balance import balance_energy, find_energy_flow
+from tensegrity_codegen.runtime.trajectory.batch_trajectory import BatchTrajectory
+from tensegrity_codegen.runtime.trajectory.trajectory import Trajectory
+from tensegrity_codegen.system.arrays import FloatArray
+from tensegrity_codegen.system.errors import NonFiniteError
+
+COLUMNS = ("member_tension", "kinetic_energy", "total_energy")
+
+
+def evaluate_trajectory(
+    model: Model, raw: RawTrajectory, arguments: Mapping[str, Any], schedule: Schedule | None = None
+) -> Trajectory:
+    """Return the trajectory with tensions and energies, its status corrected by the energy balance.
+
+    schedule: arguments that change with time; these do work, so the energy balance says nothing then. Raises
+    NonFiniteError where not even the first sample has finite tensions and energies.
+    """
+    batch = RawBatch(
+        time=raw.time,
+        state=raw.state[None],
+        n_reached=np.array([len(raw.time)]),
+        status=(raw.status,),
+        message=(raw.message,),
+        method=raw.method,
+        n_steps=np.array([raw.n_steps]),
+        n_rejected=np.array([-1]),
+        n_evaluations=np.array([raw.n_evaluations]),
+        step=raw.step,
+    )
+    samples = _Samples(model, batch, {name: (value, False) for name, value in arguments.items()}, schedule)
+    found = samples.evaluate(raw)[0]
+    if not len(found.time):
+        for name in COLUMNS:
+            model.compute(name, **samples.sample(0, 0))
+    given = [{**arguments, **(schedule(float(time)) if schedule else {})} for time in found.time]
+    inputs = None
+    if any(item.name == INPUT for item in model.manifest.arguments):
+        rows = [np.reshape(one.get(INPUT, model.nominal(INPUT)), -1) for one in given]
+        inputs = np.array(rows, dtype=np.float64)
+    return replace(
+        found,
+        error_estimate=raw.error_estimate,
+        log=raw.log,
+        evidence=raw.evidence,
+        why_method=raw.why,
+        input=inputs,
+        input_name=model.manifest.input_name,
+        node_load=apply_loads(model, *given),
+    )
+
+
+def evaluate_batch(
+    model: CompiledModel, raw: RawBatch, arguments: Mapping[str, tuple[FloatArray, bool]], threads: int
+) -> BatchTrajectory:
+    """Return the motions with tensions and energies, each status corrected by its energy balance.
+
+    arguments: run-time arguments, each with whether it has one row a motion.
+    """
+    return _Samples(model, raw, arguments, threads=threads).evaluate()
+
+
+def select_motion(arguments: Mapping[str, tuple[Any, bool]], k: int) -> dict[str, Any]:
+    """Return the arguments of motion k; each is given with whether it has one row a motion."""
+    return {name: array[k] if is_batched else array for name, (array, is_batched) in arguments.items()}
+
+
+class _Samples:
+    """All samples of motions as one long batch of states, those that were not reached being NAN.
+
+    arguments: each with whether it has one row a motion; threads: of the functions over batches of a library,
+    0 where samples are computed one after the other.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        raw: RawBatch,
+        arguments: Mapping[str, tuple[Any, bool]],
+        schedule: Schedule | None = None,
+        threads: int = 0,
+    ) -> None:
+        n_batch, n_t, _ = raw.state.shape
+        self.model, self.raw, self.arguments, self.schedule = model, raw, arguments, schedule
+        self.threads, self.shape = threads, (n_batch, n_t)
+        self.is_there = np.arange(n_t) < raw.n_reached[:, None]
+        self.coordinate, self.velocity = np.split(raw.state, 2, axis=2)
+
+    def evaluate(self, own: RawTrajectory | None = None) -> BatchTrajectory:
+        """Return the motions; own: the run of the only one, with tensions that were unknowns of their own."""
+        columns = {name: self.compute(name) for name in COLUMNS}
+        self._drop_overflown(columns)
+        columns = {name: self._mask(values) for name, values in columns.items()}
+        if own is not None and own.tension is not None:
+            self._put_own_tensions(own, own.tension, columns)
+        kinetic, total = columns["kinetic_energy"], columns["total_energy"]
+        drift, ends = self._judge(kinetic, total)
+        raw, manifest = self.raw, self.model.manifest
+        return BatchTrajectory(
+            time=raw.time,
+            coordinate=self.coordinate,
+            velocity=self.velocity,
+            node_position=self._place("node_position", manifest.stated_position),
+            node_velocity=self._place("node_velocity", np.zeros((len(manifest.node_name), 3))),
+            **columns,
+            energy_drift=drift,
+            error_estimate=np.full(len(ends), np.nan) if raw.error_estimate is None else raw.error_estimate,
+            status=tuple(word for word, _ in ends),
+            message=tuple(message for _, message in ends),
+            n_reached=raw.n_reached,
+            n_steps=raw.n_steps,
+            n_rejected=raw.n_rejected,
+            n_evaluations=raw.n_evaluations,
+            method=raw.method,
+            step=raw.step,
+            node_name=manifest.node_name,
+            member_name=manifest.member_name,
+            structure=getattr(self.model, "structure", None),
+        )
+
+    def compute(self, quantity: str) -> FloatArray:
+        """Return a quantity at all samples, (n_batch, n_t, ...), NAN where it is not finite."""
+        spec = next(item for item in self.model.manifest.functions if item.quantity == quantity)
+        if not self.threads:
+            found = np.full((*self.shape, *spec.shape), np.nan)
+            for k, row in np.argwhere(self.is_there).tolist():
+                try:
+                    found[k, row] = self.model.compute(quantity, **self.sample(k, row))
+                except NonFiniteError:
+                    continue
+            return found
+        batched = {name for name, (_, is_batched) in self.arguments.items() if is_batched}
+        if batched.union(("coordinate", "velocity")).isdisjoint(spec.arguments):  # the same for all samples
+            one = {name: array for name, (array, _) in self.arguments.items() if name not in batched}
+            return self._mask(np.broadcast_to(self.model.compute(quantity, **one), self.shape))
+        given = {
+            name: np.repeat(array, self.shape[1], axis=0) if is_batched else array
+            for name, (array, is_batched) in self.arguments.items()
+        }
+        for name, part in (("coordinate", self.coordinate), ("velocity", self.velocity)):
+            given[name] = np.ascontiguousarray(part.reshape(-1, part.shape[2]))
+        found, _ = self.model.compute_batch(quantity, threads=self.threads, on_error="status", **given)
+        return self._mask(found.reshape(*self.shape, *spec.shape))
+
+    def sample(self, k: int, row: int) -> dict[str, Any]:
+        """Return the arguments of a function at one sample of motion k."""
+        n, state = self.coordinate.shape[2], self.raw.state[k, row]
+        changed = self.schedule(float(self.raw.time[row])) if self.schedule else {}
+        return {**select_motion(self.arguments, k), "coordinate": state[:n], "velocity": state[n:], **changed}
+
+    def _mask(self, values: FloatArray) -> FloatArray:
+        """Return values (n_batch, n_t, ...) with NAN where there is no sample."""
+        rows = self.is_there.reshape(*self.shape, *(1,) * (values.ndim - 2))
+        return np.where(rows, values, np.nan)
+
+    def _drop_overflown(self, columns: Mapping[str, FloatArray]) -> None:
+        """End runs before the first sample whose tensions or energies are not finite.
+
+        A run that blows up overflows in the square of its velocities before it does in the velocities.
+        """
+        raw, n_t = self.raw, self.shape[1]
+        is_good = np.all(
+            [np.isfinite(v).reshape(*self.shape, -1).all(axis=2) for v in columns.values()], axis=0
+        )
+        n_good = np.where(is_good | ~self.is_there, n_t, np.arange(n_t)).min(axis=1)
+        status, message = list(raw.status), list(raw.message)
+        for k in np.flatnonzero(n_good < raw.n_reached):
+            if status[k] == "ok":
+                after = raw.time[max(n_good[k] - 1, 0)]
+                status[k] = "unstable"
+                message[k] = f"the energy is not finite after t = {after:.6g} s: take a smaller step"
+        n_reached = np.minimum(raw.n_reached, n_good)
+        self.raw = replace(raw, n_reached=n_reached, status=tuple(status), message=tuple(message))
+        self.is_there = np.arange(n_t) < n_reached[:, None]
+        self.coordinate, self.velocity = self._mask(self.coordinate), self._mask(self.velocity)
+
+    def _put_own_tensions(
+        self, own: RawTrajectory, tension: FloatArray, columns: Mapping[str, FloatArray]
+    ) -> None:
+        """Put the tensions that the integrator found into the columns of the only motion, in place."""
+        reached = slice(0, int(self.raw.n_reached[0]))
+        given = {name: value for name, (value, _) in self.arguments.items()}
+        given |= self.schedule(0.0) if self.schedule else {}  # their laws do not change with time
+        rows = {name: values[0, reached] for name, values in columns.items()}
+        found = put_own_tensions(
+            self.model, self.raw.state[0, reached], tension, own.tension_member, rows, given
+        )
+        for name, values in found.items():
+            columns[name][0, reached] = values
+
+    def _place(self, quantity: str, stated: FloatArray) -> FloatArray:
+        """Return positions or velocities of all nodes, (n_batch, n_t, n_nodes, 3); `stated` of held ones."""
+        manifest = self.model.manifest
+        result = np.tile(stated, (*self.shape, 1, 1))
+        axes, places = list(manifest.axes), manifest.coordinate_place
+        if not manifest.coordinate_node_axis:
+            result[..., axes] = self.compute(quantity)
+            return self._mask(result)
+        anchors = self.arguments.get("anchor_position")
+        changeable = next((item for item in manifest.arguments if item.name == "anchor_position"), None)
+        if quantity == "node_position" and anchors is not None and changeable is not None:
+            rows = np.array([manifest.node_name.index(name) for name in changeable.over])
+            array, is_batched = anchors
+            array = array[:, None] if is_batched else np.reshape(array, changeable.shape)
+            result[:, :, rows[:, None], axes] = array
+        part = self.coordinate if quantity == "node_position" else self.velocity
+        result[:, :, places[:, 0], places[:, 1]] = part
+        return self._mask(result)
+
+    def _judge(self, kinetic: FloatArray, total: FloatArray) -> tuple[FloatArray, list[tuple[str, str]]]:
+        """Return energy drift, and status and message, of every motion.
+
+        Energy must not grow, and without damping must not shrink. Torques and turning forces may bring energy
+        in; then neither is asked, as under a schedule.
+        """
+        raw, model = self.raw, self.model
+        ends = list(zip(raw.status, raw.message, strict=True))
+        drift = np.full(len(ends), np.nan)
+        if self.schedule is None:
+            flow = find_energy_flow(model.manifest, lambda: np.nan_to_num(self.compute("energy_rate")))
+            conservative, is_driven = (np.broadcast_to(word, len(ends)) for word in flow)
+            balance = balance_energy(kinetic, total, self.coordinate)
+            drift = np.where(conservative, balance.drift, np.nan)
+            for k, (status, message) in enumerate(ends):
+                if status == "ok":
+                    ends[k] = balance.judge(k, raw.time, bool(conservative[k]), bool(is_driven[k]), message)
+        if model.has("chart_margin"):
+            for k in np.flatnonzero(raw.n_reached).tolist():
+                reached = slice(0, int(raw.n_reached[k]))
+                ends[k] = judge_charts(model, raw.time[reached], self.coordinate[k, reached], *ends[k])
+        return drift, ends
