@@ -26,7 +26,10 @@ from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution, design_distribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import (
+    TensionDistribution,
+    design_distribution,
+)
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tests.control.feedback.pinned_prism import build_prism, design_gains, draw_errors, move_prism

@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from tensegrity_codegen.control.feedback.kalman import design_kalman
     from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
     from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+    from tensegrity_codegen.control.feedback.loop.tension_distribution import (
+        TensionDistribution,
+        design_distribution,
+    )
     from tensegrity_codegen.control.feedback.lqr import design_lqr
     from tensegrity_codegen.control.feedback.study.control_study import ControlStudy
     from tensegrity_codegen.control.feedback.study.stated_errors import RandomGust, StatedErrors
     from tensegrity_codegen.control.feedback.study.study import study_control
     from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
-    from tensegrity_codegen.control.feedback.tension_distribution import (
-        TensionDistribution,
-        design_distribution,
-    )
     from tensegrity_codegen.control.feedback.time_motion import time_motion
     from tensegrity_codegen.control.planning.plan import plan
     from tensegrity_codegen.export.export_fmu import export_fmu
@@ -152,7 +152,7 @@ _HOME = {
     "StatedErrors": "control.feedback.study.stated_errors",
     "Structure": "structure.structure",
     "SymbolicFunctions": "pipeline.scene_functions",
-    "TensionDistribution": "control.feedback.tension_distribution",
+    "TensionDistribution": "control.feedback.loop.tension_distribution",
     "TensegrityError": "system.errors",
     "Trajectory": "runtime.trajectory.trajectory",
     "Tuning": "control.feedback.study.tuning",
@@ -163,7 +163,7 @@ _HOME = {
     "read_scene": "scene.read",
     "build_controller": "control.embedded.build_controller",
     "choose_weights": "control.feedback.study.tuning",
-    "design_distribution": "control.feedback.tension_distribution",
+    "design_distribution": "control.feedback.loop.tension_distribution",
     "design_kalman": "control.feedback.kalman",
     "design_lqr": "control.feedback.lqr",
     "draw": "live.draw",

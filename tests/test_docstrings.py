@@ -39,7 +39,7 @@ MODULES = (
     "control.feedback.design.gains",
     "runtime.records.timed_motion",
     "control.feedback.study.study",
-    "control.feedback.tension_distribution",
+    "control.feedback.loop.tension_distribution",
     "control.feedback.time_motion",
     "runtime.linear.linearize",
     "runtime.model.model",

@@ -44,9 +44,9 @@ class ControlDesign:
 
     def build(self) -> dict[str, Any]:
         """Return tuning, gains, estimator and distribution, as `study_control` takes them."""
+        from tensegrity_codegen.control.feedback.loop.tension_distribution import design_distribution
         from tensegrity_codegen.control.feedback.study.read_files import read_weights
         from tensegrity_codegen.control.feedback.study.tuning import choose_weights
-        from tensegrity_codegen.control.feedback.tension_distribution import design_distribution
 
         model, motion, given = self.model, self.motion, self.arguments
         wanted = self.integral_action

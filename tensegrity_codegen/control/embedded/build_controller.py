@@ -24,7 +24,7 @@ from tensegrity_codegen.control.embedded.parts import (
 from tensegrity_codegen.control.embedded.write import ControllerFiles, write_files
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import MOST_KNOTS, Gains
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.runtime.statics.equilibrium_record import Equilibrium
@@ -174,15 +174,17 @@ def build_controller(
     for path in read:
         check_path(path, "inputs")
     check_folder(out)
+    # Scene, motion and all parts of the controller.
     described, request = find_described(scene, motion)
-    way = find_motion(described, motion, arguments)
+    reference = find_motion(described, motion, arguments)
     chosen = described.manifest.name if name is None else name
     check_scene_name(chosen, "name")
     parts = collect_parts(
-        described, way, name=chosen, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
-        sample=sample, rate=rate, range=range, delay=delay,
+        described, reference, name=chosen, gains=gains, knots=knots, estimator=estimator,
+        distribution=distribution, sample=sample, rate=rate, range=range, delay=delay,
         qp_iterations=check_whole(qp_iterations, "qp_iterations", 1, MOST_ITERATIONS), daqp_sdist=daqp_sdist,
     )  # fmt: skip
+    # Its texts, the library, and the folder with both.
     files = write_files(parts, replace(request, precision=real.name), real)
     contents = {file: text.encode("utf-8") for file, text in files.texts.items()}
     description = files.description

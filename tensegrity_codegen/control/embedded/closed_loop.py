@@ -77,6 +77,7 @@ def write_closed_loop(
     plant: of the model that is simulated, with the integrator CONTROL_METHOD.
     watch: kinds of events at which its steps end.
     """
+    # Functions and arguments of the plant that the loop calls.
     spec = find_integrator(plant, CONTROL_METHOD)
     measured = find_measured(parts.sensors, plant)
     sources = {item.source for item in measured} | {"member_tension"}
@@ -84,6 +85,7 @@ def write_closed_loop(
     symbols = {name: item.symbol for name, item in called.items()}
     symbols["integrate"] = f"{spec.symbol}_run"
     sizes = {item.name: item.shape for item in plant.arguments if item.name not in OF_STATE}
+    # Types, code and declarations.
     context = {
         "name": parts.name,
         "NAME": parts.name.upper(),
@@ -256,6 +258,7 @@ class CompiledLoop:
         """Return the arrays that are filled, what must stay alive, and the struct of a draw."""
         manifest, ffi = self.model.manifest, self._ffi
         n, m = len(manifest.coordinate_name), len(self.parts.bounds.names)
+        # What the loop fills.
         found: dict[str, NDArray[Any]] = {
             "state": np.zeros((count + 1, 2 * n)),
             "tension": np.zeros((count + 1, len(manifest.member_name))),
@@ -267,6 +270,7 @@ class CompiledLoop:
         }
         if self.parts.distribution is not None:
             found["yields"] = np.zeros((count, len(self.parts.distribution.cables.driven)), dtype=np.intc)
+        # What it reads, and its memory for work.
         time, load = _tabulate_loads(self.model, draw)
         largest = max((int(np.prod(item.shape)) for item in manifest.functions), default=1)
         memory = {
@@ -277,6 +281,7 @@ class CompiledLoop:
             "work": np.zeros(self._spec.work_size),
             "values": np.zeros(largest),
         }
+        # The struct that points to both.
         loop = ffi.new("closed_loop *")
         kept: list[Any] = [memory]
         for name, array in {**found, **memory}.items():

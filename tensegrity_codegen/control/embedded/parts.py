@@ -24,7 +24,7 @@ from tensegrity_codegen.control.feedback.loop.actuator_bounds import (
     find_bounds,
 )
 from tensegrity_codegen.control.feedback.loop.loop_parts import check_parts, find_sample
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.pipeline.compile_scene import compile_scene, load_scene
 from tensegrity_codegen.runtime.model.interface import Described
 from tensegrity_codegen.runtime.model.model import CompiledModel

@@ -26,7 +26,7 @@ from tensegrity_codegen.control.feedback.loop.loop_parts import (
     find_start,
 )
 from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, bind_gust
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -137,16 +137,19 @@ def simulate_control_batch(
     check_instance(draws, Sequence, "draws", "a list of dictionaries")
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
     workers = (os.cpu_count() or 1) if threads is None else check_whole(threads, "threads", 1)
+    # The controller, with the checks of all controllers.
     described, request = find_described(model, motion)
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
+    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held)
     parts = collect_parts(
-        described, way, name=NAME, gains=gains, knots=knots, estimator=estimator, distribution=distribution,
-        sample=sample, rate=rate, range=range, delay=delay, daqp_sdist=daqp_sdist,
+        described, reference, name=NAME, gains=gains, knots=knots, estimator=estimator,
+        distribution=distribution, sample=sample, rate=rate, range=range, delay=delay, daqp_sdist=daqp_sdist,
     )  # fmt: skip
-    count = count_samples(way.duration if t_end is None else t_end, parts.sample)
+    # The draws, all of them checked before the first one is simulated.
+    count = count_samples(reference.duration if t_end is None else t_end, parts.sample)
     ready = [_read_draw(model, parts, k, draw, count) for k, draw in enumerate(draws)]
     if not ready:
         return ()
+    # Controller and plant in one library; the draws in several threads.
     loop = CompiledLoop(model, parts, write_files(parts, request, find_precision("double")), compiler)
     with ThreadPoolExecutor(workers) as pool:
         runs = list(pool.map(lambda draw: loop.run(draw, count), ready))
@@ -155,11 +158,11 @@ def simulate_control_batch(
     if gains is None or not compare:
         return tuple(runs)
     open_loop = partial(
-        simulate_control, model, way, t_end=count * parts.sample, sample=parts.sample, rate=rate, range=range,
-        delay=delay,
+        simulate_control, model, reference, t_end=count * parts.sample, sample=parts.sample, rate=rate,
+        range=range, delay=delay,
     )  # fmt: skip
     return tuple(
-        compare_with_open_loop(model, way, run, partial(open_loop, **draw))
+        compare_with_open_loop(model, reference, run, partial(open_loop, **draw))
         for run, draw in zip(runs, draws, strict=True)
     )
 

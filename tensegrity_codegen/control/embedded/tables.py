@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensegrity_codegen.codegen.print.printer import print_numbers
 from tensegrity_codegen.control.embedded.parts import QP_ITERATIONS, ControllerParts
 from tensegrity_codegen.control.feedback.design.linear_samples import split_delays
-from tensegrity_codegen.control.feedback.tension_distribution import PASSES, TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import PASSES, TensionDistribution
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.bodies import BodyInput
 from tensegrity_codegen.structure.structure import ActuatedInput
@@ -207,6 +207,7 @@ def build_distribution_tables(
     iterations: most iterations of DAQP in one quadratic program.
     Returns: sizes and tables by their names in C.
     """
+    # Driven members, by which actuators, with which limits and preferred tensions.
     cables, driven = distribution.cables, distribution.cables.driven
     pulls, others = cables.incidence[driven] != 0.0, cables.other_incidence[driven] != 0.0
     is_stiff = cables.spring_constant[driven] + cables.axial_stiffness[driven] > 0.0

@@ -26,7 +26,7 @@ from tensegrity_codegen.control.feedback.loop.loop_parts import (
     find_start,
 )
 from tensegrity_codegen.control.feedback.loop.sampled_plant import NODE_LOAD, Gust, SampledPlant, bind_gust
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.model.require import require_double, require_model, require_quantities
@@ -128,19 +128,23 @@ def simulate_control(
     require_quantities(model, ("member_tension",), "a simulated closed loop needs")
     check_whole(seed, "seed", 0)
     check_switch(compare, "compare")
+    # The motion, and whether all parts belong to it.
     held = 1.0 if t_end is None else check_positive(t_end, "t_end", "[s]")
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
-    check_motion(model, way)
-    check_parts(model.manifest, way, gains, estimator, distribution)
+    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    check_motion(model, reference)
+    check_parts(model.manifest, reference, gains, estimator, distribution)
+    # What is simulated: plant, controller, estimator.
     step = find_sample(gains, estimator, sample)
-    bounds = find_bounds(model, way, rate=rate, range=range, delay=delay)
-    count = count_samples(way.duration if t_end is None else t_end, step)
+    bounds = find_bounds(model, reference, rate=rate, range=range, delay=delay)
+    count = count_samples(reference.duration if t_end is None else t_end, step)
     given = find_given(model, arguments, axial_stiffness)
-    start = find_start(way, coordinate_error, velocity_error)
+    start = find_start(reference, coordinate_error, velocity_error)
     plant = SampledPlant(model, start, given, bind_gust(model, gust, given.get(NODE_LOAD)))
-    senses = None if estimator is None else Filter(model, estimator, way, {})
+    senses = None if estimator is None else Filter(model, estimator, reference, {})
     tensions = None if distribution is None else replace(distribution, bounds=bounds)
-    loop = _Loop(model, way, Controller(way, gains, bounds, step, tensions), plant, bounds, senses, seed)
+    loop = _Loop(
+        model, reference, Controller(reference, gains, bounds, step, tensions), plant, bounds, senses, seed
+    )
     late = describe_unknown_delays(gains, bounds)
     run = replace(loop.run(count), warnings=(late,) if late else ())
     if gains is None or not compare:
@@ -148,12 +152,12 @@ def simulate_control(
 
     def run_open() -> ControlRun:
         return simulate_control(
-            model, way, t_end=count * step, sample=step, coordinate_error=coordinate_error,
+            model, reference, t_end=count * step, sample=step, coordinate_error=coordinate_error,
             velocity_error=velocity_error, axial_stiffness=axial_stiffness, arguments=arguments, gust=gust,
             rate=rate, range=range, delay=delay,
         )  # fmt: skip
 
-    return compare_with_open_loop(model, way, run, run_open)
+    return compare_with_open_loop(model, reference, run, run_open)
 
 
 @dataclass
@@ -178,11 +182,13 @@ class _Loop:
         noise = np.random.default_rng(self.seed)
         for k in range(count):
             try:
+                # The controller acts on what it knows.
                 known = self._estimate(k * step, states[-1], value, noise)
                 if self.senses is not None and self.senses.is_outlier:
                     command, status = self.controller.hold(k)
                 else:
                     command, status = self.controller.step(k, known[: len(states[-1])])
+                # The plant moves on, with the commands that have arrived.
                 value = self.motion.at((k + 0.5) * step).input.copy()
                 if not self._advance(k * step, delayed.push(command), value):
                     break

@@ -22,7 +22,7 @@ POINT_REACH = 1e-4  # of the longest member: how far given coordinates may be fr
 STEP_REACH = 0.1  # of the longest member: of one step from equilibrium to equilibrium
 LEAST_STEP = 1e-4  # of the whole way: shorter ones are not tried
 N_STEPS = 16  # of the whole way between equilibria, where nothing makes them shorter
-EXACT = 1e-8  # of the longest member: distance of the spline from equilibria that counts as none
+SPLINE_TOLERANCE = 1e-8  # of the longest member: distance of the spline from equilibria that counts as none
 MOST_ROUNDS, MOST_KNOTS = 6, 1000
 LEAST_REACH = 1e-3  # of the longest member: least distance in which an equilibrium is searched
 
@@ -243,10 +243,12 @@ def build_smooth_path(plan_model: PlanModel, knots: PathKnots) -> SmoothPath:
     Raises ConvergenceError where no equilibrium is near the spline between two points, UnstableError where
     an equilibrium of the path is unstable.
     """
+    # The inputs, and the equilibria that are known.
     change = CubicSpline(knots.progress, knots.change)
     found = dict(zip(knots.progress.tolist(), knots.point, strict=True))
     for s, at in found.items():
         _check_stable(plan_model, s, at)
+    # Equilibria halfway, until the spline of the coordinates meets them.
     open_, error = list(zip(knots.progress[:-1].tolist(), knots.progress[1:].tolist(), strict=True)), 0.0
     for _ in range(MOST_ROUNDS):
         places = np.array(sorted(found))
@@ -256,7 +258,7 @@ def build_smooth_path(plan_model: PlanModel, knots: PathKnots) -> SmoothPath:
             middle = (low + high) / 2
             off = _add_equilibrium(plan_model, found, change, coordinate, middle, (low, high))
             error = max(error, off)
-            if off > EXACT * found[low].point.longest:
+            if off > SPLINE_TOLERANCE * found[low].point.longest:
                 halves += [(low, middle), (middle, high)]
         open_ = halves
         if not halves:

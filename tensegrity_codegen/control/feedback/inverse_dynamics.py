@@ -5,7 +5,6 @@ force f of everything else. f follows from the model's own accelerations: f = M 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -27,13 +26,13 @@ DYNAMIC_QUANTITIES = (
     "member_tension",
     "tension_rest_length_derivative",
 )
-FREE = 1e3  # weight of differences of cable tensions over those of bar forces
+TENSION_WEIGHT = 1e3  # weight of differences of cable tensions over those of bar forces
 RANK = 1e-10  # of the largest singular value: smaller ones count as zero
-BALANCE = 1e6  # weight of forces over differences of tensions, where bounds are active
-MOST_ITERATIONS, CONVERGED = 12, 1e-12
-WITHIN = 1e-9  # of the tensions: violation of a bound that counts as none
+FORCE_WEIGHT = 1e6  # weight of forces over differences of tensions, where bounds are active
+MOST_ITERATIONS, STEP_TOLERANCE = 12, 1e-12
+BOUND_TOLERANCE = 1e-9  # of the tensions: violation of a bound that counts as none
 DYNAMIC, STATIC = "dynamic", "static"
-BALANCED = 1e-6  # of the largest tension: residual that counts as none
+RESIDUAL_TOLERANCE = 1e-6  # of the largest tension: residual that counts as none
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class InverseDynamics:
             step, pulled, bounded = self._step(state, change, tension, slope, preferred)
             change, bars = change + step, bars + pulled
             moved = np.abs(slope @ step).max(initial=0.0)
-            if moved <= CONVERGED * max(float(np.abs(tension).max(initial=0.0)), 1e-300):
+            if moved <= STEP_TOLERANCE * max(float(np.abs(tension).max(initial=0.0)), 1e-300):
                 break
         tension, _ = self._tensions(state, change, bars)
         return Drive(change, tension, self.row * (state.force - state.matrix @ tension), bounded)
@@ -139,23 +138,26 @@ class InverseDynamics:
         preferred: FloatArray,
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the changes of inputs and bar forces by the equations linearised, and which are bounded."""
+        # Changes of the inputs that lead nearest to the preferred tensions.
         size = np.linalg.norm(slope, axis=0)
         unit = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)  # 0: a slack cable stays slack
         nearest = (slope.T @ (preferred - tension)) * unit**2
+        # The force that is missing then, by the smallest further changes.
         by_input, by_bar = self.row[:, None] * (state.matrix @ slope), state.matrix[:, self.bar]
         by_bar = self.row[:, None] * by_bar
         wanted = preferred[self.bar] - tension[self.bar]
         missing = self.row * (state.force - state.matrix @ tension) - by_input @ nearest - by_bar @ wanted
-        columns = np.hstack([by_input * unit, FREE * by_bar])
+        columns = np.hstack([by_input * unit, TENSION_WEIGHT * by_bar])
         found = np.linalg.lstsq(columns, missing, rcond=RANK)[0]
+        # The same within bounds, where these changes exceed one.
         low, high = self._bounds(state, change, tension, slope, preferred)
         count, bounded = len(change), np.zeros(len(change), dtype=bool)
-        slack, moving = WITHIN * float(np.abs(tension).max(initial=1.0)), size > 0
+        slack, moving = BOUND_TOLERANCE * float(np.abs(tension).max(initial=1.0)), size > 0
         ends = [np.where(moving, end - nearest, 0.0) * size for end in (low, high)]
         low, high = np.where(moving, ends, [[-np.inf], [np.inf]])
         if np.any(found[:count] < low - slack) or np.any(found[:count] > high + slack):
             found, bounded = _solve_bounded(columns, missing, low, high)
-        return nearest + unit * found[:count], wanted + FREE * found[count:], bounded
+        return nearest + unit * found[:count], wanted + TENSION_WEIGHT * found[count:], bounded
 
     def _bounds(
         self,
@@ -187,7 +189,7 @@ def _solve_bounded(
     The active bounds are those of the least |columns y - missing|^2 BALANCE^2 / |columns|^2 + |y|^2.
     """
     size, count = columns.shape[1], len(low)
-    weight = BALANCE / max(float(np.linalg.norm(columns, 2)), 1e-300)
+    weight = FORCE_WEIGHT / max(float(np.linalg.norm(columns, 2)), 1e-300)
     lower, upper = np.full(size, -np.inf), np.full(size, np.inf)
     lower[:count], upper[:count] = low, high
     upper = np.maximum(upper, lower + 1e-12 * (1.0 + np.where(np.isfinite(lower), np.abs(lower), 0.0)))
@@ -201,7 +203,7 @@ def _solve_bounded(
     y, active = np.array(found.x), np.asarray(found.active_mask != 0)
     exact, rest = y.copy(), missing - columns[:, active] @ y[active]
     exact[~active] = np.linalg.lstsq(columns[:, ~active], rest, rcond=RANK)[0]
-    slack = WITHIN * (1.0 + float(np.abs(y).max(initial=0.0)))
+    slack = BOUND_TOLERANCE * (1.0 + float(np.abs(y).max(initial=0.0)))
     is_inside = np.all(exact >= lower - slack) and np.all(exact <= upper + slack)
     return (exact if is_inside else y), active[:count]
 
@@ -273,22 +275,9 @@ class Driven:
     peaks: Peaks
 
 
-class Feedforward(Protocol):
-    """What drives a motion, by its duration; is_static: whether inputs depend on the progress only."""
+class Feedforward:
+    """What drives a motion, by its duration: inputs of its equilibria, which depend on the progress only."""
 
-    is_static: bool
-
-    def __call__(self, duration: float) -> Driven:
-        """Return the motion of this duration [s]."""
-        ...
-
-
-def build_feedforward(kind: str, plan_model: PlanModel, timing: Timing) -> Feedforward:
-    """Return the feedforward of a kind; raises FormulationError where a dynamic one lacks quantities."""
-    return _Static(timing) if kind == STATIC else _Dynamic(plan_model, timing)
-
-
-class _Static:
     is_static = True
 
     def __init__(self, timing: Timing) -> None:
@@ -298,19 +287,22 @@ class _Static:
         self.tension = np.asarray(timing.path.tension(progress))
 
     def __call__(self, duration: float) -> Driven:
+        """Return the motion of this duration [s]."""
         peaks = compute_peaks(self.timing.part * duration, self.change)
         return Driven(duration, self.change, self.tension, np.zeros((len(self.change), 0)), peaks)
 
 
-class _Dynamic:
+class _DynamicFeedforward(Feedforward):
+    """The inputs that produce the accelerations."""
+
     is_static = False
 
     def __init__(self, plan_model: PlanModel, timing: Timing) -> None:
-        self.timing, self.static = timing, _Static(timing)
+        super().__init__(timing)
         self.inverse = InverseDynamics(plan_model, np.asarray(timing.path.coordinate(0.0)))
 
     def __call__(self, duration: float) -> Driven:
-        rows = zip(*self.timing.states(duration), self.static.change, self.static.tension, strict=True)
+        rows = zip(*self.timing.states(duration), self.change, self.tension, strict=True)
         drives = [self.inverse.solve(*row) for row in rows]
         change = np.array([drive.change for drive in drives])
         return Driven(
@@ -322,11 +314,16 @@ class _Dynamic:
         )
 
 
+def build_feedforward(kind: str, plan_model: PlanModel, timing: Timing) -> Feedforward:
+    """Return the feedforward of a kind; raises FormulationError where a dynamic one lacks quantities."""
+    return Feedforward(timing) if kind == STATIC else _DynamicFeedforward(plan_model, timing)
+
+
 def describe_residual(coordinates: tuple[str, ...], timing: Timing, driven: Driven) -> tuple[str, ...]:
     """Return a warning where the actuators do not produce the accelerations: force, coordinate and time."""
     size = np.abs(driven.residual)
     largest = float(np.abs(driven.tension).max(initial=0.0))
-    if size.max(initial=0.0) <= BALANCED * largest:
+    if size.max(initial=0.0) <= RESIDUAL_TOLERANCE * largest:
         return ()
     row, column = np.unravel_index(int(size.argmax()), size.shape)
     time = timing.part[row] * driven.duration

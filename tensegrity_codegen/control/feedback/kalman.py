@@ -14,6 +14,7 @@ from tensegrity_codegen.control.feedback.design.linear_samples import (
     build_sample_time,
     check_independent,
     check_motion,
+    to_dense,
 )
 from tensegrity_codegen.control.feedback.design.riccati import (
     HiddenMode,
@@ -39,7 +40,7 @@ MOST_KNOTS = 25
 ACCELERATION_NOISE = 3e-4  # of the accelerations that these forces cause: noise without disturbance states
 STABLE_STEP = 1.5  # of a Runge-Kutta step: its length times the largest eigenvalue
 MOST_SUBSTEPS = 1000
-LARGEST = 1e100  # noise whose square is far from the largest double
+LARGEST_NOISE = 1e100  # noise whose square is far from the largest double
 LEAST_SHOWN = 0.01  # of what the best shown force adds to the measurements, in multiples of their noise
 GROWTH = 1.0  # [1/s] of the forces: the time in which `disturbance` states their change
 DISTURBED_PART = 0.1  # of the usual forces, by which disturbances change in a second
@@ -122,23 +123,26 @@ def design_kalman(
     require_quantities(model, QUANTITIES, "an estimator needs")
     check_positive(sample, "sample", "[s]")
     check_switch(only_observable, "only_observable")
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
-    check_motion(model, way)
-    build_sample_time(way, sample)
+    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    check_motion(model, reference)
+    build_sample_time(reference, sample)
+    # What is measured, which forces disturb, and how fast they change.
     sensing = find_sensing(model, sensors)
     given = merge_inputs(model.manifest, arguments)
-    walk, shake = _read_noise(model, way, given, disturbance, acceleration_noise)
-    time = np.linspace(0.0, way.duration, check_whole(knots, "knots", 2, 10_000))
+    walk, shake = _read_noise(model, reference, given, disturbance, acceleration_noise)
+    time = np.linspace(0.0, reference.duration, check_whole(knots, "knots", 2, 10_000))
     if only_observable:
-        last = linearise_estimate(model, way, way.duration, given, sensing, np.flatnonzero(walk))
+        last = linearise_estimate(model, reference, reference.duration, given, sensing, np.flatnonzero(walk))
         walk = _keep_shown_forces(*last, sensing, walk, sample)
     disturbed = np.flatnonzero(walk)
-    parts = [linearise_estimate(model, way, now, given, sensing, disturbed) for now in time.tolist()]
+    # Linear models of the estimator's state at the knots.
+    parts = [linearise_estimate(model, reference, now, given, sensing, disturbed) for now in time.tolist()]
     spectrum = np.diag(np.concatenate([np.zeros(len(shake)), shake, walk[disturbed]]) ** 2)
     names = name_states(model.manifest)
     n = len(names) // 2
     names = (*names, *(f"force on {names[k]}" for k in disturbed))
     noise = np.diag(sensing.noise**2)
+    # A stationary Riccati equation at each knot, where the sensors show every state.
     gains, covariances, innovations, residuals = [], [], [], []
     for rate, slope in parts:
         a, w = _sample_noise(rate, spectrum, sample)
@@ -150,6 +154,7 @@ def design_kalman(
         covariances.append(p)
         innovations.append(np.sqrt(np.diag(slope @ p @ slope.T + noise)))
         residuals.append(residual)
+    # How errors of the estimate decay at the end of the motion.
     error = (np.eye(len(names)) - gains[-1] @ parts[-1][1]) @ a
     return Estimator(
         time=time,
@@ -186,7 +191,7 @@ def linearise_estimate(
     point = motion.at(time)
     at = {**given, "coordinate": point.coordinate, "velocity": point.velocity, INPUT: point.input}
     inner = model.compute("state_jacobian", **at).toarray()
-    inverse = np.linalg.inv(_dense(model.compute("mass_matrix", **at)))
+    inverse = np.linalg.inv(to_dense(model.compute("mass_matrix", **at)))
     n = len(point.coordinate)
     rate = np.zeros((2 * n + len(disturbed), 2 * n + len(disturbed)))
     rate[: 2 * n, : 2 * n], rate[n : 2 * n, 2 * n :] = inner, inverse[:, disturbed]
@@ -228,7 +233,7 @@ def _read_noise(
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
     force = find_usual_forces(model, motion, given)
-    mass = np.diag(_dense(model.compute("mass_matrix", **at)))
+    mass = np.diag(to_dense(model.compute("mass_matrix", **at)))
     walk = DISTURBED_PART * force if disturbance is None else _read(disturbance, n, "disturbance")
     usual = ACCELERATION_NOISE * force / mass
     shake = usual if acceleration_noise is None else _read(acceleration_noise, n, "acceleration_noise")
@@ -236,18 +241,14 @@ def _read_noise(
 
 
 def _read(value: ArrayLike, n: int, where: str) -> FloatArray:
-    allowed = f"a number from 0 to {LARGEST:g}, or one for each of {n} coordinates"
-    return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST), allowed)
+    allowed = f"a number from 0 to {LARGEST_NOISE:g}, or one for each of {n} coordinates"
+    return to_each(value, n, where, lambda x: (x >= 0.0) & (x <= LARGEST_NOISE), allowed)
 
 
 def _count_substeps(rates: Sequence[FloatArray], sample: float) -> int:
     """Return the Runge-Kutta steps that a sample needs for a stable prediction."""
     fastest = max(float(np.abs(np.linalg.eigvals(rate)).max()) for rate in rates)
     return min(max(1, math.ceil(fastest * sample / STABLE_STEP)), MOST_SUBSTEPS)
-
-
-def _dense(matrix: Any) -> FloatArray:
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
 
 
 def _refuse(scene: str, hidden: Sequence[HiddenMode], names: tuple[str, ...], sensing: Sensing) -> NoReturn:
@@ -301,7 +302,6 @@ def find_usual_forces(model: CompiledModel, motion: Motion, given: Mapping[str, 
     """
     n = motion.coordinate.shape[1]
     at = {**given, "coordinate": motion.coordinate[-1], "velocity": np.zeros(n), INPUT: motion.input[-1]}
-    matrix = model.compute("equilibrium_matrix", **at)
-    dense = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+    dense = to_dense(model.compute("equilibrium_matrix", **at))
     lever: FloatArray = np.linalg.norm(dense, axis=1)
     return float(np.abs(motion.member_tension).max(initial=0.0)) * lever

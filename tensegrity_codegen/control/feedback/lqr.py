@@ -116,29 +116,32 @@ def design_lqr(
     """
     require_model(model)
     check_positive(sample, "sample", "[s]")
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
-    if not way.actuators:
+    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, sample, arguments)
+    if not reference.actuators:
         raise InvalidValueError(
             "the motion has no actuators", where="motion.actuators", allowed="at least one actuator"
         )
-    build_sample_time(way, sample)
+    # Delays, weights and summed outputs.
+    build_sample_time(reference, sample)
     longest = None if isinstance(motion, Motion) else np.inf  # an equilibrium is a motion of one sample
-    late = find_bounds(model, way, delay=delay, longest_delay=longest).delay
+    late = find_bounds(model, reference, delay=delay, longest_delay=longest).delay
     _check_count(late, sample)
     names = name_states(model.manifest)
     output, labels = _read_outputs(integral_action, model, names)
-    n, k, m = len(names), len(output), len(way.actuators)
+    n, k, m = len(names), len(output), len(reference.actuators)
     over = f"{n} states (q, q')" + (f" and {k} sums" if k else "")
     q = read_weight(Q, n + k, "Q", over, definite=False)
     r = read_weight(R, m, "R", f"{m} actuators", definite=True)
-    samples = sample_linear_models(model, way, sample, way.actuators, arguments, late)
-    check_effects(model, samples.gain, way.actuators)
+    # Linear models along the motion, and whether the actuators can stabilise them.
+    samples = sample_linear_models(model, reference, sample, reference.actuators, arguments, late)
+    check_effects(model, samples.gain, reference.actuators)
     held = compute_hold(samples.rate[-1], samples.gain[-1], sample)[1]
     hidden = find_uncontrolled(*_augment(samples.A[-1], held, np.zeros((n, 0)), output, 0.0 * late, sample))
     if hidden:
-        end, given = way.at(way.duration).coordinate, merge_inputs(model.manifest, arguments)
+        end, given = reference.at(reference.duration).coordinate, merge_inputs(model.manifest, arguments)
         rigid = name_free_motions(model, end, samples.gain[-1, n // 2 :], given)
         _refuse(model.manifest.name, hidden, rigid, (*names, *labels))
+    # The stationary solution at the end, and the recursion back to the start.
     models = [
         _augment(*parts, output, late, sample)
         for parts in zip(samples.A, samples.B, samples.past, strict=True)
@@ -163,7 +166,7 @@ def design_lqr(
         delay=late,
         sample=sample,
         residual=residual,
-        actuators=way.actuators,
+        actuators=reference.actuators,
         state_name=names,
         integral_name=labels,
     )

@@ -16,10 +16,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, InvalidValueError, check_choice
 
 QUINTIC = "quintic"
-BACK = 1e-9  # of the largest slope: a negative slope that counts as rounding
-WITHIN = 1e-6  # of a rate limit: excess that counts as none
-CLOSE = 1e-8  # of the shortest duration: its accuracy
-GROW = 1.25
+SLOPE_ROUNDING = 1e-9  # of the largest slope: a negative slope that counts as rounding
+RATE_TOLERANCE = 1e-6  # of a rate limit: excess that counts as none
+DURATION_TOLERANCE = 1e-8  # of the shortest duration: its accuracy
+DURATION_FACTOR = 1.25
 MOST_TRIALS = 40
 
 
@@ -121,7 +121,7 @@ def _rises(piece: PPoly) -> bool:
     slope = piece.derivative()
     extreme = np.asarray(slope.derivative().roots(extrapolate=False), dtype=float)
     values = slope(np.concatenate([extreme[np.isfinite(extreme)], piece.x]))
-    return bool(values.min() >= -BACK * np.abs(values).max())
+    return bool(values.min() >= -SLOPE_ROUNDING * np.abs(values).max())
 
 
 # Largest rates of the actuators in a motion, and the shortest duration that their limits permit.
@@ -172,7 +172,7 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
     low = high = first
     if excess(first) > 1.0:
         for _ in range(MOST_TRIALS):
-            low, high = high, GROW * high
+            low, high = high, DURATION_FACTOR * high
             if excess(high) <= 1.0:
                 break
         else:
@@ -184,13 +184,13 @@ def find_shortest(first: float, excess: Callable[[float], float]) -> float:
             )
     else:  # inertia can also lower the largest rate
         for _ in range(MOST_TRIALS):
-            low, high = low / GROW, low
+            low, high = low / DURATION_FACTOR, low
             if excess(low) > 1.0:
                 break
         else:
             return low
-    found = float(brentq(lambda duration: excess(duration) - 1.0, low, high, rtol=CLOSE))
-    return found if excess(found) <= 1.0 + WITHIN else high
+    found = float(brentq(lambda duration: excess(duration) - 1.0, low, high, rtol=DURATION_TOLERANCE))
+    return found if excess(found) <= 1.0 + RATE_TOLERANCE else high
 
 
 def check_rates(
@@ -198,7 +198,7 @@ def check_rates(
 ) -> None:
     """Raise InvalidValueError where a rate exceeds its limit: which cable, when, by how much."""
     ratio = peaks.rate / actuation.rate
-    if len(ratio) == 0 or ratio.max() <= 1.0 + WITHIN:
+    if len(ratio) == 0 or ratio.max() <= 1.0 + RATE_TOLERANCE:
         return
     k = int(ratio.argmax())
     actuator = actuation.actuators[k]

@@ -248,6 +248,7 @@ def _turn(path: SmoothPath, mass: FloatArray, order: NDArray[np.int64], axes: li
         cross = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
         return np.asarray((turn.reshape(3, 3) @ cross).ravel())
 
+    # The rotation over progress, and the nodes turned by it about their centre of mass.
     found = solve_ivp(
         spin,
         (0.0, 1.0),

@@ -97,6 +97,7 @@ def build_commands(study: ControlStudy) -> Section:
     run, motion, bounds = loop.run, study.motion, study.bounds
     use = find_actuator_use(study)
     time = run.time[:-1]
+    # Rest lengths, and what feedback adds to them.
     asked = np.array([motion.at(now + 0.5 * study.gains.sample).input[bounds.place] for now in time.tolist()])
     asked = asked.reshape(len(time), len(bounds.place))
     added = 1000 * (run.command - asked)
@@ -115,6 +116,7 @@ def build_commands(study: ControlStudy) -> Section:
     caption = f"What feedback adds to the rest lengths of the motion: the {len(loud)} largest."
     diagram = Diagram(TIME, "change by feedback [mm]", lines, vertical=_marks(study))
     figures.append(joined_figure("feedback", diagram, caption, caption))
+    # Rates with their limits.
     rates = np.abs(np.diff(run.command, axis=0)) / study.gains.sample
     limits = np.unique(bounds.rate[np.isfinite(bounds.rate)])[:2]
     top = rates.max(axis=1, initial=0.0) if len(rates) else np.zeros(0)
@@ -125,6 +127,7 @@ def build_commands(study: ControlStudy) -> Section:
     marks = tuple((float(value), f"limit {value:g} m/s") for value in limits)
     diagram = Diagram(TIME, "rate [m/s]", lines, horizontal=marks, vertical=_marks(study))
     figures.append(diagram_figure("rates", diagram, caption, caption))
+    # The table of all actuators.
     columns = (
         Column("actuator", numeric=False), Column("smallest rest length", "m"),
         Column("largest rest length", "m"), Column("allowed", "m", numeric=False),

@@ -80,11 +80,11 @@ def errors_table(study: ControlStudy, name: str) -> Table:
     if not all(np.isnan(loop.end_tension).all() for loop in loops.values()):
         least = (f"{np.nanmin(loop.end_tension):.4g}" for loop in loops.values())
         add_row(table, "least tension [N]", *least)
-    add_row(table, "limits", *(_judge(study, loop) for loop in loops.values()))
+    add_row(table, "limits", *(_describe_limits(study, loop) for loop in loops.values()))
     table.add_section()
     add_row(table, "whole time", *("" for _ in loops))
     add_row(table, "error [mm]", *(_range(1000 * loop.peak_error) for loop in loops.values()))
-    add_row(table, "commands cut", *(_cut(loop) for loop in loops.values()))
+    add_row(table, "commands cut", *(_describe_cut(loop) for loop in loops.values()))
     return table
 
 
@@ -258,7 +258,7 @@ def _describe_words(study: ControlStudy) -> str:
     return ", ".join(parts) or "none"
 
 
-def _cut(loop: LoopResult) -> str:
+def _describe_cut(loop: LoopResult) -> str:
     steps = loop.steps
     return f"{1.0 - steps.get('ok', 0) / max(sum(steps.values()), 1):.1%}"
 
@@ -270,7 +270,7 @@ def has_limits(study: ControlStudy) -> bool:
     return bool(of_members.any()) or limits.clearance > -np.inf
 
 
-def _judge(study: ControlStudy, loop: LoopResult) -> str:
+def _describe_limits(study: ControlStudy, loop: LoopResult) -> str:
     """Return the limits that are exceeded at the end, in words."""
     if loop.unstable:
         return f"unstable in {loop.unstable} draws" if loop.unstable > 1 else "unstable in 1 draw"

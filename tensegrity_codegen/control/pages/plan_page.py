@@ -323,7 +323,7 @@ def _binding(found: PlanResult) -> Section:
         "What binds",
         "plain",
         text,
-        tuple(blocks) or (Paragraph(f"{text[:1].upper()}{text[1:]}."),),
+        tuple(blocks) or (Paragraph(_sentence(text)),),
     )
 
 

@@ -146,6 +146,7 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
     shortest, longest = ranges.least - ranges.rest_length, ranges.most - ranges.rest_length
     clearance = np.full(at.distance.shape, limits.clearance)
     stiff = np.full(at.eigenvalue.shape, limits.least_stiffness)
+    # Margins and limits, kind by kind.
     rows = [
         ("least_tension", tension - limits.least_tension, limits.least_tension),
         ("most_tension", limits.most_tension - tension, limits.most_tension),
@@ -157,6 +158,7 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
         ("range", longest - change, longest),
         ("least_stiffness", at.eigenvalue - stiff, stiff),
     ]
+    # Their derivatives; buckling loads fall with the length.
     sloping: list[FloatArray | None] = [None] * len(rows)
     if slopes is not None:
         curve = np.where(np.isfinite(limits.buckling), -2 * limits.buckling / at.length**3, 0.0)
@@ -164,6 +166,7 @@ def compute_margins(limits: PlanLimits, at: PlanPoint, slopes: Slopes | None = N
         own, pulled = ranges.pull, slopes.tension
         soft = slopes.eigenvalue if len(slopes.eigenvalue) else np.zeros((len(stiff), count))
         sloping = [pulled, -pulled, -pulled, pulled, bent, slopes.distance, own, -own, soft]
+    # Sizes of limits near zero.
     force = max(at.point.largest_force, 1e-300)
     least = {"clearance": at.point.longest, "range": at.point.longest, "least_stiffness": LEAST_STIFFNESS}
     return _stack(rows, sloping, {kind: LEAST_SIZE * least.get(kind, force) for kind, *_ in rows})

@@ -116,10 +116,12 @@ def plan(
     _check_options(steps, max_steps, least_progress, duration, progress)
     require_solver()
     texts = read_targets(targets)
+    # The model with its actuators, the targets and the limits.
     actuation = find_actuation(model, actuators)
     bound = bind_targets(texts, model)
     plan_model = PlanModel(model, actuation, arguments)
     bounds = build_limits(model, plan_model.ranges, limits)
+    # A start within all limits, or the proof that there is none.
     start = find_start(plan_model, bounds)
     if start.certificate is not None:
         return record_infeasible(plan_model, bound, start.at, start.certificate, start.message, start.shape)
@@ -127,6 +129,7 @@ def plan(
     assert model.structure is not None
     bounds = keep_taut(bounds, start.at, np.asarray(model.structure.tension_only))
     _check_held(plan_model, bound, start.at)
+    # The proof that there is no plan, or a path and its times.
     proof = _find_proof(plan_model, bounds, bound, start.at)
     if proof is not None:
         return record_infeasible(plan_model, bound, start.at, *proof)

@@ -156,6 +156,7 @@ class PlanModel:
         reach: largest distance from the prediction to the equilibrium [m].
         Returns: None where Newton's method does not converge, or leads further away than `reach`.
         """
+        # Newton's method, until the residual is small enough or falls no further.
         problem = self.problem(change)
         point, best, floor = problem.find_point(coordinate), None, 0.0
         for _ in range(MOST_ITERATIONS):
@@ -276,6 +277,7 @@ def compute_slopes(
     """
     manifest = plan_model.model.manifest
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(at.change)}
+    # Coordinates, tensions and lengths, by the stiffness of the equilibrium.
     found = equilibrium_sensitivity(
         plan_model.model, at.model_coordinate, arguments, columns=plan_model.columns
     )
@@ -291,6 +293,7 @@ def compute_slopes(
         return plan_model.problem(change), at.coordinate + step * moving[:, column]
 
     moving = plan_model.scale(found.coordinate)
+    # Distances between bars and eigenvalues, by differences.
     step = STEP * at.point.longest
     distance, eigenvalue = np.zeros((0, count)), np.zeros((0, count))
     if plan_model.has_pairs:

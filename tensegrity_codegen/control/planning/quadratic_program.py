@@ -143,6 +143,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
     scaled = _scale(rows, lower, upper)
     if scaled is None:
         return None
+    # Equations and inequalities, as HiGHS takes them.
     same = scaled.lower == scaled.upper
     low, high = ~same & np.isfinite(scaled.lower), ~same & np.isfinite(scaled.upper)
     found = linprog(
@@ -160,6 +161,7 @@ def find_largest(gain: FloatArray, rows: FloatArray, lower: FloatArray, upper: F
     )
     if found.status != 0 or found.x is None or not scaled.is_satisfied(found.x, FEASIBLE):
         return None
+    # Multipliers of the rows as they were given.
     own = np.zeros(len(scaled.rows))
     own[low] -= found.ineqlin.marginals[: int(low.sum())]
     own[high] += found.ineqlin.marginals[int(low.sum()) :]

@@ -45,11 +45,13 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
     Raises StructureError: the stiffness at the start is singular.
     """
     model, change = plan_model.model, plan_model.start
+    # The equilibrium near the stated positions.
     stated = plan_model.enter(model.nominal("coordinate").ravel())
     problem = plan_model.problem(change)
     point = problem.find_point(stated)
     longest = 1.0 if point is None else point.longest
     near = None if point is None else plan_model.find_point(change, stated, SEARCH_RADIUS * longest)
+    # Without one that is stable and taut: the proof that no tensions make them one.
     if point is not None and (near is None or not _is_sound(near, limits)):
         required = _find_required(plan_model, problem, stated, limits)
         certificate, loaded = find_shape_certificate(plan_model, problem, stated, required)
@@ -58,6 +60,7 @@ def find_start(plan_model: PlanModel, limits: PlanLimits) -> Start:
             return Start(beginning, certificate, _describe_stated(limits), stated)
     if near is not None:
         return Start(near)
+    # The equilibrium that is found from there.
     arguments = {**plan_model.arguments, INPUT: plan_model.inputs(change)}
     found = find_equilibrium(model, arguments=arguments)
     settled = plan_model.find_point(change, plan_model.enter(found.coordinate), SEARCH_RADIUS * longest)

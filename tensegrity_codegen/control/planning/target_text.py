@@ -193,8 +193,8 @@ def _from_text(given: str) -> TargetText:
     except ValueError:
         values = ()
     if not values or match is None:
-        raise _no_value(given if not text else f"{text}={value}")
-    return _checked(TargetText(text, values, match[2] or ""))
+        raise _build_value_error(given if not text else f"{text}={value}")
+    return _check_finite(TargetText(text, values, match[2] or ""))
 
 
 def _from_pair(text: str, value: float | Sequence[float]) -> TargetText:
@@ -205,11 +205,11 @@ def _from_pair(text: str, value: float | Sequence[float]) -> TargetText:
     except (OverflowError, TypeError, ValueError):
         values = ()
     if not values or not text or any(isinstance(part, bool) for part in (value,)):
-        raise _no_value(f"{text}={value!r}")
-    return _checked(TargetText(text, values, ""))
+        raise _build_value_error(f"{text}={value!r}")
+    return _check_finite(TargetText(text, values, ""))
 
 
-def _checked(target: TargetText) -> TargetText:
+def _check_finite(target: TargetText) -> TargetText:
     if not all(math.isfinite(value) for value in target.values):
         raise NonFiniteError(
             "the value of a target is not finite",
@@ -220,7 +220,7 @@ def _checked(target: TargetText) -> TargetText:
     return target
 
 
-def _no_value(given: object) -> InvalidValueError:
+def _build_value_error(given: object) -> InvalidValueError:
     return InvalidValueError(
         "not a target with a value",
         where="targets",

@@ -156,7 +156,7 @@ def find_target_quantities(targets: Sequence[TargetText]) -> tuple[str, ...]:
     for target in targets:
         if parse_shape(target.text) is None:
             text = rewrite(target.text)
-            found |= dict.fromkeys(_blame(target, partial(find_quantities, text)))
+            found |= dict.fromkeys(_name_target_in_errors(target, partial(find_quantities, text)))
     return tuple(found)
 
 
@@ -175,7 +175,7 @@ def bind_targets(targets: Sequence[TargetText], model: CompiledModel) -> Targets
 def _bind(target: TargetText, model: CompiledModel) -> BoundTarget:
     call = parse_shape(target.text)
     if call is None:
-        expression = _blame(target, partial(build_expression, rewrite(target.text), model))
+        expression = _name_target_in_errors(target, partial(build_expression, rewrite(target.text), model))
         values = _convert(target, "", 1)
         return BoundTarget(target.text, "", ("",), values, expression=expression)
     shape = bind_shape(call, target.where, model)
@@ -212,7 +212,7 @@ def _convert(target: TargetText, unit: str, count: int) -> FloatArray:
     return np.array(target.values) * units[target.unit]
 
 
-def _blame(target: TargetText, build: Callable[[], Value]) -> Value:
+def _name_target_in_errors(target: TargetText, build: Callable[[], Value]) -> Value:
     """Return what `build` returns; errors name the target."""
     try:
         return build()

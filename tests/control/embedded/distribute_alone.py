@@ -15,7 +15,7 @@ from tensegrity_codegen.control.embedded.tables import (
     Table,
     build_distribution_tables,
 )
-from tensegrity_codegen.control.feedback.tension_distribution import Distributed, TensionDistribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import Distributed, TensionDistribution
 from tensegrity_codegen.tables.precision import find_precision
 from tests.codegen.build_c import STRICT, run
 from tests.codegen.compilers import require_compiler

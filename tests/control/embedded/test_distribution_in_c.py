@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.embedded.daqp_source import emit_daqp
-from tensegrity_codegen.control.feedback.tension_distribution import (
+from tensegrity_codegen.control.feedback.loop.tension_distribution import (
     TensionDistribution,
     design_distribution,
 )

@@ -1,35 +1,119 @@
 """Feedback of a structure from elsewhere: the imported NTRT spine, bent by 20 deg and straightened."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.kalman import design_kalman
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
+from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
+from tensegrity_codegen.control.feedback.lqr import design_lqr
+from tensegrity_codegen.control.feedback.time_motion import time_motion
+from tensegrity_codegen.control.planning.plan import plan
+from tensegrity_codegen.pipeline.analyses import want_analyses
+from tensegrity_codegen.pipeline.build_library import build_library
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
+from tensegrity_codegen.scene.formats.import_ntrt import import_ntrt
 from tensegrity_codegen.structure.actuators import Sensor
 from tensegrity_codegen.system.errors import FormulationError
-from tests.control.feedback.spine import (
-    CABLES,
-    FILE,
-    NOISE,
-    SAMPLE,
-    bend,
-    build_spine,
-    design_estimator,
-    design_gains,
-    draw_errors,
-    find_turns,
-)
+from tensegrity_codegen.tables.request import ModelRequest
+from tests.control.planning.structures import actuate, assemble, limit, prestress
 
+Array = NDArray[np.float64]
+
+FILE = Path(__file__).parents[4] / "shared" / "data" / "ntrt" / "Spines" / "TetrahedralSpine.yaml"
+SAMPLE, RATE, DURATION = 0.01, 0.3, 4.0
+CABLES = tuple(range(60, 100))  # after 24 rods and 36 bracing bars
+FREE = tuple(f"t{k}" for k in range(2, 7))  # vertebrae that move
+STIFFNESS, NOISE = 1000.0, 5e-4  # [N/m], [m]
 pytestmark = [
     pytest.mark.thorough,
     pytest.mark.timeout(1800),  # a library of 75 coordinates is compiled
     pytest.mark.skipif(not FILE.is_file(), reason="the shared structures are not beside the checkout"),
 ]
+
+
+def build_spine() -> CompiledModel:
+    """Return the compiled spine: decimetres of the file in metres, cables with up to 100 N."""
+    structure = assemble(import_ntrt(FILE, length_scale=0.1).document)
+    held = np.array([name.startswith("t1_") for name in structure.node_name])
+    structure = structure.with_changes(node_anchored=np.repeat(held[:, None], 3, axis=1))
+    structure = limit(actuate(prestress(structure, 100.0), rate=RATE))
+    wanted = want_analyses(structure, ModelRequest(()), ("plan", "time_motion", "control"))
+    return build_library(structure, wanted).load()
+
+
+def bend(model: CompiledModel) -> Motion:
+    """Return the motion: the last vertebra turns by 20 deg about x, and back."""
+    found = plan(model, {'rotation("t6_*")': (20.0, 0.0, 0.0)})
+    assert found.is_found
+    return time_motion(model, found, DURATION, there_and_back=True)
+
+
+def find_vertebrae(model: CompiledModel) -> list[list[int]]:
+    """Return the coordinates of each free vertebra, node by node."""
+    names = model.manifest.coordinate_name
+    return [[k for k, name in enumerate(names) if name.startswith(f"{v}_")] for v in FREE]
+
+
+def build_pose(model: CompiledModel) -> Array:
+    """Return the displacements by small translations [m] and turns [rad] of the vertebrae, (75, 30)."""
+    start, columns = model.nominal("coordinate").ravel(), []
+    for places in find_vertebrae(model):
+        arm = start[places].reshape(-1, 3)
+        arm = arm - arm.mean(axis=0)
+        for way in (*np.eye(3), *(np.cross(axis, arm) for axis in np.eye(3))):
+            column = np.zeros(len(start))
+            column[places] = np.broadcast_to(way, arm.shape).ravel()
+            columns.append(column)
+    return np.array(columns).T
+
+
+def design_gains(model: CompiledModel, motion: Motion) -> Gains:
+    """Return gains that sum the errors of position and turn of each vertebra."""
+    pose, n = np.linalg.pinv(build_pose(model)), 75
+    weight = np.concatenate([np.full(n, 1e3), np.ones(n), np.full(len(pose), 1e2)])
+    sums = np.hstack([pose, np.zeros((len(pose), n))])
+    return design_lqr(model, motion, weight, np.full(40, 1e5), sample=SAMPLE, integral_action=sums)
+
+
+def design_estimator(model: CompiledModel, motion: Motion, *, disturbance: float = 2.0) -> Estimator:
+    """Return the estimator from the lengths of all cables."""
+    sensors = [Sensor("member_length", CABLES, NOISE)]
+    return design_kalman(
+        model, motion, sensors, sample=SAMPLE, disturbance=disturbance, only_observable=True, knots=9
+    )
+
+
+def draw_errors(model: CompiledModel, seed: int) -> dict[str, Any]:
+    """Return the errors of one draw: 1 deg and 1 cm off, stiffness by 5 %, 5 N on a node for 0.2 s."""
+    rng = np.random.default_rng(seed)
+    size = np.tile([0.01] * 3 + [np.radians(1.0)] * 3, len(FREE))
+    force = rng.normal(size=3)
+    ends = ("front", "right", "back", "left")
+    return {
+        "coordinate_error": build_pose(model) @ (size * rng.choice([-1.0, 1.0], len(size))),
+        "arguments": {"spring_constant": STIFFNESS * np.array([1.05 if e % 2 else 0.95 for e in range(40)])},
+        "gust": Gust(f"t6_{ends[rng.integers(4)]}", tuple(5.0 * force / np.linalg.norm(force)), 0.5, 0.2),
+    }
+
+
+def find_turns(model: CompiledModel, first: Array, second: Array) -> Array:
+    """Return the largest turn [deg] of a vertebra between two coordinate tables (n_t, 75), at each time."""
+    turns = []
+    for places in find_vertebrae(model):
+        pairs = zip(first[:, places], second[:, places], strict=True)
+        shapes = ((a.reshape(-1, 3), b.reshape(-1, 3)) for a, b in pairs)
+        turns.append([Rotation.align_vectors(a - a.mean(0), b - b.mean(0))[0].magnitude() for a, b in shapes])
+    return np.degrees(np.max(turns, axis=0))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,10 @@ from scipy.optimize import lsq_linear
 from tensegrity_codegen.control.feedback.closed_loop import simulate_control
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.sampled_plant import Gust
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution, design_distribution
+from tensegrity_codegen.control.feedback.loop.tension_distribution import (
+    TensionDistribution,
+    design_distribution,
+)
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.system.errors import InvalidValueError

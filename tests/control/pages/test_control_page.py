@@ -112,7 +112,7 @@ def measure(error: float, **changes: Any) -> RunMeasures:
 def study_of(status: str, *, moves: bool = True, angles: bool = False, **rows: Any) -> Any:
     """What the headline reads of a study: its status, motion, draws and loops."""
     run: Any = None
-    loops = {name: LoopResult.collect(name, measures, run) for name, measures in rows.items()}
+    loops = {name: LoopResult(name, tuple(measures), run) for name, measures in rows.items()}
     return SimpleNamespace(
         status=status, motion=SimpleNamespace(velocity=np.ones(3) * moves), drawn=(None, None),
         tuning=SimpleNamespace(scales=SimpleNamespace(is_angle=np.full(2, angles))), loops=loops,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensegrity_codegen.control.feedback.design.linear_samples import to_dense
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.runtime.model.require import require_quantities
@@ -60,8 +61,7 @@ class Sensing:
     def _slope(self, sensor: Sensor, at: Mapping[str, Any]) -> FloatArray:
         n = len(at["coordinate"])
         if sensor.kind == "member_length":
-            matrix = self.model.compute("equilibrium_matrix", **at)
-            dense = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
+            dense = to_dense(self.model.compute("equilibrium_matrix", **at))
             return np.hstack([dense.T[list(sensor.targets)], np.zeros((len(sensor.targets), n))])
         columns = []
         for name in ("coordinate", "velocity"):

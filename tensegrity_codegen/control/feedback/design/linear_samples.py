@@ -92,6 +92,11 @@ def sample_linear_models(
     return LinearSamples(time, sample, a, b, past, rate, gain)
 
 
+def to_dense(matrix: Any) -> FloatArray:
+    """Return a matrix that a model computes, sparse or dense, as a dense array."""
+    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+
+
 def linearise(
     model: CompiledModel, motion: Motion, time: float, actuators: Sequence[str], given: Mapping[str, Any]
 ) -> tuple[FloatArray, FloatArray]:

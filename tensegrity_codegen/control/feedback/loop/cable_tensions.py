@@ -91,6 +91,7 @@ def find_cables(
     structure = model.structure
     assert structure is not None
     count = structure.n_members
+    # Which actuators pull which members, all of them linear springs.
     incidence = np.zeros((count, len(bounds.names)))
     for column, members in enumerate(bounds.members):
         incidence[list(members), column] = 1.0
@@ -102,11 +103,13 @@ def find_cables(
             given=structure.law_of(int(bent[0])).name,
             allowed="members with spring_constant or axial_stiffness alone",
         )
+    # Inputs that are not these actuators.
     others = np.zeros((count, len(structure.inputs)))
     inputs: Sequence[ActuatedInput | BodyInput] = structure.inputs
     for column, item in enumerate(inputs):
         if item.kind == "rest_length" and column not in bounds.place.tolist():
             others[list(item.targets), column] = 1.0
+    # Stiffnesses and rest lengths: of the scene, or as given.
     values = {
         name: np.array(getattr(structure, name), dtype=float)
         for name in ("spring_constant", "axial_stiffness", "rest_length")

@@ -1,15 +1,16 @@
 """The sampled controller: feedback about a motion within what the actuators can do; and its estimator."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
-from tensegrity_codegen.control.feedback.design.linear_samples import shift_commands
+from tensegrity_codegen.control.feedback.design.linear_samples import shift_commands, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT
 from tensegrity_codegen.runtime.records.timed_motion import Motion
@@ -20,35 +21,6 @@ OUTLIER_BOUND = 6.0  # standard deviations, up to which measurements may differ 
 FIRST_INNOVATION = 100.0  # recent largest difference, which is not known at the start
 INNOVATION_DECAY = 0.7  # of it from sample to sample
 MOST_DOUBLINGS = 30  # of what is accepted after outliers, at most
-
-
-class Answer(Protocol):
-    """The command of one sample, its status, and the members whose least tension yields."""
-
-    @property
-    def command(self) -> FloatArray:
-        """Inputs of the actuators, (n_actuators,) [m]."""
-        ...
-
-    @property
-    def status(self) -> str:
-        """Status of the step."""
-        ...
-
-    @property
-    def yielding(self) -> NDArray[np.bool_]:
-        """Members whose least tension yields, (n_members,)."""
-        ...
-
-
-class Distribution(Protocol):
-    """What finds the tensions of a sample."""
-
-    def distribute(
-        self, time: float, coordinate: FloatArray, wanted: FloatArray, low: FloatArray, high: FloatArray
-    ) -> Answer:
-        """Return the command of a sample within the bounds low and high [m]."""
-        ...
 
 
 class Controller:
@@ -71,7 +43,7 @@ class Controller:
         gains: Gains | None,
         bounds: ActuatorBounds,
         sample: float,
-        distribution: Distribution | None = None,
+        distribution: TensionDistribution | None = None,
     ) -> None:
         self.motion, self.gains, self.bounds, self.sample = motion, gains, bounds, sample
         self.distribution = distribution
@@ -200,9 +172,8 @@ class Filter:
         count = max(1, int(np.ceil(self.estimator.substeps * share - 1e-9)))
         step, x = span / count, self.state[: 2 * self.n]
         for _ in range(count):
-            mass = self.model.compute("mass_matrix", **self._at(x, value))
-            dense = mass.toarray() if hasattr(mass, "toarray") else np.asarray(mass)
-            push = np.linalg.solve(dense, self.disturbance)
+            mass = to_dense(self.model.compute("mass_matrix", **self._at(x, value)))
+            push = np.asarray(np.linalg.solve(mass, self.disturbance), dtype=np.float64)
             k1 = self._rate(x, value, push)
             k2 = self._rate(x + 0.5 * step * k1, value, push)
             k3 = self._rate(x + 0.5 * step * k2, value, push)

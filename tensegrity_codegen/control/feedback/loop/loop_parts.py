@@ -1,7 +1,7 @@
 """Parts of one loop: whether they fit each other and the motion, and what the simulation starts from."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, to_doubles, to_sized
 from tensegrity_codegen.runtime.model.model import CompiledModel
@@ -24,26 +25,12 @@ SAMPLE = 0.005  # [s], where no gains state another
 MOST_SAMPLES = 1_000_000
 
 
-class DesignedDistribution(Protocol):
-    """A distribution of tensions with the actuators and the model that it was designed for."""
-
-    @property
-    def bounds(self) -> ActuatorBounds:
-        """Its actuators."""
-        ...
-
-    @property
-    def model(self) -> CompiledModel:
-        """Its model."""
-        ...
-
-
 def check_parts(
     manifest: Manifest,
     motion: Motion,
     gains: Gains | None,
     estimator: Estimator | None,
-    distribution: DesignedDistribution | None,
+    distribution: TensionDistribution | None,
 ) -> None:
     """Raise InvalidValueError for gains, an estimator or a distribution of another model or motion."""
     check_instance(gains, (Gains, type(None)), "gains", "Gains of design_lqr, or None")

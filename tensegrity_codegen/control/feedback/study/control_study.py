@@ -11,6 +11,7 @@ from tensegrity_codegen.control.feedback.design.estimator import Estimator
 from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds
 from tensegrity_codegen.control.feedback.loop.loop_parts import describe_unknown_delays
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.study.linear_loop import Margins
 from tensegrity_codegen.control.feedback.study.loop_result import OPEN, LoopResult
 from tensegrity_codegen.control.feedback.study.stated_errors import (
@@ -19,7 +20,6 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     find_needed_time,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Tuning
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.records.timed_motion import Motion
 from tensegrity_codegen.structure.limits import Limits
 

@@ -222,6 +222,7 @@ def design_slow_estimator(
         is_slow = np.abs(estimator.E).max() > np.exp(-gains.sample / settling)
         return np.inf if is_slow else float((loop.deviation() * scales.lever).max(initial=0.0))
 
+    # Smaller forces while noise moves the estimate too far, or the loop by a fifth less.
     found = [design(0)]
     first, most = predict_displacement(found[0], scales), MOST_ERROR * scales.size
     bound = most if first <= most else most / ERROR_MARGIN
@@ -233,6 +234,7 @@ def design_slow_estimator(
         found.append(design(count))
     if len(found) == 1:
         return found[0], None
+    # What changed, in words.
     divisor = 10 ** (len(found) - 1)
     before, after = (predict_displacement(item, scales) for item in (found[0], found[-1]))
     reason = f"more than {_show_length(most)}"

@@ -1,7 +1,7 @@
 """Results of loops: errors, tensions, limits and statuses of one run, and of all draws of a study."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,12 +53,14 @@ def measure_run(model: CompiledModel, run: ControlRun, last: float) -> RunMeasur
     run: the run; where it stopped, its end is that time.
     last [s]: time before the end that counts as the end.
     """
+    # Errors, and where the largest one is at the end.
     away = find_displacement(model, run)
     ending = run.time >= run.time[-1] - last - 1e-12
     angles = find_angles(model)
     tension = run.member_tension
     cables = find_cables(model)
     step, node = np.unravel_index(int(away[ending].argmax()), away[ending].shape)
+    # Tensions of the cables.
     least, member, end = np.nan, "", np.nan
     if len(cables):
         least = float(tension[:, cables].min())
@@ -128,11 +130,6 @@ class LoopResult:
     name: str
     measures: tuple[RunMeasures, ...]
     run: ControlRun
-
-    @classmethod
-    def collect(cls, name: str, rows: Sequence[RunMeasures], run: ControlRun) -> "LoopResult":
-        """Return the result of a loop."""
-        return cls(name, tuple(rows), run)
 
     @property
     def unstable(self) -> int:

@@ -12,6 +12,7 @@ from tensegrity_codegen.control.feedback.design.gains import Gains
 from tensegrity_codegen.control.feedback.design.linear_samples import build_rest
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import find_bounds
 from tensegrity_codegen.control.feedback.loop.control_run import ControlRun
+from tensegrity_codegen.control.feedback.loop.tension_distribution import TensionDistribution
 from tensegrity_codegen.control.feedback.lqr import design_lqr
 from tensegrity_codegen.control.feedback.study.control_study import (
     ControlStudy,
@@ -42,7 +43,6 @@ from tensegrity_codegen.control.feedback.study.stated_errors import (
     read_times,
 )
 from tensegrity_codegen.control.feedback.study.tuning import Tuning, choose_weights
-from tensegrity_codegen.control.feedback.tension_distribution import TensionDistribution
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import merge_inputs
 from tensegrity_codegen.runtime.model.require import require_model
@@ -151,24 +151,24 @@ def study_control(
     check_callback(batch, "batch")
     check_callback(progress, "progress")
     held = HELD_TIME if t_end is None else t_end
-    way = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
+    reference = motion if isinstance(motion, Motion) else build_rest(model, motion, held, arguments)
     given = merge_inputs(model.manifest, arguments)
-    chosen = tuning or choose_weights(model, way, sample=sample, arguments=arguments)
+    chosen = tuning or choose_weights(model, reference, sample=sample, arguments=arguments)
     stated = errors or StatedErrors()
     check_errors(model, stated)
     check_whole(draws, "draws", 1, MOST_DRAWS)
     if gains is None:
         gains = design_lqr(
-            model, way, chosen.Q, chosen.R, sample=chosen.sample, integral_action=chosen.integral_action,
-            arguments=arguments,
+            model, reference, chosen.Q, chosen.R, sample=chosen.sample,
+            integral_action=chosen.integral_action, arguments=arguments,
         )  # fmt: skip
-    senses, note = _find_estimator(model, way, estimator, gains, chosen, arguments)
-    default = find_default_times(way, *find_time_constants(gains, senses))[0]
+    senses, note = _find_estimator(model, reference, estimator, gains, chosen, arguments)
+    default = find_default_times(reference, *find_time_constants(gains, senses))[0]
     end, window = read_times(gains.sample, default, t_end, last)
     check_gust_times(stated.gusts, end)
     notes = () if note is None else (note,)
     work = _Work(
-        model, way, gains, senses, distribution, chosen, stated, given, end, window, seed, batch, notes
+        model, reference, gains, senses, distribution, chosen, stated, given, end, window, seed, batch, notes
     )
     return work.study(draws, progress)
 
@@ -193,6 +193,7 @@ class _Work:
 
     def study(self, draws: int, progress: Callable[[float], None] | None) -> ControlStudy:
         """Simulate all draws; of the worst one the runs are kept."""
+        # All loops over all draws, some of them at once; the runs of the worst draw are kept.
         names = [name for name in LOOPS if name != LOOPS[2] or self.estimator is not None]
         rows: dict[str, list[RunMeasures]] = {name: [] for name in names}
         worst, kept, number = -np.inf, {}, 0
@@ -214,7 +215,8 @@ class _Work:
                 if rank > worst:
                     worst, number = rank, draw
                     kept = {name: runs[name][draw - first] for name in names}
-        loops = {name: LoopResult.collect(name, rows[name], kept[name]) for name in names}
+        # What the loops show, and what their linear models stand.
+        loops = {name: LoopResult(name, tuple(rows[name]), kept[name]) for name in names}
         status, message = judge_study(loops, self.tuning.tolerance)
         structure, bounds = self.model.structure, find_bounds(self.model, self.motion)
         assert structure is not None  # find_bounds refuses models without

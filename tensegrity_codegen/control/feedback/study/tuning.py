@@ -22,10 +22,10 @@ from tensegrity_codegen.system.errors import NonFiniteError
 TOLERANCE = 0.05  # of the size of the structure: displacement that is accepted for a moment
 EFFORT = 0.05  # of this displacement: change of a rest length
 SUMMED_TIMES = 1.0  # response times for which the displacement is accepted
-SHORTEST, LONGEST = 2.0, 0.05  # response time: samples at least, part of the motion at most
+SHORTEST_RESPONSE, LONGEST_RESPONSE = 2.0, 0.05  # response time: samples at least, part of the motion at most
 LEAST_GAIN = 0.02  # of the largest static gain: outputs that actuators change less are not summed
 STEP = 1e-6  # of an angle [rad], of a central difference
-ZERO = 1e-9  # of the largest squared frequency: below it a motion has no stiffness
+NO_STIFFNESS = 1e-9  # of the largest squared frequency: below it a motion has no stiffness
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +63,13 @@ def find_scales(model: CompiledModel, motion: Motion, arguments: Mapping[str, An
     size = float(np.ptp(position, axis=0).max(initial=0.0))
     is_angle = find_angles(model)
     lever = np.array([_find_lever(model, q, k, arguments) if is_angle[k] else 1.0 for k in range(n)])
-    lever[lever < ZERO * size] = size  # a coordinate that moves no node
+    lever[lever < NO_STIFFNESS * size] = size  # a coordinate that moves no node
     end = motion.at(motion.duration)
     at = {**arguments, "coordinate": end.coordinate, "velocity": np.zeros(n), INPUT: end.input}
     stiffness = -model.compute("state_jacobian", **at).toarray()[n:, :n]
     place = [model.manifest.input_name.index(name) for name in motion.actuators]
     push = model.compute("input_jacobian", **at).toarray()[n:, place]
-    gain = lever[:, None] * np.linalg.lstsq(stiffness, push, rcond=ZERO)[0]
+    gain = lever[:, None] * np.linalg.lstsq(stiffness, push, rcond=NO_STIFFNESS)[0]
     return Scales(size, lever, is_angle, _find_frequency(stiffness), gain)
 
 
@@ -93,7 +93,7 @@ def _find_lever(model: CompiledModel, q: FloatArray, k: int, arguments: Mapping[
 def _find_frequency(stiffness: FloatArray) -> float:
     """Return the lowest frequency of q'' = -stiffness q [rad/s]."""
     squares = np.linalg.eigvals(stiffness).real
-    positive = squares[squares > ZERO * np.abs(squares).max(initial=0.0)]
+    positive = squares[squares > NO_STIFFNESS * np.abs(squares).max(initial=0.0)]
     return float(np.sqrt(positive.min())) if len(positive) else 0.0
 
 
@@ -209,13 +209,15 @@ def choose_weights(
     check_motion(model, motion)
     require_quantities(model, ("state_jacobian", "input_jacobian"), "the design of feedback needs")
     step = check_positive(sample, "sample", "[s]")
+    # The largest values that are accepted, by default from lengths and times of the structure.
     scales = find_scales(model, motion, merge_inputs(model.manifest, arguments))
     d = _read_positive(tolerance, "tolerance", "m") or TOLERANCE * scales.size
     period = 1.0 / scales.frequency if scales.frequency > 0.0 else np.inf
-    usual = float(max(min(period, LONGEST * motion.duration), SHORTEST * step))
+    usual = float(max(min(period, LONGEST_RESPONSE * motion.duration), SHORTEST_RESPONSE * step))
     time = _read_positive(response_time, "response_time", "s") or usual
     inputs = _find_efforts(model, motion, _read_positive(effort, "effort", "m"), d, time)
     outputs, reach = _choose_outputs(model, scales, inputs, integral_action)
+    # Each weight is 1 over the square of such a value.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         weight = (scales.lever / d) ** 2
         summed = (step * reach / (SUMMED_TIMES * d * time)) ** 2

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensegrity_codegen.control.feedback.design.linear_samples import check_motion
+from tensegrity_codegen.control.feedback.design.linear_samples import check_motion, to_dense
 from tensegrity_codegen.control.feedback.loop.actuator_bounds import ActuatorBounds, find_bounds
 from tensegrity_codegen.control.feedback.loop.cable_tensions import (
     CableTensions,
@@ -28,8 +28,8 @@ from tensegrity_codegen.system.summaries import Summarised
 
 QUANTITIES = ("member_length", "equilibrium_matrix")
 WEIGHT = 1e-6  # of preferred tensions, over the mean square of the equilibrium matrix
-FORCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
-SAME = 1e-9  # [m]
+FORCE_TOLERANCE = 1e-3  # part of the tensions, by which forces may differ from those asked for
+ROUNDING = 1e-9  # [m]
 PASSES = 4  # of Newton's method, which tensions that are not linear in rest lengths need
 
 
@@ -104,16 +104,18 @@ class TensionDistribution(Summarised):
         Distributed
             Command, status, members whose least tension yields.
         """
+        # Members, and the bounds of the inputs by rates, ranges and least tensions.
         at = {"coordinate": coordinate}
         length = np.asarray(self.model.compute("member_length", **at))
-        matrix = self.model.compute("equilibrium_matrix", **at)
-        whole = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)
+        whole = to_dense(self.model.compute("equilibrium_matrix", **at))
         others, driven, cables = self.motion.at(time).input, self.cables.driven, self.cables
-        top, yielding = self._tops(others, length, low)
-        most, shared = self._share_tops(top, high), np.isin(cables.limited, cables.shared)
+        top, yielding = self._find_upper_bounds(others, length, low)
+        most, shared = self._apply_upper_bounds(top, high), np.isin(cables.limited, cables.shared)
+        # Tensions that feedback asks for, and those preferred.
         asked = cables.tension(length, cables.rest_length(others, wanted))[driven]
-        preferred, command = self._prefer(time)[driven], np.clip(wanted, low, most)
+        preferred, command = self._find_preferred(time)[driven], np.clip(wanted, low, most)
         a = whole[:, driven]
+        # Newton's method: a program about each command, with tensions as straight lines.
         for _ in range(1 if cables.is_one_to_one else PASSES):
             rest = cables.rest_length(others, command)
             program = TensionProgram(
@@ -127,15 +129,18 @@ class TensionDistribution(Summarised):
             if change is None:
                 return Distributed(np.clip(wanted, low, high), "not_solved", yielding)
             command = np.clip(line.to_input(change), low, most)
-            if np.abs(change).max() < SAME:
+            if np.abs(change).max() < ROUNDING:
                 break
+        # Whether the forces are those asked for.
         reached = cables.tension(length, cables.rest_length(others, command))[driven]
         missed = float(np.abs(a @ (reached - asked)).max())
         scale = float(np.abs(whole).max()) * float(np.abs(asked).max(initial=0.0))
-        status = self._judge(command, low, high, missed <= FORCE * scale, bool(yielding.any()))
+        status = self._find_status(
+            command, low, high, missed <= FORCE_TOLERANCE * scale, bool(yielding.any())
+        )
         return Distributed(command, status, yielding)
 
-    def _share_tops(self, top: FloatArray, high: FloatArray) -> FloatArray:
+    def _apply_upper_bounds(self, top: FloatArray, high: FloatArray) -> FloatArray:
         """Return the upper bounds of inputs (n_actuators,) [m]: of rate, range, and members pulled by one."""
         most = high.copy()
         for bound, row in zip(top.tolist(), self.cables.incidence[self.cables.limited], strict=True):
@@ -143,7 +148,7 @@ class TensionDistribution(Summarised):
                 most[row > 0.0] = np.minimum(most[row > 0.0], bound)
         return most
 
-    def _tops(
+    def _find_upper_bounds(
         self, others: FloatArray, length: FloatArray, low: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Return bounds of the inputs of limited members [m], and which members cannot meet them."""
@@ -152,25 +157,25 @@ class TensionDistribution(Summarised):
         longest = self.cables.find_rest_length(length, self.least_tension)[rows]
         top, least = longest - base, self.cables.incidence[rows] @ low
         yielding = np.zeros(len(length), dtype=bool)
-        yielding[rows] = top < least - SAME
+        yielding[rows] = top < least - ROUNDING
         return np.maximum(top, least), yielding
 
-    def _prefer(self, time: float) -> FloatArray:
+    def _find_preferred(self, time: float) -> FloatArray:
         if self.preferred is not None:
             return self.preferred
         motion = self.motion
         columns = [np.interp(time, motion.time, column) for column in motion.member_tension.T]
         return np.array(columns)
 
-    def _judge(
+    def _find_status(
         self, command: FloatArray, low: FloatArray, high: FloatArray, is_met: bool, yields: bool
     ) -> str:
         if yields:
             return "least_tension"
         if is_met:
             return "ok"
-        at_bound = (command <= low + SAME) | (command >= high - SAME)
-        ranged = (command <= self.bounds.least + SAME) | (command >= self.bounds.most - SAME)
+        at_bound = (command <= low + ROUNDING) | (command >= high - ROUNDING)
+        ranged = (command <= self.bounds.least + ROUNDING) | (command >= self.bounds.most - ROUNDING)
         if (at_bound & ~ranged).any():
             return "rate_limited"
         return "range_limited" if ranged.any() else "tension_limited"
@@ -266,7 +271,7 @@ def _check_reach(
         length = np.asarray(model.compute("member_length", coordinate=q))
         shortest = cables.rest_length(motion.at(time).input, bounds.least)
         longest = cables.find_rest_length(length, least)
-        short = [e for e in cables.limited.tolist() if longest[e] < shortest[e] - SAME]
+        short = [e for e in cables.limited.tolist() if longest[e] < shortest[e] - ROUNDING]
         if short:
             e = short[0]
             most = float(cables.tension(length, shortest)[e])
