@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from tensegrity_codegen.codegen.alternatives import find_alternatives
 from tensegrity_codegen.codegen.casadi_interface.acados import build_acados
 from tensegrity_codegen.codegen.casadi_interface.derivatives import (
     Derivatives,
@@ -23,7 +24,6 @@ from tensegrity_codegen.codegen.print.number_range import check_number_range
 from tensegrity_codegen.codegen.source import write_sources
 from tensegrity_codegen.codegen.table.emitter import TABLE
 from tensegrity_codegen.codegen.unrolled import UNROLLED
-from tensegrity_codegen.codegen.way_out import find_way_out
 from tensegrity_codegen.scene.names import check_names, check_scene_name
 from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.symbolic.build import build_model
@@ -93,7 +93,7 @@ def check_request(structure: Subject, request: ModelRequest) -> EmissionPlan:
         return _plan(structure, request)
     except FormulationError as error:
         if error.lacking is not None:
-            error.hint = find_way_out(structure, request, error, _plan)
+            error.hint = find_alternatives(structure, request, error, _plan)
         raise
 
 

@@ -25,7 +25,7 @@ from tensegrity_codegen.tables.laws import LAW_PARAMETERS, MEMBER_VALUES
 # How a value of a member class comes about: it is zero for all, it is baked in, it is a run-time argument.
 ABSENT, CONSTANT, ARGUMENT = 0, 1, 2
 
-MOSTLY = 0.8  # of the members in modules: no other order of the nodes is tried
+MIN_MODULE_SHARE = 0.8  # of the members in modules: no other order of the nodes is tried
 LEAST_TO_ORDER = 48  # members for which another order of the nodes is tried
 LEAST_TO_SORT = 400  # members whose coordinates may leave the fastest memory
 
@@ -166,7 +166,7 @@ def _search_modules(
     natural = np.arange(n_nodes)
     modules = find_modules(ends, kind, natural)
     n_held = _count(modules)
-    if n_held >= MOSTLY * len(ends) or len(ends) < LEAST_TO_ORDER:
+    if n_held >= MIN_MODULE_SHARE * len(ends) or len(ends) < LEAST_TO_ORDER:
         return tuple(modules), None
     order = order_nodes(ends, class_of, n_nodes)
     others = find_modules(ends, kind, order)

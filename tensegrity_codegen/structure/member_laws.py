@@ -13,7 +13,7 @@ from tensegrity_codegen.tables.laws.law import Law, compute_spring_constant
 # What follows from the section of a member, by the names of the attributes.
 SECTION_VALUES = ("section_area", "gyration_square")
 
-WIDEST = 1e3  # rest length, over the length, up to which one is searched for
+MAX_REST_LENGTH_RATIO = 1e3  # rest length, over the length, up to which one is searched for
 BISECTIONS = 100
 
 
@@ -134,7 +134,7 @@ class WithMemberLaws:
 
     def _bisect_rest_length(self, length: FloatArray, tension: FloatArray) -> FloatArray:
         low = np.where(tension > 0, 0.0, length)
-        high = np.where(tension > 0, length, WIDEST * length)
+        high = np.where(tension > 0, length, MAX_REST_LENGTH_RATIO * length)
         for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             is_tighter = replace(self, rest_length=middle).compute_static_tension(length) > tension  # type: ignore[type-var]

@@ -22,7 +22,7 @@ Shape = tuple[bytes, bytes, tuple[int, ...]]
 
 LEAST_REPETITIONS = 16
 LEAST_MEMBERS = 48  # of a module
-NEAR = 8  # shifts up to so far apart share a column
+MAX_SHIFT_GAP = 8  # shifts up to so far apart share a column
 LONGEST_STEP = 128  # nodes a repetition, at most
 MOST_STRANDS = 96  # in one module: what its repetitions side by side need has to stay in fast memory
 MOST_SHAPES = 4  # different modules; each is code of its own
@@ -165,7 +165,7 @@ def _make_module(runs: _Runs, active: list[int], first: int, last: int, order: I
     columns: list[tuple[int, int, int]] = []  # slot, least shift, largest shift
     slots, shifts = (np.concatenate([end[k] for end in ends]) for k in (0, 1))
     for slot, shift in sorted(set(zip(slots.tolist(), shifts.tolist(), strict=True))):
-        if columns and columns[-1][0] == slot and shift - columns[-1][1] <= NEAR:
+        if columns and columns[-1][0] == slot and shift - columns[-1][1] <= MAX_SHIFT_GAP:
             columns[-1] = (slot, columns[-1][1], shift)
         else:
             columns.append((slot, shift, shift))

@@ -8,9 +8,8 @@ from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.request import ModelRequest
 
-PULL = (
-    "pull"  # a node's number, a spring constant, a damping constant and a point: no argument of any function
-)
+# A node's number, a spring constant, a damping constant and a point: no argument of any function.
+PULL = "pull"
 CONSTANT = ("coordinate", "velocity", "anchor_position")  # the anchors of a motion stand still
 
 

@@ -30,8 +30,9 @@ from tensegrity_codegen.system.checks import check_whole, is_number
 from tensegrity_codegen.system.errors import InvalidValueError
 
 MODES = 10
-BALANCED = 1e-6  # residual, over the largest member force, up to which the present forces are in balance
-HELD = 1e-9  # part of the loads on rigid motions that nothing holds
+# Residual, over the largest member force, up to which the present forces are in balance.
+BALANCE_TOLERANCE = 1e-6
+UNHELD_LOAD_TOLERANCE = 1e-9  # part of the loads on rigid motions that nothing holds
 
 
 def analyse(
@@ -176,7 +177,7 @@ def _describe_load(at: Configuration, rank: Rank, motions: FreeMotions) -> str:
     if check_balanced(rank, at.load):
         return ""
     size = float(np.linalg.norm(at.load))
-    if np.linalg.norm(motions.rigid.T @ at.load) > HELD * size:
+    if np.linalg.norm(motions.rigid.T @ at.load) > UNHELD_LOAD_TOLERANCE * size:
         return "nothing holds the structure against its loads, which would move it as a whole"
     return "the loads push a mechanism, so that no tensions balance them in exactly this configuration"
 
@@ -196,7 +197,7 @@ def _find_bar_distance(at: Configuration) -> FloatArray | None:
 def _check_forces(at: Configuration) -> bool:
     """Return whether the present forces are in balance."""
     floor = at.problem.rounding_floor(at.problem.stiffness(at.at), at.point) if len(at.at) else 0.0
-    return at.point.is_balanced(BALANCED, floor)
+    return at.point.is_balanced(BALANCE_TOLERANCE, floor)
 
 
 def _check_options(rank_tolerance: float, n_modes: int) -> None:

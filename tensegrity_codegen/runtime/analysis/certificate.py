@@ -19,14 +19,14 @@ from tensegrity_codegen.runtime.analysis.rank import Rank, find_rank
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape
 from tensegrity_codegen.system.arrays import FloatArray
 
-VERIFIED = 1e-9  # largest change that is not allowed, over the largest shortening
-NULL = 1e-8  # singular values of the restricted self-stresses that count as zero
+CHANGE_TOLERANCE = 1e-9  # largest change that is not allowed, over the largest shortening
+NULL_SPACE_TOLERANCE = 1e-8  # singular values of the restricted self-stresses that count as zero
 # A cable counts as shortening from this part of a shortening of 1; the second where the first gives no proof.
 CHOSEN = (1e-11, 1e-4)
-EASED = 1e-6  # part of the least shortening that is given up to find the least norm
-SAME = 1e-5  # difference of shortenings, next to 1, that counts as none
+OPTIMUM_RELAXATION = 1e-6  # part of the least shortening that is given up to find the least norm
+OPTIMUM_TOLERANCE = 1e-5  # difference of shortenings, next to 1, that counts as none
 MOST_EVEN = 400  # shortening cables up to which the least norm is found
-BALANCED = 1e-9  # part of the loads that no tensions balance, up to which they count as balanced
+BALANCE_TOLERANCE = 1e-9  # part of the loads that no tensions balance, up to which they count as balanced
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def check_balanced(rank: Rank, load: FloatArray) -> bool:
     bool
         Whether A t = load has a solution, up to 1e-9 of the loads.
     """
-    return rank.find_tension(load)[1] <= BALANCED * float(np.linalg.norm(load))
+    return rank.find_tension(load)[1] <= BALANCE_TOLERANCE * float(np.linalg.norm(load))
 
 
 def find_certificate(
@@ -222,16 +222,18 @@ def _find_even(modes: FloatArray, pull: FloatArray) -> FloatArray | None:
     if found is None:
         return None
     best: FloatArray = basis @ found[:-1]
-    if best.min() > 1 - SAME or count > MOST_EVEN:
+    if best.min() > 1 - OPTIMUM_TOLERANCE or count > MOST_EVEN:
         return best
     square = np.linalg.qr(basis.toarray())[0]
     bounds = np.vstack([square, -square, -(pull @ square)[None, :]])
-    floor = np.concatenate([np.full(count, best.min() * (1 - EASED)), np.full(count, -1.0), [0.0]])
+    floor = np.concatenate(
+        [np.full(count, best.min() * (1 - OPTIMUM_RELAXATION)), np.full(count, -1.0), [0.0]]
+    )
     part = find_least_norm(bounds, floor)
     if part is None:
         return best
     smallest: FloatArray = square @ part
-    return best if np.abs(smallest - best).max() <= SAME else smallest
+    return best if np.abs(smallest - best).max() <= OPTIMUM_TOLERANCE else smallest
 
 
 def _find_null_space(modes: FloatArray) -> Any:
@@ -243,7 +245,7 @@ def _find_null_space(modes: FloatArray) -> Any:
     if modes.size == 0:
         return sparse.csc_array(sparse.eye_array(count))
     _, upper, order = linalg.qr(modes, mode="economic", pivoting=True)
-    rank = int((np.abs(np.diagonal(upper)) > NULL).sum())
+    rank = int((np.abs(np.diagonal(upper)) > NULL_SPACE_TOLERANCE).sum())
     dependent = -linalg.solve_triangular(upper[:rank, :rank], upper[:rank, rank:])
     blocks: Any = [sparse.coo_array(dependent), sparse.eye_array(count - rank)]
     return sparse.csc_array(sparse.csr_array(sparse.vstack(blocks))[np.argsort(order)])
@@ -260,17 +262,17 @@ def _describe(
     elongation = matrix.T @ motion
     shortest = float(-elongation[tension_only].min(initial=0.0))
     largest = float(np.abs(motion).max(initial=0.0))
-    scale = shortest if shortest > VERIFIED * largest else largest
+    scale = shortest if shortest > CHANGE_TOLERANCE * largest else largest
     motion, elongation = motion / scale, elongation / scale
     cable = elongation[tension_only]
-    shortening = np.flatnonzero(tension_only & (elongation < -VERIFIED))
+    shortening = np.flatnonzero(tension_only & (elongation < -CHANGE_TOLERANCE))
     bar_change = float(np.abs(elongation[~tension_only]).max(initial=0.0))
     lengthening = float(cable.max(initial=0.0))
     work, error = float(load @ motion), max(bar_change, lengthening)
     scale_of_work = float(np.linalg.norm(load) * np.linalg.norm(motion))
-    does_work = work > VERIFIED * scale_of_work
+    does_work = work > CHANGE_TOLERANCE * scale_of_work
     shortens = len(shortening) > 0 if required is None else bool(required[shortening].any())
-    is_proof = (shortens or does_work) and work >= -VERIFIED * scale_of_work
+    is_proof = (shortens or does_work) and work >= -CHANGE_TOLERANCE * scale_of_work
     return Certificate(
         displacement=motion,
         elongation=elongation,
@@ -280,5 +282,5 @@ def _describe(
         least_shortening=float(-elongation[shortening].max()) if len(shortening) else float("nan"),
         load_work=max(work, 0.0) if does_work else 0.0,
         error=error,
-        is_verified=bool(is_proof and error < VERIFIED),
+        is_verified=bool(is_proof and error < CHANGE_TOLERANCE),
     )

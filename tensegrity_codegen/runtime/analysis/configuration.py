@@ -26,7 +26,7 @@ from tensegrity_codegen.tables.formulations import find_formulation
 Subject = Structure | BodySystem
 
 EPSILON = float(np.finfo(float).eps)
-NO_LOAD = 1e-12  # part of the forces from which loads are found that is rounding
+LOAD_TOLERANCE = 1e-12  # part of the forces from which loads are found that is rounding
 STEP = 1e-3  # of the extent: step of differences of fourth order
 
 
@@ -75,7 +75,7 @@ class Configuration:
         residual = self.point.residual
         load: FloatArray = residual + self.matrix @ self.tension
         size = np.abs(self.matrix) @ np.abs(self.tension) + np.abs(residual)
-        none = np.linalg.norm(load) <= NO_LOAD * np.linalg.norm(size)
+        none = np.linalg.norm(load) <= LOAD_TOLERANCE * np.linalg.norm(size)
         return np.zeros_like(load) if none else load
 
     @cached_property

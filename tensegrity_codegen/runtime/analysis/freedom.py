@@ -8,8 +8,9 @@ from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.structure.pieces import find_pieces
 from tensegrity_codegen.structure.structure import Structure
 
-ZERO = 1e-6  # of the largest singular value: as the default tolerance of `analyse`
-MOST = 1500  # coordinates or members, of the smaller number, of a dense eigenvalue problem below a second
+ZERO_TOLERANCE = 1e-6  # of the largest singular value: as the default tolerance of `analyse`
+# Coordinates or members, of the smaller number, of a dense eigenvalue problem below a second.
+MAX_DENSE_SIZE = 1500
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ def count_freedom(structure: Structure) -> Freedom | None:
     """
     free = structure.coordinate_node_axis
     n, m = len(free), structure.n_members
-    if min(n, m) > MOST:
+    if min(n, m) > MAX_DENSE_SIZE:
         return None
     first, second = structure.connectivity.T
     vector = structure.node_position[first] - structure.node_position[second]
@@ -50,7 +51,7 @@ def count_freedom(structure: Structure) -> Freedom | None:
     matrix[first, :, np.arange(m)], matrix[second, :, np.arange(m)] = unit.T, -unit.T
     matrix = matrix[free[:, 0], free[:, 1]]
     square = np.linalg.eigvalsh(matrix @ matrix.T if n < m else matrix.T @ matrix)
-    rank = int((square > ZERO**2 * square.max(initial=0.0)).sum())
+    rank = int((square > ZERO_TOLERANCE**2 * square.max(initial=0.0)).sum())
     piece = find_pieces(structure.n_nodes, first, second)[1]
     rigid = sum(
         build_rigid_motions(

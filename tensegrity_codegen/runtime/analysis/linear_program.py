@@ -8,10 +8,10 @@ from scipy.optimize import linprog, nnls
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError
 
-ZOOM = 1e-6  # size of one refinement, next to that of the one before
+REFINEMENT_SCALE = 1e-6  # size of one refinement, next to that of the one before
 ROUNDS = 2
 ROUNDING = 1e-14  # violations that count as none
-FARTHEST = 1e3  # largest change in a refinement, in its own size
+MAX_REFINEMENT = 1e3  # largest change in a refinement, in its own size
 TOLERANCES = (1e-10, 1e-9, 1e-8, 1e-7)  # of HiGHS; the first is the least there is, the last the default
 INFEASIBLE = 2  # status of scipy.optimize.linprog
 
@@ -53,9 +53,9 @@ def find_optimum(
     for round_ in range(1, rounds + 1):
         if float((rows @ found - limit).max(initial=0.0)) <= ROUNDING:
             break  # a vertex, exact to rounding
-        zoom = ZOOM**round_
-        slack = np.minimum((limit - rows @ found) / zoom, FARTHEST / ZOOM)
-        change = _solve(cost, rows, slack, FARTHEST)
+        zoom = REFINEMENT_SCALE**round_
+        slack = np.minimum((limit - rows @ found) / zoom, MAX_REFINEMENT / REFINEMENT_SCALE)
+        change = _solve(cost, rows, slack, MAX_REFINEMENT)
         if change is None:
             break  # rounding of the slack itself; what was found stays
         better = found + zoom * change

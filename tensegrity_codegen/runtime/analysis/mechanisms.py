@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-RIGID = 1e-6  # part of a unit motion that counts as none
+ZERO_MOTION_TOLERANCE = 1e-6  # part of a unit motion that counts as none
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def find_free_motions(rank: Rank, rigid: FloatArray) -> FreeMotions:
     inner = free - rigid @ (rigid.T @ free)
     left, size, _ = np.linalg.svd(inner, full_matrices=False)
     count = max(free.shape[1] - rigid.shape[1], 0)
-    count = min(count, int((size > RIGID).sum()))
+    count = min(count, int((size > ZERO_MOTION_TOLERANCE).sum()))
     return FreeMotions(rigid, left[:, :count])
 
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.tables.formulations import find_formulation
 
-ZERO = 1e-13  # part of the largest square of a frequency that counts as none
+ZERO_FREQUENCY_TOLERANCE = 1e-13  # part of the largest square of a frequency that counts as none
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def find_modes(at: Configuration, rigid: FloatArray, count: int) -> Modes | None
     k, m = (basis.T @ (matrix + matrix.T) @ basis / 2 for matrix in (stiffness, mass))
     value, vector = linalg.eigh(k, m)
     chosen = slice(0, min(count, total))
-    square = np.where(np.abs(value) > ZERO * np.abs(value).max(), value, 0.0)[chosen]
+    square = np.where(np.abs(value) > ZERO_FREQUENCY_TOLERANCE * np.abs(value).max(), value, 0.0)[chosen]
     shape = problem.node_velocities(at.at, basis @ vector[:, chosen])
     largest = np.linalg.norm(shape, axis=1).max(axis=0)
     return Modes(

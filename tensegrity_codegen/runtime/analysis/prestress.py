@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from tensegrity_codegen.runtime.analysis.linear_program import find_least_norm, find_optimum
 from tensegrity_codegen.system.arrays import FloatArray
 
-FEASIBLE = 1e-10  # least tension, over the largest member force, from which a cable counts as in tension
-LOADED = 2.0  # largest member force allowed under loads, over the least that carries them
-SAME = 1e-5  # difference of two optimal solutions, over the largest force, that counts as none
-EASED = 1e-6  # part of the least tension that is given up to find the least norm
+# Least tension, over the largest member force, from which a cable counts as in tension.
+MIN_TENSION_RATIO = 1e-10
+MAX_FORCE_RATIO = 2.0  # largest member force allowed under loads, over the least that carries them
+OPTIMUM_TOLERANCE = 1e-5  # difference of two optimal solutions, over the largest force, that counts as none
+OPTIMUM_RELAXATION = 1e-6  # part of the least tension that is given up to find the least norm
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,15 @@ def find_prestress(
     least = _find_least_force(selfstress, tension_only, base / size)
     if least is None:
         return _describe(base, tension_only)
-    return _describe(_find_best(selfstress, tension_only, base / size, LOADED * least) * size, tension_only)
+    return _describe(
+        _find_best(selfstress, tension_only, base / size, MAX_FORCE_RATIO * least) * size, tension_only
+    )
 
 
 def _describe(tension: FloatArray, tension_only: NDArray[np.bool_]) -> Prestress:
     largest = float(np.abs(tension).max(initial=0.0))
     least = float(tension[tension_only].min(initial=np.inf))
-    return Prestress(least > FEASIBLE * largest, tension, least, largest)
+    return Prestress(least > MIN_TENSION_RATIO * largest, tension, least, largest)
 
 
 def _find_smallest(selfstress: FloatArray, base: FloatArray) -> FloatArray:
@@ -137,12 +140,14 @@ def _find_best(
     assert found is not None, "slack cables are allowed, so that there is an optimum"
     best: FloatArray = base + modes @ found[:-1]
     least = float(best[tension_only].min())
-    if least <= FEASIBLE * most:
+    if least <= MIN_TENSION_RATIO * most:
         return best
     bounds = np.vstack([cables, modes, -modes])
-    floor = np.concatenate([least * (1 - EASED) - base[tension_only], -most - base, -most + base])
+    floor = np.concatenate(
+        [least * (1 - OPTIMUM_RELAXATION) - base[tension_only], -most - base, -most + base]
+    )
     part = find_least_norm(bounds, floor)
     if part is None:
         return best
     smallest: FloatArray = base + modes @ part
-    return best if np.abs(smallest - best).max() <= SAME * most else smallest
+    return best if np.abs(smallest - best).max() <= OPTIMUM_TOLERANCE * most else smallest

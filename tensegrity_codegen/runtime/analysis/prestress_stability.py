@@ -10,8 +10,8 @@ from tensegrity_codegen.runtime.analysis.mechanisms import FreeMotions
 from tensegrity_codegen.runtime.analysis.prestress import Prestress
 from tensegrity_codegen.system.arrays import FloatArray
 
-STIFF = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
-KEPT = 0.1  # part of the largest least tension that stabilising tensions keep
+MIN_STIFFNESS_RATIO = 1e-9  # least eigenvalue, over the largest force density, that counts as stiff
+KEPT_TENSION_RATIO = 0.1  # part of the largest least tension that stabilising tensions keep
 MOST_CUTS = 60
 
 
@@ -81,7 +81,9 @@ def find_prestress_stability(
         if directions.shape[1] == 0:
             return PrestressStability(True, float("inf"), np.zeros(0), np.zeros(0))
     value, vector = np.linalg.eigh(stiffness)
-    return PrestressStability(bool(value[0] > STIFF), float(value[0]), value, directions @ vector[:, 0])
+    return PrestressStability(
+        bool(value[0] > MIN_STIFFNESS_RATIO), float(value[0]), value, directions @ vector[:, 0]
+    )
 
 
 def find_stabilising_prestress(
@@ -111,7 +113,7 @@ def find_stabilising_prestress(
     program has the constraints v . K(t) v >= s for the eigenvectors v found so far.
     """
     basis, modes = motions.mechanism, selfstress.T
-    least = KEPT * prestress.least_tension if at.tension_only.any() else 0.0
+    least = KEPT_TENSION_RATIO * prestress.least_tension if at.tension_only.any() else 0.0
     only, zero = modes[at.tension_only], np.zeros((len(modes), 1))
     rows = [np.hstack([-only, zero[: len(only)]]), np.hstack([modes, zero]), np.hstack([-modes, zero])]
     limit = [np.full(len(only), -least), np.ones(len(modes)), np.ones(len(modes))]
@@ -140,7 +142,7 @@ def _leave_neutral(stiffness: FloatArray, motions: FreeMotions) -> FloatArray:
         return np.eye(mechanisms)
     _, value, right = np.linalg.svd(stiffness[:, mechanisms:], full_matrices=True)
     size = np.concatenate([value, np.zeros(rigid - len(value))])
-    kept = right[size > STIFF].T
+    kept = right[size > MIN_STIFFNESS_RATIO].T
     result = np.zeros((mechanisms + rigid, mechanisms + kept.shape[1]))
     result[:mechanisms, :mechanisms] = np.eye(mechanisms)
     result[mechanisms:, mechanisms:] = kept

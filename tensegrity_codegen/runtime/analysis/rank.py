@@ -10,8 +10,8 @@ from tensegrity_codegen.system.errors import FormulationError
 
 MOST_ROWS = 3000  # coordinates or members; the dense decomposition of so many takes about a minute
 RANK_TOLERANCE = 1e-6  # of the largest singular value: larger ones never count as zero
-CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
-NEAR = 1e2  # times the tolerance: a smallest value below that is near to being zero
+MIN_CLEAR_GAP = 1e3  # ratio of the two singular values at the gap from which the rank is clear
+NEAR_ZERO_FACTOR = 1e2  # times the tolerance: a smallest value below that is near to being zero
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -148,12 +148,12 @@ def _find_cut(relative: FloatArray, tolerance: float, least: float) -> int:
 
 def _describe_doubt(relative: FloatArray, rank: int, gap: float, tolerance: float) -> str:
     """Return why the rank is not clear, an empty text where it is."""
-    if gap < CLEAR_GAP:
+    if gap < MIN_CLEAR_GAP:
         return (
             f"the rank is not clear: the singular values at the gap, {relative[rank - 1]:.3g} and "
             f"{relative[rank]:.3g} of the largest, differ by a factor of {gap:.3g} only"
         )
-    if rank and rank == len(relative) and relative[rank - 1] <= NEAR * tolerance:
+    if rank and rank == len(relative) and relative[rank - 1] <= NEAR_ZERO_FACTOR * tolerance:
         return (
             f"the rank is not clear: the smallest singular value that counts as not zero is "
             f"{relative[rank - 1]:.3g} of the largest, next to the tolerance of {tolerance:g}"

@@ -14,7 +14,8 @@ from tensegrity_codegen.runtime.model.interface import Model
 from tensegrity_codegen.runtime.model.placement import place_nodes, place_velocities
 from tensegrity_codegen.system.arrays import FloatArray
 
-AMPLIFIED = 10.0  # change of a rigid member's tension over that of the elastic members beside it, at most
+# Change of a rigid member's tension over that of the elastic members beside it, at most.
+MAX_AMPLIFICATION = 10.0
 
 
 def put_own_tensions(
@@ -54,7 +55,7 @@ def _choose(own: FloatArray, by_state: FloatArray, mu: FloatArray) -> FloatArray
     """
     difference = np.abs(own - by_state)
     rounding = float(difference[mu > 0].sum())
-    return np.where((mu == 0) & (difference > AMPLIFIED * rounding), by_state, own)
+    return np.where((mu == 0) & (difference > MAX_AMPLIFICATION * rounding), by_state, own)
 
 
 def _lengths(

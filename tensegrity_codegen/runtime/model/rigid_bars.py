@@ -12,7 +12,8 @@ import scipy
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.manifest import Manifest
 
-DEPENDENT = 1e-9  # part of a bar's direction that the others leave free, below which it repeats them
+# Part of a bar's direction that the others leave free, below which it repeats them.
+DEPENDENCE_TOLERANCE = 1e-9
 DENSE_BARS = 200  # bars up to which forces and corrections are found in least squares
 MOST_CORRECTIONS = 25
 EPSILON = float(np.finfo(float).eps)
@@ -72,7 +73,7 @@ class RigidBars:
     def find_tension(self, jacobian: Any, force: FloatArray) -> FloatArray:
         """Return the tensions t that balance `force` (n_coordinates,) [N] best: least |force - J^T t|."""
         if len(self.row) <= DENSE_BARS:
-            return np.asarray(np.linalg.lstsq(jacobian.toarray().T, force, rcond=DEPENDENT)[0])
+            return np.asarray(np.linalg.lstsq(jacobian.toarray().T, force, rcond=DEPENDENCE_TOLERANCE)[0])
         return self._solve(jacobian, jacobian @ force)
 
     def find_directions(self, jacobian: Any) -> Any:
@@ -97,7 +98,7 @@ class RigidBars:
         """Return the least change of coordinates that closes the gaps in first order, (n_coordinates,)."""
         jacobian = self.jacobian(position)
         if len(self.row) <= DENSE_BARS:
-            return np.asarray(np.linalg.lstsq(jacobian.toarray(), -gap, rcond=DEPENDENT)[0])
+            return np.asarray(np.linalg.lstsq(jacobian.toarray(), -gap, rcond=DEPENDENCE_TOLERANCE)[0])
         return np.asarray(jacobian.T @ self._solve(jacobian, -gap))
 
     def rounding(self, position: FloatArray) -> float:
@@ -128,7 +129,7 @@ def _null_space(matrix: FloatArray) -> FloatArray:
     """Return an orthonormal basis of the null space of rows of unit length: by QR, by SVD if singular."""
     factor, upper = np.linalg.qr(matrix.T, mode="complete")
     rank = min(matrix.shape)
-    if matrix.shape[0] <= matrix.shape[1] and np.abs(np.diag(upper)).min(initial=1.0) > DEPENDENT:
+    if matrix.shape[0] <= matrix.shape[1] and np.abs(np.diag(upper)).min(initial=1.0) > DEPENDENCE_TOLERANCE:
         return np.asarray(factor[:, rank:])
     _, singular, right = np.linalg.svd(matrix, full_matrices=True)
-    return np.asarray(right[int((singular > DEPENDENT).sum()) :].T)
+    return np.asarray(right[int((singular > DEPENDENCE_TOLERANCE).sum()) :].T)

@@ -21,7 +21,8 @@ from tensegrity_codegen.runtime.statics.bar_problem import BarProblem
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-STIFF = 10.0  # sigma as a multiple of the largest stiffness, so that the eigenvalues told are the structure's
+# sigma as a multiple of the largest stiffness, so that the eigenvalues told are the structure's.
+SIGMA_STIFFNESS_RATIO = 10.0
 
 
 class BarPath(ModelPath):
@@ -53,7 +54,7 @@ class BarPath(ModelPath):
         self._problem = BarProblem(model, {**given, **self.loads(1.0)})
         start = self._problem.enter(model.nominal("coordinate").ravel())
         stiffest = float(self._problem.row_stiffness(start).max(initial=0.0))
-        self._sigma = STIFF * stiffest or 1.0
+        self._sigma = SIGMA_STIFFNESS_RATIO * stiffest or 1.0
         self._last: tuple[float, BarProblem] | None = None
 
     def offers(self, quantity: str) -> bool:

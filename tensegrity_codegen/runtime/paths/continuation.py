@@ -31,14 +31,16 @@ from tensegrity_codegen.system.checks import (
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError
 from tensegrity_codegen.system.solver_progress import describe_pass
 
-FAST, SLOW = 3, 6  # Newton iterations up to which the next step is longer, above which it is shorter
-STRAIGHT = 0.9  # least cosine of the angle between tangents of one step
-NEAR = 0.5  # largest correction of a predicted point, as part of the step
-BEYOND = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
-SHORT = 1e-2  # step that tells how a floating structure turns, as part of the largest
-FEWEST_OF_LOOP = 10  # points that a closed path has at least
-LOOP = 0.02  # distance from the first point, as part of a step, at which a path counts as closed
-FIRST = 0.1  # first step as part of the largest
+# Newton iterations up to which the next step is longer, above which it is shorter.
+FEW_ITERATIONS, MANY_ITERATIONS = 3, 6
+MIN_TANGENT_COSINE = 0.9  # least cosine of the angle between tangents of one step
+MAX_PREDICTION_ERROR = 0.5  # largest correction of a predicted point, as part of the step
+KINK_OFFSET = 1e-7  # how far behind a kink the stiffness of the far side is taken, in z
+TURN_STEP_RATIO = 1e-2  # step that tells how a floating structure turns, as part of the largest
+MIN_LOOP_POINTS = 10  # points that a closed path has at least
+# Distance from the first point, as part of a step, at which a path counts as closed.
+LOOP_CLOSURE_TOLERANCE = 0.02
+FIRST_STEP_RATIO = 0.1  # first step as part of the largest
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ class _Path:
         for event in self.events:
             if event.kind not in ("limit", "stability"):
                 return "stopped", f"{event.kind} of {', '.join(event.names)} at the start"
-        length = self.control.largest * FIRST
+        length = self.control.largest * FIRST_STEP_RATIO
         for _ in range(self.control.most_steps):
             step, length = self._find_step(state, tangent, length)
             if step is None:
@@ -216,7 +218,7 @@ class _Path:
 
         Without load the rate at which it turns to stay in balance is not known; a short step tells it.
         """
-        short = self.control.largest * SHORT
+        short = self.control.largest * TURN_STEP_RATIO
         end = self.solver.solve(state.z + short * tangent, tangent, float(tangent @ state.z) + short)
         if end is None:
             return tangent
@@ -245,7 +247,7 @@ class _Path:
             step = self._try(state, tangent, length)
             if step is not None:
                 slow = step.end.iterations
-                factor = 2.0 if slow <= FAST else 1.0 if slow <= SLOW else 0.5
+                factor = 2.0 if slow <= FEW_ITERATIONS else 1.0 if slow <= MANY_ITERATIONS else 0.5
                 return step, min(length * factor, self.control.largest)
             length /= 2
         return None, length
@@ -264,9 +266,9 @@ class _Path:
         except (LostError, NonFiniteError):
             return None
         aside = step.end.z - state.z - step.length * tangent
-        if float(np.linalg.norm(aside)) > NEAR * step.length:
+        if float(np.linalg.norm(aside)) > MAX_PREDICTION_ERROR * step.length:
             return None
-        straight = step.is_cut or float(step.tangent_at(step.end) @ tangent) >= STRAIGHT
+        straight = step.is_cut or float(step.tangent_at(step.end) @ tangent) >= MIN_TANGENT_COSINE
         return step if straight else None
 
     def _search(self, step: Step) -> None:
@@ -313,14 +315,18 @@ class _Path:
 
     def _find_loop(self, step: Step, tangent: FloatArray) -> tuple[str, str] | None:
         """Return status and message where a step leads over the first point of the path again."""
-        if len(self.points) < FEWEST_OF_LOOP:
+        if len(self.points) < MIN_LOOP_POINTS:
             return None
         first = self.solver.join(self.points[0].coordinate, self.points[0].load_factor)
         along = step.end.z - step.start.z
         length = float(np.linalg.norm(along))
         part = float((first - step.start.z) @ along) / length**2
         aside = float(np.linalg.norm(first - step.start.z - np.clip(part, 0, 1) * along))
-        if not 0 <= part <= 1 or aside > LOOP * length or tangent[-1] * self.points[0].load_rate <= 0:
+        if (
+            not 0 <= part <= 1
+            or aside > LOOP_CLOSURE_TOLERANCE * length
+            or tangent[-1] * self.points[0].load_rate <= 0
+        ):
             return None
         return "returned", "the path is a closed loop and returned to its start"
 
@@ -349,13 +355,15 @@ class _Path:
     def _far_tangent(self, step: Step) -> FloatArray | None:
         """Return the tangent on the far side of a kink, and note where load or stability turn with it."""
         state, tracker, inward = step.end, self.tracker, step.tangent_at(step.end)
-        beyond = state.z + BEYOND * step.tangent
+        beyond = state.z + KINK_OFFSET * step.tangent
         try:
             stiffness = self.problem.stiffness(*self.solver.split(beyond))
             tangent = self.solver.tangent(state, inward, stiffness)
             if tangent is None:
                 return None
-            watched = [tracker.watched(state.z + sign * BEYOND * tangent, self.solver) for sign in (1, -1)]
+            watched = [
+                tracker.watched(state.z + sign * KINK_OFFSET * tangent, self.solver) for sign in (1, -1)
+            ]
         except NonFiniteError:
             return None
         crossed = step.crossings[-1].crossed[: tracker.n_watched]

@@ -14,11 +14,13 @@ from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-SAME = 1e-8  # of a value's change over the step: values this near zero cross at the same place
-FREE = 1e-7  # part of the load along a mode of zero stiffness, below which the mode is a bifurcation
-ROUGHLY_FREE = 1e-4  # the same where the mode is found by iteration
-NUDGE = 1e-6  # step in z for slopes along the tangent
-TOUCH = 0.05  # part of the end values that a cubic through the step must fall to before its minimum is sought
+CROSSING_TOLERANCE = 1e-8  # of a value's change over the step: values this near zero cross at the same place
+# Part of the load along a mode of zero stiffness, below which the mode is a bifurcation.
+BIFURCATION_TOLERANCE = 1e-7
+ITERATED_BIFURCATION_TOLERANCE = 1e-4  # the same where the mode is found by iteration
+SLOPE_STEP = 1e-6  # step in z for slopes along the tangent
+# Part of the end values that a cubic through the step must fall to before its minimum is sought.
+TOUCH_RATIO = 0.05
 
 
 @dataclass
@@ -131,7 +133,7 @@ class EventTracker:
             )
             state, values = look(length)
             left = self.side * values / change
-            near = crossing & (np.abs(left) <= SAME)
+            near = crossing & (np.abs(left) <= CROSSING_TOLERANCE)
             # Where none is near zero, one has jumped through it.
             return Crossing(length, state, near if near.any() else crossing & (left <= left[crossing].min()))
 
@@ -140,7 +142,10 @@ class EventTracker:
             found = locate(crossing, end)
             # What crosses twice is not seen at the end: the load, where it turns back at a limit point or a
             # kink, and before a kink what jumps there.
-            for end, among in ((found.length, self.loads), (found.length - NUDGE * step.length, slice(None))):
+            for end, among in (
+                (found.length, self.loads),
+                (found.length - SLOPE_STEP * step.length, slice(None)),
+            ):
                 crossing = np.zeros(len(before), dtype=bool)
                 if end > least:
                     crossing[among] = (self.side * look(end)[1] < 0)[among]
@@ -167,7 +172,7 @@ class EventTracker:
         ):
             ends = side[index] * first[index], side[index] * last[index]
             slopes = side[index] * rise[index], side[index] * fall[index]
-            if _least_of_cubic(ends, slopes, step.length) > TOUCH * min(ends):
+            if _least_of_cubic(ends, slopes, step.length) > TOUCH_RATIO * min(ends):
                 continue
             length = self._find_least(step, int(index), float(side[index]))
             if length is not None:
@@ -215,16 +220,16 @@ class EventTracker:
         load = state.solver.problem.load_vector(state.coordinate, state.load_factor)
         push = near.T @ load
         # Eigenvectors of large problems are iterated, and known less well.
-        free = FREE if len(load) <= DENSE_LIMIT else ROUGHLY_FREE
+        free = BIFURCATION_TOLERANCE if len(load) <= DENSE_LIMIT else ITERATED_BIFURCATION_TOLERANCE
         if float(np.linalg.norm(push)) <= free * float(np.linalg.norm(load)):
             return near, near
         turn = np.linalg.qr(push[:, None], mode="complete")[0]
         return near, near @ turn[:, 1:]
 
     def _value_and_slope(self, state: PathState, tangent: FloatArray) -> tuple[FloatArray, FloatArray]:
-        forward = self.watched(state.z + NUDGE * tangent, state.solver)
-        back = self.watched(state.z - NUDGE * tangent, state.solver)
-        return self.watched(state.z, state.solver), (forward - back) / (2 * NUDGE)
+        forward = self.watched(state.z + SLOPE_STEP * tangent, state.solver)
+        back = self.watched(state.z - SLOPE_STEP * tangent, state.solver)
+        return self.watched(state.z, state.solver), (forward - back) / (2 * SLOPE_STEP)
 
     def _find_least(self, step: Step, index: int, side: float) -> float | None:
         """Return the length of the least value if it is beyond zero."""

@@ -22,14 +22,14 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
 MOST_ITERATIONS = 15
-CONVERGED = 1e-9  # correction in units of z; the error left is of the order of its square
-ROUGH = 1e-6  # largest correction that counts as rounding where it no longer shrinks
+CORRECTION_TOLERANCE = 1e-9  # correction in units of z; the error left is of the order of its square
+ROUNDING_TOLERANCE = 1e-6  # largest correction that counts as rounding where it no longer shrinks
 MOST_EIGENVALUES = 8
-SINGULAR = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
-BESIDE = 1e-7  # part of the largest coordinate by which the load is taken to push at the start
-BALANCED = 1e-6  # residual, as part of the largest load, above which a point is none
+SINGULAR_TOLERANCE = 1e-13  # part of the largest singular value, or of the norm, that counts as zero
+START_OFFSET_RATIO = 1e-7  # part of the largest coordinate by which the load is taken to push at the start
+BALANCE_TOLERANCE = 1e-6  # residual, as part of the largest load, above which a point is none
 EPSILON = float(np.finfo(float).eps)
-UNHELD = 1e-9  # part of the load along neutral motions that counts as rounding
+NEUTRAL_LOAD_TOLERANCE = 1e-9  # part of the load along neutral motions that counts as rounding
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class PathSolver:
                 return None
             size = float(np.linalg.norm(step))
             z = z + step
-            if size <= CONVERGED or (size >= before / 4 and size <= ROUGH):
+            if size <= CORRECTION_TOLERANCE or (size >= before / 4 and size <= ROUNDING_TOLERANCE):
                 return self._state(z, iteration)
             if size > 2 * before:
                 return None
@@ -163,12 +163,14 @@ class PathSolver:
         if state is None:
             return f"no equilibrium was found at load factor {load_factor:.10g}, near the start"
         load = self.problem.load_vector(state.coordinate, load_factor)
-        if float(np.linalg.norm(state.neutral.T @ load)) > UNHELD * float(np.linalg.norm(load)):
+        if float(np.linalg.norm(state.neutral.T @ load)) > NEUTRAL_LOAD_TOLERANCE * float(
+            np.linalg.norm(load)
+        ):
             return "the load acts along a motion without stiffness"
         tangent = self.tangent(state, upward)
-        if tangent is None or abs(tangent[-1]) < SINGULAR:
+        if tangent is None or abs(tangent[-1]) < SINGULAR_TOLERANCE:
             tangent = self._tangent_under_load(state, load, upward)
-        if tangent is None or abs(tangent[-1]) < SINGULAR:
+        if tangent is None or abs(tangent[-1]) < SINGULAR_TOLERANCE:
             return "the stiffness at the start is singular"
         moved = float(np.linalg.norm(tangent[:-1]) / abs(tangent[-1])) * self.coordinate_scale or 1.0
         solver = PathSolver(self.problem, (moved, self.load_scale), self._neutral)
@@ -188,7 +190,7 @@ class PathSolver:
         """
         size = float(np.abs(state.coordinate).max(initial=0.0)) or 1.0
         push = float(np.abs(load).max(initial=0.0)) or 1.0
-        beside = state.coordinate + upward[-1] * BESIDE * size / push * load
+        beside = state.coordinate + upward[-1] * START_OFFSET_RATIO * size / push * load
         try:
             stiffness = self.problem.stiffness(beside, state.load_factor)
         except NonFiniteError:
@@ -207,7 +209,7 @@ class PathSolver:
             return None
         rounding = 1e3 * EPSILON * stiffness * float(np.abs(coordinate).max(initial=0.0))
         unit = float(np.abs(load).max(initial=0.0)) * self.load_scale
-        return state if state.residual <= BALANCED * unit + rounding else None
+        return state if state.residual <= BALANCE_TOLERANCE * unit + rounding else None
 
     def _correction(self, z: FloatArray, normal: FloatArray, level: float) -> FloatArray | None:
         coordinate, load_factor = self.split(z)
@@ -258,7 +260,7 @@ def _solve_dense(matrix: FloatArray, right: FloatArray) -> FloatArray | None:
     try:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
-        solution = np.asarray(np.linalg.lstsq(matrix, right, rcond=SINGULAR)[0], dtype=np.float64)
+        solution = np.asarray(np.linalg.lstsq(matrix, right, rcond=SINGULAR_TOLERANCE)[0], dtype=np.float64)
     missing = float(np.linalg.norm(matrix @ solution - right))
     return solution if missing <= 1e-9 * float(np.linalg.norm(right)) else None
 
@@ -269,7 +271,7 @@ def _solve_sparse(matrix: Any, right: FloatArray) -> FloatArray | None:
         return np.asarray(sparse_linalg.splu(matrix).solve(right))
     except RuntimeError:
         size = float(abs(matrix).sum(axis=0).max())
-        moved = matrix + sparse.diags_array(np.full(len(right), SINGULAR * size))
+        moved = matrix + sparse.diags_array(np.full(len(right), SINGULAR_TOLERANCE * size))
     try:
         return np.asarray(sparse_linalg.splu(sparse.csc_array(moved)).solve(right))
     except RuntimeError:

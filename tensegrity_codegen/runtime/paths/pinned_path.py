@@ -9,8 +9,8 @@ from tensegrity_codegen.runtime.paths.model_path import ModelPath
 from tensegrity_codegen.runtime.statics.rigid_motion import build_rigid_motions
 from tensegrity_codegen.system.arrays import FloatArray
 
-ASIDE = 0.1  # of the structure's size: rigid motion under which its forces are looked at
-FORCELESS = 1e-7  # part of the forces along rigid motions that counts as none
+TRIAL_MOTION_RATIO = 0.1  # of the structure's size: rigid motion under which its forces are looked at
+ZERO_FORCE_TOLERANCE = 1e-7  # part of the forces along rigid motions that counts as none
 
 
 class PinnedPath:
@@ -71,7 +71,7 @@ def pin_path(path: ModelPath, start: FloatArray) -> PinnedPath | None:
         return None
     position = place_nodes(path.model, start)
     size = float(np.ptp(position, axis=0).max(initial=0.0)) * np.sqrt(len(position))
-    aside = start + ASIDE * size * motions.sum(axis=1) / motions.shape[1]
+    aside = start + TRIAL_MOTION_RATIO * size * motions.sum(axis=1) / motions.shape[1]
     force = path.static_force(aside, 1.0)
     along = np.linalg.norm(pinned.motions(aside).T @ force)
-    return pinned if along <= FORCELESS * np.linalg.norm(force) else None
+    return pinned if along <= ZERO_FORCE_TOLERANCE * np.linalg.norm(force) else None

@@ -17,7 +17,7 @@ from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
 from tensegrity_codegen.runtime.statics.equilibrium import build_problem, find_equilibrium
 from tensegrity_codegen.runtime.statics.newton import find_stability
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import FloatArray
 
 MOST_FOLLOWED = 3000  # coordinates up to which a path is followed
@@ -25,13 +25,17 @@ MOST_STEPS = 300  # of small structures
 MOST_WORK = 30_000  # steps times coordinates of large ones
 LARGEST_STEP, COARSE_STEP = 0.1, 0.25  # of small and of large structures
 FINEST_COARSE_STEP = 1e-5
-FIRST_PART = 1e-4  # of the loads, by which a structure without stiffness is pushed to see where it goes
-COLLAPSE = 0.1  # motion, as part of the structure's size, that counts as a collapse under the first part
-BALANCED = 1e-9  # of the largest member force
-VANISHED = 1e-3  # part of the smallest eigenvalue at the start that counts as none where a path stalls
-AT_END = 1e-5  # distance from the full load at which a loss of stability may be one of the end itself
-STAYED = 1e-3  # motion, as part of the structure's size, up to which the end is where stability was lost
-LOST = ("limit", "bifurcation", "stability")  # events at which a stable path ends
+# Of the loads, by which a structure without stiffness is pushed to see where it goes.
+FIRST_LOAD_FACTOR = 1e-4
+# Motion, as part of the structure's size, that counts as a collapse under the first part.
+COLLAPSE_MOTION_RATIO = 0.1
+BALANCE_TOLERANCE = 1e-9  # of the largest member force
+# Part of the smallest eigenvalue at the start that counts as none where a path stalls.
+ZERO_EIGENVALUE_RATIO = 1e-3
+END_DISTANCE = 1e-5  # distance from the full load at which a loss of stability may be one of the end itself
+# Motion, as part of the structure's size, up to which the end is where stability was lost.
+MAX_END_MOTION_RATIO = 1e-3
+STABILITY_LOSS_EVENTS = ("limit", "bifurcation", "stability")  # events at which a stable path ends
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,7 @@ class Ramp:
         if point is None:
             return Way(failed=True, message="the forces at the start are not finite")
         floor = problem.rounding_floor(problem.stiffness(point.coordinate), point)
-        if point.is_balanced(BALANCED, floor):
+        if point.is_balanced(BALANCE_TOLERANCE, floor):
             return _stay(problem, point)
         if "node_load" not in self.pattern:
             return Way(
@@ -102,20 +106,24 @@ class Ramp:
         least = 0.0
         if stability.is_neutral or stability.neutral_motions:
             pushed = find_equilibrium(
-                self.model, arguments=self.arguments_at(FIRST_PART), coordinate=start, raise_on_failure=False
+                self.model,
+                arguments=self.arguments_at(FIRST_LOAD_FACTOR),
+                coordinate=start,
+                raise_on_failure=False,
             )
             if pushed.status == "unstable":
                 return _lost_at_once(
-                    f"the structure is in an unstable equilibrium under {FIRST_PART:g} of the loads"
+                    f"the structure is in an unstable equilibrium under {FIRST_LOAD_FACTOR:g} of the loads"
                 )
             if not pushed.is_found:
                 return Way(
-                    failed=True, message=f"no equilibrium under {FIRST_PART:g} of the loads: {pushed.message}"
+                    failed=True,
+                    message=f"no equilibrium under {FIRST_LOAD_FACTOR:g} of the loads: {pushed.message}",
                 )
-            if pushed.change > COLLAPSE * pushed.extent:
+            if pushed.change > COLLAPSE_MOTION_RATIO * pushed.extent:
                 moved = f"node {pushed.changed_node} by {pushed.change:.6g} m"
-                return _lost_at_once(f"{FIRST_PART:g} of the loads move {moved}")
-            start, least = pushed.coordinate, FIRST_PART
+                return _lost_at_once(f"{FIRST_LOAD_FACTOR:g} of the loads move {moved}")
+            start, least = pushed.coordinate, FIRST_LOAD_FACTOR
         path = build_path(self.model, self.pattern, self.arguments_at(0.0))
         return self._follow(path, start, least)
 
@@ -146,7 +154,7 @@ class Ramp:
             watches=watches,
             neutral=pinned.motions if pinned else path.neutral_motions(),
             control=control,
-            stop_at=LOST,
+            stop_at=STABILITY_LOSS_EVENTS,
         )
         return _judge(path, way, what)
 
@@ -156,11 +164,11 @@ def find_pushed_start(path: ModelPath, start: FloatArray, most: float) -> tuple[
 
     most: the load factor to be reached. None where a small part of it has no equilibrium, or one far away.
     """
-    least = FIRST_PART * most
+    least = FIRST_LOAD_FACTOR * most
     given = {**path.arguments, **path.loads(least)}
     given.pop("velocity", None)
     pushed = find_equilibrium(path.model, arguments=given, coordinate=start, raise_on_failure=False)
-    near = pushed.is_found and pushed.change <= COLLAPSE * pushed.extent
+    near = pushed.is_found and pushed.change <= COLLAPSE_MOTION_RATIO * pushed.extent
     return (pushed.coordinate, least) if near else None
 
 
@@ -179,7 +187,7 @@ def _find_unstable(path: ModelPath, way: LoadPath) -> float | None:
     ):
         if lowest < 0.0:
             stiffness = path.stiffness(coordinate, load_factor)
-            if lowest < -SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0)):
+            if lowest < -SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)):
                 return float(load_factor)
     return None
 
@@ -189,15 +197,17 @@ def _is_singular(path: ModelPath, way: LoadPath) -> bool:
     if not len(way.load_factor):
         return False
     stiffness = path.stiffness(way.coordinate[-1], float(way.load_factor[-1]))
-    rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0))
-    return float(way.smallest_eigenvalue[-1]) <= max(rounding, VANISHED * float(way.smallest_eigenvalue[0]))
+    rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0))
+    return float(way.smallest_eigenvalue[-1]) <= max(
+        rounding, ZERO_EIGENVALUE_RATIO * float(way.smallest_eigenvalue[0])
+    )
 
 
 def _judge(path: ModelPath, way: LoadPath, what: str) -> Way:
     """Return where a path of stable equilibria ended."""
     if way.status == "stopped":
-        event = way.find_events(*LOST)[0]
-        end = _find_end(path, way) if abs(event.load_factor - 1.0) <= AT_END else None
+        event = way.find_events(*STABILITY_LOSS_EVENTS)[0]
+        end = _find_end(path, way) if abs(event.load_factor - 1.0) <= END_DISTANCE else None
         if end is not None:
             return end
         return Way(limit=event.load_factor, message=_describe_loss(event.kind, event.load_factor, what))
@@ -227,7 +237,7 @@ def _find_end(path: ModelPath, way: LoadPath) -> Way | None:
     found = find_equilibrium(
         path.model, arguments=given, coordinate=way.coordinate[-1], raise_on_failure=False
     )
-    if not found.is_found or found.change > STAYED * found.extent:
+    if not found.is_found or found.change > MAX_END_MOTION_RATIO * found.extent:
         return None
     return Way(np.asarray(found.coordinate), np.asarray(found.member_length), found.node_position)
 

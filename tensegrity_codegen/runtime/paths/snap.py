@@ -25,8 +25,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import check_instance
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError, check_choice
 
-SAME = 1e-5  # of the longest member: difference of lengths up to which two equilibria are one
-NEAR = 1e-2  # of the structure's size: the same of positions, neutral motions taken out
+LENGTH_TOLERANCE = 1e-5  # of the longest member: difference of lengths up to which two equilibria are one
+POSITION_TOLERANCE = 1e-2  # of the structure's size: the same of positions, neutral motions taken out
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,10 @@ def _compare(way: Way, found: Equilibrium) -> Snap:
         return Snap(True, way.limit, reason=way.message)
     apart = float(np.abs(way.member_length - found.member_length).max(initial=0.0))
     moved = found.distance_of(way.node_position)
-    if apart <= SAME * float(found.member_length.max(initial=0.0)) and not moved > NEAR * found.extent:
+    if (
+        apart <= LENGTH_TOLERANCE * float(found.member_length.max(initial=0.0))
+        and not moved > POSITION_TOLERANCE * found.extent
+    ):
         return Snap(False)
     return Snap(True, reason="the increasing loads lead to another equilibrium, without a limit point")
 

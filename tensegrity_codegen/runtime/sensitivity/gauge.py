@@ -8,7 +8,7 @@ from tensegrity_codegen.runtime.statics.neutral_motion import find_neutral
 from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import EPSILON, Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import FloatArray
 
 
@@ -27,7 +27,7 @@ def find_gauge(problem: StaticProblem, point: Point, system: StaticSystem) -> tu
         motions = StaticProblem.rigid_motions(problem, point.coordinate)
     else:
         motions = problem.rigid_motions(point.coordinate)
-    return find_neutral_motions(system.stiffness, motions, blur), SINGULAR * size + blur
+    return find_neutral_motions(system.stiffness, motions, blur), SINGULAR_TOLERANCE * size + blur
 
 
 def find_node_velocities(problem: StaticProblem, point: Point, moved: FloatArray) -> FloatArray:

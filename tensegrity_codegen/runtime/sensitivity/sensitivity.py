@@ -27,8 +27,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.checks import is_number
 from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, SingularStiffnessError
 
-AT_REST_LENGTH = 1e-9  # extension over length up to which a cable may go slack or taut
-NAMED = 3  # nodes of a motion without resistance that the error names
+REST_LENGTH_TOLERANCE = 1e-9  # extension over length up to which a cable may go slack or taut
+MAX_NAMED_NODES = 3  # nodes of a motion without resistance that the error names
 
 
 def equilibrium_sensitivity(
@@ -187,7 +187,7 @@ def _find_one_sided(problem: StaticProblem, point: Point, system: StaticSystem) 
     extension, length = (
         np.array(problem.compute(name, point.coordinate)) for name in ("member_extension", "member_length")
     )
-    is_near = np.abs(extension) <= AT_REST_LENGTH * length
+    is_near = np.abs(extension) <= REST_LENGTH_TOLERANCE * length
     is_near[system.bar] = False
     structure = getattr(model, "structure", None)
     if structure is not None:
@@ -201,7 +201,7 @@ def _singular(
     """Return the error of a motion without resistance, with the nodes that move most in it."""
     field = find_node_velocities(problem, point, direction[:, None])[:, :, 0]
     size = np.linalg.norm(field, axis=1)
-    largest = np.argsort(-size, kind="stable")[:NAMED]
+    largest = np.argsort(-size, kind="stable")[:MAX_NAMED_NODES]
     unit = size.max(initial=0.0) or 1.0
     names = problem.model.manifest.node_name
     motion = {names[k]: [round(float(v), 6) + 0.0 for v in field[k] / unit] for k in largest if size[k] > 0}

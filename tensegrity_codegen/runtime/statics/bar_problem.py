@@ -31,7 +31,7 @@ BAR_EQUILIBRIUM_QUANTITIES = (
     "member_extension",
 )
 
-ASTRAY = 1.0  # largest correction of a step, as part of the step
+MAX_CORRECTION_RATIO = 1.0  # largest correction of a step, as part of the step
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class BarProblem(StaticProblem):
         """Return the configuration a step (n_directions,) away, None where bars cannot follow it."""
         ahead = coordinate + self._at(coordinate).directions @ step
         placed = self.place(ahead)
-        if placed is None or np.linalg.norm(placed - ahead) > ASTRAY * np.linalg.norm(step):
+        if placed is None or np.linalg.norm(placed - ahead) > MAX_CORRECTION_RATIO * np.linalg.norm(step):
             return None
         return self.find_point(placed)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE, Step
 from tensegrity_codegen.system.arrays import FloatArray
 
 
@@ -16,7 +16,7 @@ class DenseCurvature:
         matrix = np.asarray(stiffness.toarray())
         self.value, self.vector = np.linalg.eigh((matrix + matrix.T) / 2)
         self.noise = noise
-        self.threshold = SINGULAR * float(np.abs(self.value).max(initial=0.0))
+        self.threshold = SINGULAR_TOLERANCE * float(np.abs(self.value).max(initial=0.0))
         self.shift = 0.0
         self.n_factors = 1
 
@@ -54,7 +54,7 @@ class DenseCurvature:
         moving = part != 0.0
         least = max(0.0, -float(self.value[0]))
         stiff, force = self.value[moving], part[moving]
-        tiny = SINGULAR * float(np.linalg.norm(force)) / radius
+        tiny = SINGULAR_TOLERANCE * float(np.linalg.norm(force)) / radius
         edge = least + max(self.threshold, 1e-12 * least, tiny)
 
         def excess(shift: float) -> float:

@@ -40,7 +40,7 @@ PROBLEMS: Mapping[str, type[StaticProblem]] = {
     "bodies": BodyProblem,
 }
 
-ROUGH = 1e-4  # tolerance at which relaxation hands over to Newton's method
+RELAXATION_TOLERANCE = 1e-4  # tolerance at which relaxation hands over to Newton's method
 RELAXATION_STEPS = 40  # relaxation steps allowed for each allowed iteration
 
 
@@ -186,7 +186,9 @@ def _search(
     )
     if method == "newton" or found.status not in ("stalled", "iteration_limit"):
         return "newton", found
-    relaxed = find_relaxed(problem, start, tolerance=ROUGH, max_iterations=most_steps, progress=progress)
+    relaxed = find_relaxed(
+        problem, start, tolerance=RELAXATION_TOLERANCE, max_iterations=most_steps, progress=progress
+    )
     polished = find_minimum(
         problem, relaxed.point, tolerance=tolerance, max_iterations=max_iterations, progress=progress
     )

@@ -23,8 +23,9 @@ from tensegrity_codegen.system.summaries import (
     describe_range,
 )
 
-NEARLY = 1e-3  # residual over largest force up to which a start counts as an equilibrium that is left
-FAR = 0.1  # motion, as part of the structure's size, that is warned of
+# Residual over largest force up to which a start counts as an equilibrium that is left.
+START_RESIDUAL_TOLERANCE = 1e-3
+LARGE_MOTION_RATIO = 0.1  # motion, as part of the structure's size, that is warned of
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,7 +167,7 @@ class Equilibrium(ByName, Summarised):
             )
         elif self.saddles_left:
             said.append("the search passed an unstable equilibrium: the result is one of several equilibria")
-        if self.change > FAR * self.extent:
+        if self.change > LARGE_MOTION_RATIO * self.extent:
             said.append(
                 f"node {self.changed_node} moves {self.change:.6g} m, {self.change / self.extent:.0%} of the "
                 f"structure's size ({self.extent:.6g} m): "
@@ -262,7 +263,7 @@ def record_outcome(problem: StaticProblem, start: Point, outcome: Outcome, metho
 
 def _find_motions(problem: StaticProblem, point: Point, stability: Stability) -> NeutralMotions:
     """Return the neutral motions; far from balance, mechanisms are those without any stiffness."""
-    if point.node_force > NEARLY * point.largest_force:
+    if point.node_force > START_RESIDUAL_TOLERANCE * point.largest_force:
         stability = replace(stability, rounding=stability.rounding - stability.unbalanced)
     return find_neutral(problem, point.coordinate, stability)
 
@@ -303,6 +304,8 @@ def _is_unstable(problem: StaticProblem, start: Point) -> bool:
     """Return whether the start is nearly in balance and the energy curves down there."""
     try:
         floor = problem.rounding_floor(problem.stiffness(start.coordinate), start)
-        return start.is_balanced(NEARLY, floor) and find_stability(problem, start).is_unstable
+        return (
+            start.is_balanced(START_RESIDUAL_TOLERANCE, floor) and find_stability(problem, start).is_unstable
+        )
     except NonFiniteError:
         return False

@@ -14,11 +14,11 @@ from tensegrity_codegen.runtime.statics.newton import Stability
 from tensegrity_codegen.runtime.statics.static_problem import StaticProblem
 from tensegrity_codegen.system.arrays import FloatArray
 
-ALIGNED = 1e-6  # sine of the angle up to which a direction counts as that of an axis
-RANK = 1e-8  # part of a unit motion that counts as none
+AXIS_ANGLE_TOLERANCE = 1e-6  # sine of the angle up to which a direction counts as that of an axis
+RANK_TOLERANCE = 1e-8  # part of a unit motion that counts as none
 MOST_FITS = 60
 LARGEST_TURN = 1.0  # [rad] of one step of the fit
-FURTHER = 2.0  # [rad], turns from which the fit begins besides none
+START_TURN = 2.0  # [rad], turns from which the fit begins besides none
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class NeutralMotions:
             slides, turns = np.zeros((0, 3)), np.zeros((0, 3))
         else:
             left, size, right = np.linalg.svd(self.twist[:, :3])
-            rank = int((size > RANK).sum())
+            rank = int((size > RANK_TOLERANCE).sum())
             turns, slides = right[:rank], (left.T @ self.twist[:, 3:])[rank:]
         words = [f"slide along {name}" for name in _name_directions(slides)]
         words += [f"turn about {name}" for name in _name_directions(turns)]
@@ -65,8 +65,8 @@ class NeutralMotions:
         begins = [np.zeros(6)]
         for row in left.T @ self.twist:
             turn = float(np.linalg.norm(row[:3]))
-            if turn > RANK:
-                begins += [row * (FURTHER / turn), -row * (FURTHER / turn)]
+            if turn > RANK_TOLERANCE:
+                begins += [row * (START_TURN / turn), -row * (START_TURN / turn)]
         ends = [self._fit_from(_carry(start, twist, self.centre), found) for twist in begins]
         return min(ends, key=lambda place: float(np.linalg.norm(found - place)))
 
@@ -133,11 +133,11 @@ def _name_directions(rows: FloatArray) -> list[str]:
     if not len(rows):
         return []
     _, size, right = np.linalg.svd(rows)
-    basis = right[: int((size > RANK).sum())]
+    basis = right[: int((size > RANK_TOLERANCE).sum())]
     names, left = [], basis.T @ basis
     for axis in range(3):
         unit = np.eye(3)[axis]
-        if np.linalg.norm(left @ unit - unit) <= ALIGNED:
+        if np.linalg.norm(left @ unit - unit) <= AXIS_ANGLE_TOLERANCE:
             names.append("xyz"[axis])
             left = left - np.outer(unit, unit)
     values, vectors = np.linalg.eigh(left)

@@ -16,7 +16,7 @@ import numpy as np
 from tensegrity_codegen.runtime.statics.curvature import build_curvature, find_lowest_curvature
 from tensegrity_codegen.runtime.statics.rigid_motion import find_neutral_motions
 from tensegrity_codegen.runtime.statics.static_problem import Point, StaticProblem
-from tensegrity_codegen.runtime.statics.step import SINGULAR, Curvature, Step
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE, Curvature, Step
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
@@ -24,12 +24,12 @@ Progress = Callable[[int, float], None]
 
 ENERGY_DIGITS = 1e-11  # of the energy's scale: smaller savings are judged by the forces
 MOST_RESTORATIONS = 5
-LOUDER = 3.0  # a trial whose residual grows more than that has strained stiff members
-PATIENCE = 6  # iterations without a better residual once rounding is reached
+MAX_RESIDUAL_GROWTH = 3.0  # a trial whose residual grows more than that has strained stiff members
+MAX_STALLED_ITERATIONS = 6  # iterations without a better residual once rounding is reached
 MOST_ESCAPES = 20
-SHORTEST = 1e-15  # times the structure's size: no step is shorter
+MIN_STEP_RATIO = 1e-15  # times the structure's size: no step is shorter
 MOST_WORK = 3e7  # factorisations times coordinates; some minutes on one core
-FARTHEST = 1e5  # times the structure's size: beyond, the motion counts as unbounded
+MAX_MOTION_RATIO = 1e5  # times the structure's size: beyond, the motion counts as unbounded
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def find_stability(problem: StaticProblem, point: Point) -> Stability:
     neutral = find_neutral_motions(stiffness, motions, turned)
     lowest, direction = find_lowest_curvature(stiffness, neutral)
     # What is left of the forces blurs eigenvalues too.
-    rounding = SINGULAR * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
+    rounding = SINGULAR_TOLERANCE * float(abs(stiffness).sum(axis=0).max(initial=0.0)) + turned
     reported = problem.smallest_eigenvalue(point.coordinate, lowest, neutral)
     return Stability(lowest, direction, neutral.shape[1], rounding, reported, neutral, turned)
 
@@ -147,7 +147,7 @@ class _Search:
             settled = self._settle("converged", "")
             if settled is None or settled[0] == "converged" or self.point.node_force <= floor:
                 return settled
-        if self.waited >= PATIENCE:
+        if self.waited >= MAX_STALLED_ITERATIONS:
             self.point = self.best
             return self._settle("rounding_limited", "rounding error keeps the residual above the tolerance")
         curvature = build_curvature(stiffness, floor, self.shift)
@@ -168,9 +168,12 @@ class _Search:
 
     def _look_around(self, moved: bool, floor: float) -> tuple[str, str] | None:
         """Return status and message where no further step makes sense."""
-        if np.abs(self.point.coordinate - self.start.coordinate).max(initial=0.0) > FARTHEST * self.extent:
+        if (
+            np.abs(self.point.coordinate - self.start.coordinate).max(initial=0.0)
+            > MAX_MOTION_RATIO * self.extent
+        ):
             return "unbounded", "the loads move the structure without bound"
-        if moved or self.radius > SHORTEST * self.extent:
+        if moved or self.radius > MIN_STEP_RATIO * self.extent:
             return None
         if self.point.node_force <= floor:
             self.point = self.best
@@ -243,8 +246,8 @@ class _Search:
             saved = self._saving(trial, by_force=by_force)
             if saved > most:
                 best, most = trial, saved
-            quiet = trial.node_force <= LOUDER * self.point.node_force + floor
-            if by_force or quiet or radius <= SHORTEST * self.extent:
+            quiet = trial.node_force <= MAX_RESIDUAL_GROWTH * self.point.node_force + floor
+            if by_force or quiet or radius <= MIN_STEP_RATIO * self.extent:
                 break
             relaxing = self._step_from(trial, floor, radius)
             if relaxing is None:

@@ -15,7 +15,7 @@ from tensegrity_codegen.system.errors import NonFiniteError
 
 MASS_FACTOR = 0.6
 REFRESH = 25  # steps between two looks at the stiffness
-FARTHEST = 1e5  # times the longest member: beyond, the motion counts as unbounded
+MAX_MOTION_RATIO = 1e5  # times the longest member: beyond, the motion counts as unbounded
 MOST_RETREATS = 30
 
 
@@ -73,7 +73,7 @@ class _Motion:
         if point.is_balanced(tolerance, floor):
             return "converged", ""
         moved = np.abs(point.coordinate - self.start.coordinate).max(initial=0.0)
-        if moved > FARTHEST * self.start.longest:
+        if moved > MAX_MOTION_RATIO * self.start.longest:
             return "unbounded", "the loads move the structure without bound"
         return None
 

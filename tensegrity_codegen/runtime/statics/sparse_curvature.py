@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from tensegrity_codegen.runtime.statics.step import SINGULAR, Step
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE, Step
 from tensegrity_codegen.system.arrays import FloatArray
 
 MOST_SHIFTS = 60
-SHORTEST, LENGTHIEST = 0.6, 1.4  # of the radius: how well a cut step has to meet it
+MIN_RADIUS_RATIO, MAX_RADIUS_RATIO = 0.6, 1.4  # of the radius: how well a cut step has to meet it
 
 
 class SparseCurvature:
@@ -22,7 +22,7 @@ class SparseCurvature:
     def __init__(self, stiffness: Any, shift: float = 0.0) -> None:
         self.matrix = scipy.sparse.csc_array(stiffness)
         norm = float(abs(self.matrix).sum(axis=0).max(initial=0.0))
-        self.least = SINGULAR * norm
+        self.least = SINGULAR_TOLERANCE * norm
         self.shift = shift
         self._eye = scipy.sparse.eye_array(self.matrix.shape[0], format="csc")
         self._factor: Any = None
@@ -30,7 +30,7 @@ class SparseCurvature:
 
     def find_step(self, gradient: FloatArray, radius: float) -> Step:
         """Return the step that saves most energy within `radius`, met within 40 %."""
-        self.least = max(self.least, SINGULAR * float(np.linalg.norm(gradient)) / radius)
+        self.least = max(self.least, SINGULAR_TOLERANCE * float(np.linalg.norm(gradient)) / radius)
         start = max(self.shift, 10 * self.least)
         if self.factorise(self.least):
             newton = self.solve_shifted(-gradient)
@@ -42,7 +42,7 @@ class SparseCurvature:
             if self.factorise(shift):
                 vector = self.solve_shifted(-gradient)
                 length = float(np.linalg.norm(vector))
-                if SHORTEST * radius <= length <= LENGTHIEST * radius:
+                if MIN_RADIUS_RATIO * radius <= length <= MAX_RADIUS_RATIO * radius:
                     return self._step(vector, gradient, True)
                 guess = self._secular(vector, length, radius)
                 lower, upper = (lower, shift) if length < radius else (shift, upper)

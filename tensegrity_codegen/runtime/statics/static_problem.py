@@ -24,7 +24,9 @@ EQUILIBRIUM_QUANTITIES = (
 )
 
 EPSILON = float(np.finfo(float).eps)
-FAR = 1 / 16  # of the distance from the origin: how it counts beside the length of members, for rounding
+ORIGIN_DISTANCE_WEIGHT = (
+    1 / 16
+)  # of the distance from the origin: how it counts beside the length of members, for rounding
 
 
 @dataclass(frozen=True)
@@ -206,7 +208,12 @@ class StaticProblem:
         """
         diagonal = np.abs(stiffness.diagonal())
         reach = float(np.abs(self.node_position(point.coordinate)).max(initial=0.0))
-        return 64 * EPSILON * float(diagonal.max(initial=0.0)) * max(point.longest, FAR * reach)
+        return (
+            64
+            * EPSILON
+            * float(diagonal.max(initial=0.0))
+            * max(point.longest, ORIGIN_DISTANCE_WEIGHT * reach)
+        )
 
 
 def _check_arguments(arguments: Mapping[str, Any]) -> None:

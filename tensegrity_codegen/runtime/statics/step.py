@@ -10,7 +10,7 @@ from typing import Protocol
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-SINGULAR = 1e-13  # of the norm of the stiffness: eigenvalues below are rounding
+SINGULAR_TOLERANCE = 1e-13  # of the norm of the stiffness: eigenvalues below are rounding
 
 
 @dataclass(frozen=True)

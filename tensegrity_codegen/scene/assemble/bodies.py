@@ -24,7 +24,7 @@ Table: TypeAlias = FixedPart | BarBody | RigidPart
 
 # Sine of the angle to the pole of its chart below which a body cannot start (about 0.06 deg).
 SMALLEST_MARGIN = 1e-3
-ROUNDED = 1e-9  # by which rounded inertias of a flat body may break the triangle's inequality
+INERTIA_TOLERANCE = 1e-9  # by which rounded inertias of a flat body may break the triangle's inequality
 CENTRE = "centre"
 
 
@@ -300,7 +300,7 @@ def _rigid(name: str, table: RigidPart, place: str) -> RigidBody:
     )
     principal = np.linalg.eigvalsh(inertia)
     _need(
-        bool(principal[2] <= (principal[0] + principal[1]) * (1 + ROUNDED)),
+        bool(principal[2] <= (principal[0] + principal[1]) * (1 + INERTIA_TOLERANCE)),
         "no body has this inertia: the largest principal value is above the sum of the others",
         f"{place}.inertia",
         inertia.tolist(),

@@ -11,10 +11,10 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import describe_count
 
 EARTH = 9.81  # [m/s2]
-STRONG = 200.0  # [m/s2]
-UNSTRESSED = 1e-3  # tension of a bar over the largest of a cable
-BALANCED = 1e-9  # sum of loads over the sum of their sizes
-SOFT = 1e-9  # part of a node's largest stiffness below which a direction counts as free
+MAX_GRAVITY = 200.0  # [m/s2]
+MIN_BAR_TENSION_RATIO = 1e-3  # tension of a bar over the largest of a cable
+BALANCE_TOLERANCE = 1e-9  # sum of loads over the sum of their sizes
+FREE_STIFFNESS_RATIO = 1e-9  # part of a node's largest stiffness below which a direction counts as free
 
 
 def warn_of_forces(structure: Structure) -> list[str]:
@@ -46,9 +46,9 @@ def warn_of_upward_gravity(gravity: FloatArray, axes: tuple[int, ...]) -> list[s
 
 
 def warn_of_strong_gravity(gravity: FloatArray) -> list[str]:
-    """Return a warning where gravity is more than STRONG: that of the Earth in mm/s2 or cm/s2."""
+    """Return a warning where gravity is more than MAX_GRAVITY: that of the Earth in mm/s2 or cm/s2."""
     size = float(np.linalg.norm(gravity))
-    if not size > STRONG:
+    if not size > MAX_GRAVITY:
         return []
     return [
         f"gravity of {size:.4g} m/s2 is {size / EARTH:,.0f} times that of the Earth: a unit other than "
@@ -66,7 +66,7 @@ def warn_of_falling_pieces(structure: Structure) -> list[str]:
         load, size = np.zeros(count), np.zeros(count)
         np.add.at(load, piece, structure.node_load[:, axis])
         np.add.at(size, piece, np.abs(structure.node_load[:, axis]))
-        pushed = np.full(count, pull != 0) | (np.abs(load) > BALANCED * size)
+        pushed = np.full(count, pull != 0) | (np.abs(load) > BALANCE_TOLERANCE * size)
         pushed[piece[held]] = False
         loose = np.flatnonzero(pushed)
         if not loose.size:
@@ -106,7 +106,7 @@ def warn_of_unstressed_bars(structure: Structure) -> list[str]:
     largest = float(tension[tight].max(initial=0.0))
     if not tight.any() or not bars.any() or structure.is_rigid[bars].any():
         return []
-    if np.abs(tension[bars]).max() > UNSTRESSED * largest:
+    if np.abs(tension[bars]).max() > MIN_BAR_TENSION_RATIO * largest:
         return []
     cable = structure.member_name[int(np.argmax(np.where(tight, tension, 0.0)))]
     bar = structure.member_name[int(np.flatnonzero(bars)[0])]
@@ -131,7 +131,7 @@ def warn_of_jump(structure: Structure) -> list[str]:
             return []
         value, vector = np.linalg.eigh(stiffness)
         along = np.einsum("nij,ni->nj", vector, force)
-        holds = value > SOFT * value[:, -1:]
+        holds = value > FREE_STIFFNESS_RATIO * value[:, -1:]
         step = np.where(holds & (value > 0), along / np.where(value > 0, value, 1.0), 0.0)
     way = np.linalg.norm(step, axis=1)
     worst = int(np.argmax(way))

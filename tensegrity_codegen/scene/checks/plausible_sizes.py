@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from tensegrity_codegen.structure.structure import Structure
 
 LONG = 50.0  # [m], median member length from which on millimetres are suspected
-FAR = 100.0  # distance of a node from the middle over the median of all nodes
-THICK = 0.25  # radius over length of a member
+MAX_DISTANCE_RATIO = 100.0  # distance of a node from the middle over the median of all nodes
+MAX_RADIUS_RATIO = 0.25  # radius over length of a member
 # Mass over volume [kg/m3]: values of solids in g/cm3, and more than any solid has.
 LIGHT = (0.7, 25.0)
 HEAVY = 25_000.0
@@ -41,7 +41,7 @@ def warn_of_lengths(structure: Structure) -> list[str]:
 
 
 def warn_of_far_nodes(structure: Structure) -> list[str]:
-    """Return a warning for nodes FAR times farther from the middle than half of all nodes are."""
+    """Return a warning for nodes much farther from the middle than half of all nodes are."""
     if structure.n_nodes < 3:
         return []
     place = structure.node_position
@@ -49,7 +49,7 @@ def warn_of_far_nodes(structure: Structure) -> list[str]:
     usual = float(compute_median(distance))
     if usual == 0:
         usual = float(distance[distance > 0].min(initial=np.inf))
-    far = np.flatnonzero(distance > FAR * usual)
+    far = np.flatnonzero(distance > MAX_DISTANCE_RATIO * usual)
     if not far.size:
         return []
     first = int(far[0])
@@ -62,9 +62,9 @@ def warn_of_far_nodes(structure: Structure) -> list[str]:
 
 
 def warn_of_radii(structure: Structure) -> list[str]:
-    """Return a warning for members whose radius is more than THICK of their length."""
+    """Return a warning for members whose radius is more than MAX_RADIUS_RATIO of their length."""
     length = structure.member_length()
-    thick = np.flatnonzero(structure.radius > THICK * length)
+    thick = np.flatnonzero(structure.radius > MAX_RADIUS_RATIO * length)
     if not thick.size:
         return []
     first = int(thick[0])

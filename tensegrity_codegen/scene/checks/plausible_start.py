@@ -15,7 +15,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 
 FEWEST_CABLES = 3  # of which one should be in tension
 SAME_LENGTH = 1e-9  # of the length: difference from the rest length that counts as none
-CROSSING = 5e-4  # radius over length that is taken for bars without one
+ASSUMED_RADIUS_RATIO = 5e-4  # radius over length that is taken for bars without one
 OVERLAP = 1e-9  # of the structure's size
 MOST_PAIRS = 200_000  # of bars whose distances are compared
 FACTOR = 1000.0  # between neighbours
@@ -45,7 +45,7 @@ def warn_of_crossing(subject: Structure | BodySystem) -> list[str]:
     if isinstance(subject, Structure):
         if len(subject.axes) < 3 and subject.interference is None:
             return []
-        thin = np.where(subject.is_bar, CROSSING * subject.member_length(), 0.0)
+        thin = np.where(subject.is_bar, ASSUMED_RADIUS_RATIO * subject.member_length(), 0.0)
         subject = subject.with_changes(radius=np.maximum(subject.radius, thin), inner_radius=None)
     if not 0 < subject.n_bar_pairs <= MOST_PAIRS:
         return []

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.structure.structure import Structure
 
-FEET = 3  # nodes that a structure stands on
-FLAT = 0.05  # extent along y over the largest, below which the structure stands upright in a plane
-LEVEL = 1e-6  # of the structure's size
+MIN_SUPPORT_NODES = 3  # nodes that a structure stands on
+# Extent along y over the largest, below which the structure stands upright in a plane.
+MAX_FLAT_EXTENT_RATIO = 0.05
+HEIGHT_TOLERANCE = 1e-6  # of the structure's size
 
 
 def warn_of_side(structure: Structure) -> list[str]:
@@ -22,7 +23,11 @@ def warn_of_side(structure: Structure) -> list[str]:
         return []
     feet_y, feet_z = (_find_feet(structure.node_position, axis) for axis in (1, 2))
     extent = np.ptp(structure.node_position, axis=0)
-    if extent[1] < FLAT * extent.max() or feet_y.sum() < FEET or feet_z.sum() >= FEET:
+    if (
+        extent[1] < MAX_FLAT_EXTENT_RATIO * extent.max()
+        or feet_y.sum() < MIN_SUPPORT_NODES
+        or feet_z.sum() >= MIN_SUPPORT_NODES
+    ):
         return []
     if _is_line(structure.node_position[feet_y]):
         return []
@@ -40,10 +45,10 @@ def warn_of_side(structure: Structure) -> list[str]:
 def _find_feet(position: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     """Return which nodes lie lowest along an axis, (n_nodes,)."""
     size = float(np.ptp(position, axis=0).max())
-    feet: NDArray[np.bool_] = position[:, axis] <= position[:, axis].min() + LEVEL * size
+    feet: NDArray[np.bool_] = position[:, axis] <= position[:, axis].min() + HEIGHT_TOLERANCE * size
     return feet
 
 
 def _is_line(points: NDArray[np.float64]) -> bool:
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(spread[1] <= LEVEL * spread[0])
+    return bool(spread[1] <= HEIGHT_TOLERANCE * spread[0])

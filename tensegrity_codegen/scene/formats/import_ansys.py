@@ -18,7 +18,7 @@ from tensegrity_codegen.scene.formats.imported import ImportResult, read_text
 from tensegrity_codegen.scene.formats.network import Network, NetworkMember, build_result
 from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError, UnknownNameError
 
-LARGEST = 32 * 2**20  # bytes
+MAX_FILE_BYTES = 32 * 2**20  # bytes
 LONGEST_INDEX = 15  # digits
 WHAT = "a text of APDL commands"
 _ASSIGN = re.compile(r"([A-Za-z_]\w{0,31})\s*(?:\(\s*([^()]+?)\s*\))?\s*=\s*(.+)")
@@ -84,7 +84,7 @@ def import_ansys(
     """
     path = Path(path)
     reader = _Reader(str(path))
-    text = read_text(path, LARGEST, WHAT, fallback="latin-1")
+    text = read_text(path, MAX_FILE_BYTES, WHAT, fallback="latin-1")
     for number, line in enumerate(text.split("\n"), start=1):
         reader.read_line(number, line.partition("!")[0].strip())
     return build_result(reader.build(), path, name, gravity)

@@ -24,7 +24,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, UnknownNameError
 
 WHAT = "a model of MuJoCo (MJCF)"
 GRAVITY = "0 0 -9.81"  # of MuJoCo where a model gives none
-NEAR = 1e-9  # of lengths, and of masses
+RELATIVE_TOLERANCE = 1e-9  # of lengths, and of masses
 MOST_ASIDE = 0.1  # of a rod's length, by which its centre may be off the line between its sites
 
 
@@ -93,7 +93,7 @@ def _add_link(network: Network, link: Link, used: set[str], file: str) -> Networ
         return None
     if len(chosen) == 1 and link.kind == "free":
         centre = np.linalg.norm(link.sites[chosen[0]] - link.centre)
-        if centre > NEAR * (1 + float(np.linalg.norm(link.centre))):
+        if centre > RELATIVE_TOLERANCE * (1 + float(np.linalg.norm(link.centre))):
             _refuse_sites(chosen, where, "one site away from the centre of mass")
         link.free[:] = True
         link.speed = link.speed + np.cross(link.spin, link.sites[chosen[0]] - link.position)
@@ -146,7 +146,7 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
     aside = float(np.linalg.norm(np.cross(link.centre - tips[0], axis)))
     if aside > MOST_ASIDE * length:
         _refuse_sites(chosen, where, f"a centre of mass {aside:.3g} m off the line between its two sites")
-    if aside > NEAR * length:
+    if aside > RELATIVE_TOLERANCE * length:
         network.notes.append(
             f"the centre of mass of {link.name} is {aside:.3g} m off the line between its sites "
             f"{chosen[0]} and {chosen[1]}; the bar has it on that line"
@@ -159,23 +159,23 @@ def _add_bar(network: Network, link: Link, chosen: Sequence[str], where: str) ->
         own = 6 * (link.mass * s * (length - s) - link.across) / length**2
         ends[1] = (link.mass * s - own * length / 2) / length
         ends[0] = link.mass - own - ends[1]
-        if min(own, *ends) < -NEAR * link.mass:
+        if min(own, *ends) < -RELATIVE_TOLERANCE * link.mass:
             network.notes.append(
                 f"the inertia of {link.name} is not that of a rod: its mass is spread evenly"
             )
             own, ends = link.mass, np.zeros(2)
     for site, place, mass in zip(chosen, tips, ends, strict=True):
         node: dict[str, Any] = {"position": place.tolist()}
-        node |= {"mass": float(mass)} if mass > NEAR * link.mass else {}
+        node |= {"mass": float(mass)} if mass > RELATIVE_TOLERANCE * link.mass else {}
         speed = link.speed + np.cross(link.spin, place - link.position)
-        pivot = link.kind == "ball" and np.linalg.norm(place - link.position) <= NEAR * length
+        pivot = link.kind == "ball" and np.linalg.norm(place - link.position) <= RELATIVE_TOLERANCE * length
         node |= {"anchored": True} if pivot else {}
         node |= {"velocity": speed.tolist()} if speed.any() and not pivot else {}
         network.nodes[site] = node
     if link.kind == "ball" and not any(network.nodes[site].get("anchored") for site in chosen):
         raise InvalidValueError("no site of the rod is at its ball joint", where=where)
     values: dict[str, Any] = {"kind": "bar"}
-    values |= {"mass": float(own)} if own > NEAR * link.mass else {}
+    values |= {"mass": float(own)} if own > RELATIVE_TOLERANCE * link.mass else {}
     name = link.name.removesuffix(".body")
     return NetworkMember(name, (chosen[0], chosen[1]), values, where)
 
@@ -196,7 +196,7 @@ def _couple(network: Network, masses: dict[str, float], gravity: Sequence[float]
             left = node.get("mass", 0.0) - mass / 6
             if "mass" in node:
                 node["mass"] = left
-                if left <= NEAR * mass:
+                if left <= RELATIVE_TOLERANCE * mass:
                     del node["mass"]
             if any(gravity):
                 network.loads.append((end, [-mass / 3 * value for value in gravity]))

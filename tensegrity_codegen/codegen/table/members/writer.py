@@ -11,7 +11,7 @@ from tensegrity_codegen.codegen.print.printer import print_body, print_number, p
 from tensegrity_codegen.codegen.print.render import render
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.structure.assembly import MemberClass
-from tensegrity_codegen.structure.repeated_modules import NEAR
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP
 from tensegrity_codegen.symbolic.members.member_kernel import VECTORS, MemberKernel, build_member_kernel
 from tensegrity_codegen.tables.precision import Precision
 
@@ -120,7 +120,7 @@ class Writer:
             "suffix": self.precision.suffix,
             "zero": self.number(0.0),
             "n_axes": self.model.n_axes,
-            "near": NEAR,
+            "near": MAX_SHIFT_GAP,
             "beyond": self.widest,
             "has_columns": self.uses_columns,
             "kernels": list(self._rows.values()),

@@ -13,7 +13,7 @@ from tensegrity_codegen.codegen.table.members.blocks import AddBlocks
 from tensegrity_codegen.codegen.table.modules.loops import ShapeLoops, plus
 from tensegrity_codegen.codegen.table.modules.runs import BlockLines, ColumnRuns, find_runs, join_runs
 from tensegrity_codegen.codegen.table.modules.text import common_step
-from tensegrity_codegen.structure.repeated_modules import NEAR, Module
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP, Module
 from tensegrity_codegen.system.arrays import IntArray
 
 LAST = 2**31 - 1  # behind all nodes
@@ -98,7 +98,7 @@ class BlockLoops(ShapeLoops):
             self, name, nodes, "s" if len(self.text.modules) == 1 else f"({len(strand)} * g + s)"
         )
         number = self.writer.index_at(f"{self.text.name}_{name}", np.array(strand), "s")
-        block = f"part + {self.size * self.text.room} * ({number}) + {NEAR}"
+        block = f"part + {self.size * self.text.room} * ({number}) + {MAX_SHIFT_GAP}"
         lines = [f"const {self.writer.real} *const own = {block};", *self._spread("own", places, "m")]
         return [f"for (s = 0; s < {len(strand)} && m > 0; ++s) {{", *(f"  {line}" for line in lines), "}"]
 

@@ -10,7 +10,7 @@ from tensegrity_codegen.codegen.lanes.kernel import AXES, DensityKernel
 from tensegrity_codegen.codegen.table.members.fours import PULLS, kind_of
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.loops import ModuleStage, ShapeLoops, plus
-from tensegrity_codegen.structure.repeated_modules import NEAR
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP
 from tensegrity_codegen.system.arrays import IntArray
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class _Forces(ShapeLoops):
             line = plus(axis * room)
             adding.append(f"lanes_row sum{axis} = {begin[axis] or f'row_load(sum + c{line})'};")
             for strand, end, offset in entries:
-                start = (strand * len(self.axes) + axis) * room + NEAR - offset
+                start = (strand * len(self.axes) + axis) * room + MAX_SHIFT_GAP - offset
                 adding.append(f"sum{axis} = sum{axis} {'+' if end else '-'} row_load(part + c + {start});")
             adding.append(f"row_store(sum + c{line}, sum{axis});")
         lines = ", ".join(f"sum{plus(axis * room)}" for axis in self.axes)

@@ -18,7 +18,7 @@ from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
 from tensegrity_codegen.codegen.table.modules.text import ModuleText, shapes_of
 from tensegrity_codegen.codegen.table.modules.values import RowValues
-from tensegrity_codegen.structure.repeated_modules import NEAR, Module
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP, Module
 
 if TYPE_CHECKING:
     from tensegrity_codegen.codegen.table.members.member_loops import MemberLoop
@@ -140,7 +140,7 @@ class ShapeLoops(ABC):
             "int k, c, s;",
             *self.before(),
             f"for (c = 0; c < {n_columns}; ++c) {{",
-            *self._bring("0", str(NEAR), ""),
+            *self._bring("0", str(MAX_SHIFT_GAP), ""),
             "}",
             f"clear_lines(part, {n_strands * self.size}, {room});",
             f"for (k = 0; k < n + {text.extent}; k += {text.chunk}) {{",
@@ -155,7 +155,7 @@ class ShapeLoops(ABC):
     def _bring(self, k: str, count: str, shift: str) -> list[str]:
         """Return the calls that bring nodes of column c, from the k-th on, into lines."""
         text, lines = self.text, []
-        length = str(NEAR) if not shift else str(text.chunk)
+        length = str(MAX_SHIFT_GAP) if not shift else str(text.chunk)
         at = text.places(self.writer, "node", self.model.coordinate[:, 0])("c", k)
         for name, array in (("position", "coordinate"), ("rate", "velocity")):
             if name in self.arrays:
@@ -171,12 +171,12 @@ class ShapeLoops(ABC):
         return [
             f"const int m = n - k < 0 ? 0 : n - k < {chunk} ? n - k : {chunk};",
             f"for (c = 0; c < {text.n_columns}; ++c) {{",
-            f"  const int left = n + {extent} - k - {NEAR};",
-            *self._bring(f"k + {NEAR}", f"left < {chunk} ? left : {chunk}", f" + {NEAR}"),
+            f"  const int left = n + {extent} - k - {MAX_SHIFT_GAP};",
+            *self._bring(f"k + {MAX_SHIFT_GAP}", f"left < {chunk} ? left : {chunk}", f" + {MAX_SHIFT_GAP}"),
             "}",
             *(line for strands in self.strands for line in self._strands(*strands)),
             f"if (m < {chunk}) {{",
-            f"  clear_lines(part + {NEAR} + m, {self.arrays['part']}, {room});",
+            f"  clear_lines(part + {MAX_SHIFT_GAP} + m, {self.arrays['part']}, {room});",
             "}",
             *self.chunk(),
             f"if (k + {chunk} < n + {text.extent}) {{",
@@ -203,7 +203,7 @@ class ShapeLoops(ABC):
         return [
             f"for (s = {first}; s < {last} && m > 0; ++s) {{",
             f"  const int i = {ends[0]}, j = {ends[1]};",
-            f"  {self.writer.real} *const to = part + {self.size * room} * s + {NEAR};",
+            f"  {self.writer.real} *const to = part + {self.size * room} * s + {MAX_SHIFT_GAP};",
             *(f"  {line}" for line in values.of_strand),
             "  for (c = 0; c < m; c += ROW) {",
             *(f"    {line}" for line in rows),

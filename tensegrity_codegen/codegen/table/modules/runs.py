@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensegrity_codegen.codegen.table.modules.text import ModuleText
-from tensegrity_codegen.structure.repeated_modules import NEAR, Module
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP, Module
 from tensegrity_codegen.system.arrays import IntArray
 
 SHORTEST = 8  # entries of a run: as many as are turned at once
-TOGETHER = (
-    4  # columns of modules that are written together, at most: the sums of each take lines of their own
-)
+# Columns of modules that are written together, at most: the sums of each take lines of their own.
+TOGETHER = 4
 Places = Callable[[IntArray, IntArray], tuple[IntArray, IntArray]]
 
 
@@ -30,7 +29,7 @@ class BlockLines:
 
     def of_strand(self, strand: int, offset: int) -> int:
         """Return where the block of a strand stands for the node at which a chunk begins."""
-        return strand * self.size * self.text.room + NEAR - offset
+        return strand * self.size * self.text.room + MAX_SHIFT_GAP - offset
 
     def of_sums(self, column: int) -> int:
         """Return where the sums of a column's nodes stand."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from tensegrity_codegen.codegen.table.members.model import TableModel
 from tensegrity_codegen.codegen.table.members.writer import Writer
-from tensegrity_codegen.structure.repeated_modules import NEAR, Module
+from tensegrity_codegen.structure.repeated_modules import MAX_SHIFT_GAP, Module
 from tensegrity_codegen.system.arrays import IntArray
 
 STEP = 8  # repetitions; chunks are made of so many
@@ -55,7 +55,7 @@ class ModuleText:
     @cached_property
     def chunk(self) -> int:
         """Repetitions of one chunk: as many as fit, in chunks of about equal length."""
-        most = (FAST_BYTES // 8 - self.lines * (NEAR + self.widest)) // self.lines
+        most = (FAST_BYTES // 8 - self.lines * (MAX_SHIFT_GAP + self.widest)) // self.lines
         most = max(2 * STEP, min(LONGEST_CHUNK, most // STEP * STEP))
         total = max(module.n_repetitions for module in self.modules) + self.extent
         return -(-total // -(-total // most) // STEP) * STEP
@@ -64,7 +64,7 @@ class ModuleText:
     def room(self) -> int:
         """Length of a line."""
         # An odd number of cache lines: lines an even number apart would share few places in the cache.
-        length = self.chunk + NEAR + self.widest
+        length = self.chunk + MAX_SHIFT_GAP + self.widest
         return length + (8 if length % 16 == 0 else 0)
 
     def strands(self) -> list[tuple[int, int, int]]:

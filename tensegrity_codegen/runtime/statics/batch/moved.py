@@ -9,8 +9,8 @@ import numpy as np
 
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
-RANK = 1e-8  # part of a unit turn that counts as none
-ACROSS = 1e-6  # cosine of the angle up to which slides are across an axis
+RANK_TOLERANCE = 1e-8  # part of a unit turn that counts as none
+PERPENDICULAR_TOLERANCE = 1e-6  # cosine of the angle up to which slides are across an axis
 
 
 def find_distances(
@@ -30,8 +30,10 @@ def find_distances(
     """
     distance = np.full(start.shape[:2], np.nan)
     _, size, axis = np.linalg.svd(twist[:, :, :3])
-    turns = (size > RANK * np.maximum(size.max(axis=1, keepdims=True, initial=0.0), 1e-300)).sum(axis=1)
-    turns[np.abs(twist[:, :, :3]).max(axis=(1, 2), initial=0.0) <= RANK] = 0
+    turns = (size > RANK_TOLERANCE * np.maximum(size.max(axis=1, keepdims=True, initial=0.0), 1e-300)).sum(
+        axis=1
+    )
+    turns[np.abs(twist[:, :, :3]).max(axis=(1, 2), initial=0.0) <= RANK_TOLERANCE] = 0
     slides = _find_slides(twist, number, turns)
     move = (found - start).mean(axis=1)
     sliding = np.flatnonzero(turns == 0)
@@ -40,7 +42,7 @@ def find_distances(
     before, behind = (place - place.mean(axis=1, keepdims=True) for place in (start, found))
     across = (slides @ axis[:, 0][:, :, None])[:, :, 0]
     rank = np.trace(slides, axis1=1, axis2=2).round()
-    is_across = (rank == 3) | ((rank == 2) & (np.linalg.norm(across, axis=1) <= ACROSS))
+    is_across = (rank == 3) | ((rank == 2) & (np.linalg.norm(across, axis=1) <= PERPENDICULAR_TOLERANCE))
     is_turn = (turns == 1) & (number == 1 + rank) & is_across
     one = np.flatnonzero(is_turn)
     if len(one):
@@ -60,7 +62,8 @@ def _find_slides(twist: FloatArray, number: IntArray, turns: IntArray) -> FloatA
     pure = np.where((np.arange(6) >= turns[:, None])[:, :, None], mixed, 0.0)
     _, size, right = np.linalg.svd(pure)
     is_slide = (
-        size > RANK * np.maximum(np.abs(twist[:, :, 3:]).max(axis=(1, 2), initial=0.0), 1e-300)[:, None]
+        size
+        > RANK_TOLERANCE * np.maximum(np.abs(twist[:, :, 3:]).max(axis=(1, 2), initial=0.0), 1e-300)[:, None]
     )
     basis = np.where(is_slide[:, :, None], right, 0.0)
     return np.asarray(basis.transpose(0, 2, 1) @ basis)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.statics.static_problem import EPSILON, FAR
+from tensegrity_codegen.runtime.statics.static_problem import EPSILON, ORIGIN_DISTANCE_WEIGHT
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -130,7 +130,9 @@ class BatchProblem:
         """Return the residual of each case that rounding alone explains [N], as of `StaticProblem`."""
         diagonal = np.abs(np.diagonal(stiffness, axis1=1, axis2=2)).max(axis=1, initial=0.0)
         reach = np.abs(self.place(points.coordinate, cases)).max(axis=(1, 2), initial=0.0)
-        return np.asarray(64 * EPSILON * diagonal * np.maximum(points.longest, FAR * reach))
+        return np.asarray(
+            64 * EPSILON * diagonal * np.maximum(points.longest, ORIGIN_DISTANCE_WEIGHT * reach)
+        )
 
     def find_unbalanced_axes(self, points: Points, noise: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the first axis of each case along which nothing holds its loads, or -1; their sum [N]."""

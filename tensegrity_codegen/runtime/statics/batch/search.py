@@ -10,11 +10,11 @@ from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.trust_region import Steps, find_steps
 from tensegrity_codegen.runtime.statics.newton import (
     ENERGY_DIGITS,
-    FARTHEST,
-    LOUDER,
+    MAX_MOTION_RATIO,
+    MAX_RESIDUAL_GROWTH,
+    MAX_STALLED_ITERATIONS,
+    MIN_STEP_RATIO,
     MOST_RESTORATIONS,
-    PATIENCE,
-    SHORTEST,
 )
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
@@ -62,7 +62,9 @@ class BatchSearch:
         is_balanced = is_finite & point.is_balanced(tolerance, floor)
         self.best.put(rows[is_balanced], point.take(is_balanced))
         self.status[rows[is_balanced]] = "converged"
-        self.status[rows[is_finite & ~is_balanced & (self.waited[rows] >= PATIENCE)]] = "rounding_limited"
+        self.status[rows[is_finite & ~is_balanced & (self.waited[rows] >= MAX_STALLED_ITERATIONS)]] = (
+            "rounding_limited"
+        )
         moving = np.flatnonzero(self.status[rows] == MOVING)
         if len(moving):
             moved = self._move(rows[moving], point.take(moving), stiffness[moving], floor[moving])
@@ -79,9 +81,9 @@ class BatchSearch:
     def _look_around(self, rows: IntArray, moved: BoolArray, floor: FloatArray) -> None:
         """End the searches in which no further step makes sense."""
         way = np.abs(self.point.coordinate[rows] - self.start.coordinate[rows]).max(axis=1, initial=0.0)
-        is_far = way > FARTHEST * self.extent[rows]
+        is_far = way > MAX_MOTION_RATIO * self.extent[rows]
         self.status[rows[is_far]] = "unbounded"
-        is_stuck = ~is_far & ~moved & (self.radius[rows] <= SHORTEST * self.extent[rows])
+        is_stuck = ~is_far & ~moved & (self.radius[rows] <= MIN_STEP_RATIO * self.extent[rows])
         is_quiet = self.point.node_force[rows] <= floor
         self.status[rows[is_stuck & is_quiet]] = "rounding_limited"
         self.status[rows[is_stuck & ~is_quiet]] = LEFT
@@ -127,8 +129,8 @@ class BatchSearch:
             better = saved > most[on]
             best.put(on[better], trial.take(better))
             most[on[better]] = saved[better]
-            quiet = trial.node_force <= LOUDER * point.node_force[on] + floor[on]
-            goes_on = ~(by_force[on] | quiet | (radius[on] <= SHORTEST * self.extent[rows[on]]))
+            quiet = trial.node_force <= MAX_RESIDUAL_GROWTH * point.node_force[on] + floor[on]
+            goes_on = ~(by_force[on] | quiet | (radius[on] <= MIN_STEP_RATIO * self.extent[rows[on]]))
             if restoration == MOST_RESTORATIONS or not goes_on.any():
                 break
             on, trial, relaxing = self._relax(rows, on[goes_on], trial.take(goes_on), radius, floor)

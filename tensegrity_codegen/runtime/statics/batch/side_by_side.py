@@ -12,7 +12,7 @@ from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.batch.search import LEFT, MOVING, BatchSearch
 from tensegrity_codegen.runtime.statics.batch.stability import Stabilities, find_stabilities
 from tensegrity_codegen.runtime.statics.curvature import DENSE_LIMIT
-from tensegrity_codegen.runtime.statics.equilibrium_record import NEARLY
+from tensegrity_codegen.runtime.statics.equilibrium_record import START_RESIDUAL_TOLERANCE
 from tensegrity_codegen.runtime.statics.static_problem import EQUILIBRIUM_QUANTITIES
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
@@ -132,7 +132,7 @@ def _list_arrays(point: Points, start: Points, stability: Stabilities) -> dict[s
 def _find_unstable_starts(search: BatchSearch, floor: FloatArray, status: NDArray[np.str_]) -> BoolArray:
     """Return whether the start of each case is nearly in balance and the energy curves down there."""
     found = np.zeros(len(status), dtype=np.bool_)
-    near = np.flatnonzero(search.start.is_balanced(NEARLY, floor) & (status != LEFT))
+    near = np.flatnonzero(search.start.is_balanced(START_RESIDUAL_TOLERANCE, floor) & (status != LEFT))
     if len(near):
         stability = find_stabilities(search.problem, search.start.take(near), search.cases[near])
         found[near] = stability.is_unstable

@@ -6,7 +6,7 @@ import numpy as np
 
 from tensegrity_codegen.runtime.statics.batch.points import BatchProblem, Points
 from tensegrity_codegen.runtime.statics.rigid_motion import RANK_TOLERANCE, ROUNDING, build_all_motions
-from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray, IntArray
 
 
@@ -55,7 +55,7 @@ def find_stabilities(problem: BatchProblem, points: Points, cases: IntArray) -> 
                 lowest[at] = _find_lowest(stiffness[at], neutral, size[at])
     lowest[~is_finite] = np.nan
     number[~is_finite] = 0
-    return Stabilities(lowest, number, SINGULAR * size + turned, twist)
+    return Stabilities(lowest, number, SINGULAR_TOLERANCE * size + turned, twist)
 
 
 def _find_lowest(stiffness: FloatArray, neutral: FloatArray, size: FloatArray) -> FloatArray:

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensegrity_codegen.runtime.statics.step import SINGULAR
+from tensegrity_codegen.runtime.statics.step import SINGULAR_TOLERANCE
 from tensegrity_codegen.system.arrays import BoolArray, FloatArray
 
 MOST_TRIALS = 80  # of the search for a shift, which takes about six
-NEAR = 1e-9  # of the radius: how near a step ends to it
+RADIUS_TOLERANCE = 1e-9  # of the radius: how near a step ends to it
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def find_steps(stiffness: FloatArray, gradient: FloatArray, radius: FloatArray, 
     """
     value, vector = np.linalg.eigh(stiffness)
     part = (vector.transpose(0, 2, 1) @ gradient[:, :, None])[:, :, 0]
-    threshold = SINGULAR * np.abs(value).max(axis=1, initial=0.0)
+    threshold = SINGULAR_TOLERANCE * np.abs(value).max(axis=1, initial=0.0)
     part[(np.abs(value) <= threshold[:, None]) & (np.abs(part) <= noise[:, None])] = 0.0
     is_curved = value[:, 0] < -threshold
     is_stiff = ((value > threshold[:, None]) | (part == 0.0)).all(axis=1)
@@ -79,7 +79,7 @@ def _find_shifts(
     """Return the shifts whose steps are as long as the radii, or the least ones where steps are shorter."""
     force = np.linalg.norm(part, axis=1)
     least = np.maximum(0.0, -value[:, 0])
-    low = least + np.maximum.reduce([threshold, 1e-12 * least, SINGULAR * force / radius])
+    low = least + np.maximum.reduce([threshold, 1e-12 * least, SINGULAR_TOLERANCE * force / radius])
     high = low + 1.01 * force / radius
     shift: FloatArray = low.copy()
     for trial in range(MOST_TRIALS):
@@ -90,7 +90,7 @@ def _find_shifts(
             slope = (along**2 / stiff).sum(axis=1)
             newton = shift + (length / radius - 1.0) * length**2 / slope
         is_long = length > radius
-        is_done = np.abs(length - radius) <= NEAR * radius
+        is_done = np.abs(length - radius) <= RADIUS_TOLERANCE * radius
         if trial == 0:
             is_least = ~is_long  # the least shift gives a step that is short enough
         if (is_done | is_least).all():

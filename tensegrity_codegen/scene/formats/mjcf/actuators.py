@@ -9,7 +9,7 @@ import numpy as np
 from tensegrity_codegen.scene.formats.files.xml_file import read_numbers
 from tensegrity_codegen.scene.formats.network import Network
 
-NEAR = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 
 
 def read_actuators(
@@ -44,7 +44,12 @@ def read_actuators(
                 entry["nodes"].append(node)
                 continue
         stiffness = tendons.get(tendon, {}).get("spring_constant", 0.0)
-        if stiffness and plain and not any(bias) and abs(gain * gear[0] - stiffness) <= NEAR * stiffness:
+        if (
+            stiffness
+            and plain
+            and not any(bias)
+            and abs(gain * gear[0] - stiffness) <= RELATIVE_TOLERANCE * stiffness
+        ):
             key = (name.partition(".")[0], "rest_length", ())
             inputs.setdefault(key, {"kind": "rest_length", "members": []})["members"].append(tendon)
             continue
@@ -52,11 +57,13 @@ def read_actuators(
     weight = max((float(np.abs(force).max()) for _, force in network.loads), default=0.0)
     weights = (float(np.abs(force).max()) for force in forces.values())
     scale = max(weight, max(weights, default=0.0))
-    network.loads = [(n, f.tolist()) for n, f in forces.items() if np.abs(f).max() > NEAR * scale]
+    network.loads = [
+        (n, f.tolist()) for n, f in forces.items() if np.abs(f).max() > RELATIVE_TOLERANCE * scale
+    ]
     for (name, _, direction), entry in inputs.items():
         network.inputs.append({"name": name, **entry})
         size = float(np.linalg.norm(direction)) if direction else 1.0
-        if abs(size - 1.0) > NEAR:
+        if abs(size - 1.0) > RELATIVE_TOLERANCE:
             network.notes.append(f"the input {name} is in newtons: {size:g} times the control of the model")
     if left:
         network.notes.append(f"actuators that are not read: {', '.join(left[:10])}")

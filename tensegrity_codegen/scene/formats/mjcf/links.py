@@ -14,7 +14,7 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import InvalidValueError
 
 WATER = 1000.0  # kg/m3, density of geoms in MuJoCo where none is given
-STRAIGHT = 1e-9  # of a direction along an axis
+ALIGNMENT_TOLERANCE = 1e-9  # of a direction along an axis
 
 
 @dataclass
@@ -147,7 +147,7 @@ def _slide(walk: _Walk, joints: list[Element], above: Link, link: Link, around: 
         axis = link.rotation @ _vector(values, "axis", walk.where(joint), "0 0 1")
         axis = axis / (np.linalg.norm(axis) or 1.0)
         main = int(np.abs(axis).argmax())
-        if abs(abs(axis[main]) - 1.0) > STRAIGHT or link.free[main]:
+        if abs(abs(axis[main]) - 1.0) > ALIGNMENT_TOLERANCE or link.free[main]:
             raise InvalidValueError(
                 "a slide joint that is not along an axis of the world, or along one twice",
                 where=walk.where(joint),

@@ -25,7 +25,7 @@ Plan = Callable[[Subject, ModelRequest], Any]
 
 
 @dataclass(frozen=True)
-class WayOut:
+class Alternative:
     """Words for another choice, and the structure and request that it makes."""
 
     words: str
@@ -34,7 +34,7 @@ class WayOut:
     is_other_model: bool = False  # which may lack quantities of the present one
 
 
-def find_way_out(structure: Subject, request: ModelRequest, error: FormulationError, plan: Plan) -> str:
+def find_alternatives(structure: Subject, request: ModelRequest, error: FormulationError, plan: Plan) -> str:
     """Return a hint of choices that `plan` accepts, the error's own hint where there is none.
 
     plan: raises TensegrityError for a request that cannot be served. A choice that leaves a fault which no
@@ -42,8 +42,8 @@ def find_way_out(structure: Subject, request: ModelRequest, error: FormulationEr
     """
     found: list[str] = []
     partly: list[str] = []
-    for way in list_ways_out(structure, request, error):
-        words, rest = _try(way, set(error.lacking or ()), plan)
+    for choice in list_alternatives(structure, request, error):
+        words, rest = _try(choice, set(error.lacking or ()), plan)
         if words:
             (partly if rest else found).append(f"{words}, and {rest}" if rest else words)
         if len(found) == MOST_NAMED:
@@ -56,22 +56,22 @@ def find_way_out(structure: Subject, request: ModelRequest, error: FormulationEr
     return "; or ".join(found) or error.hint
 
 
-def _try(way: WayOut, needed: set[str], plan: Plan) -> tuple[str, str]:
-    """Return the words of a way out, "" for one that does not work, and the hint of another fault.
+def _try(choice: Alternative, needed: set[str], plan: Plan) -> tuple[str, str]:
+    """Return the words of an alternative, "" for one that does not work, and the hint of another fault.
 
     needed: quantities that it must have.
     """
-    request, dropped, rest = way.request, list[str](), ""
+    request, dropped, rest = choice.request, list[str](), ""
     while True:
         try:
-            plan(way.structure, request)
+            plan(choice.structure, request)
         except FormulationError as error:
             lacking = set(error.lacking or ())
             kept = tuple(name for name in request.quantities if name not in lacking)
             if error.lacking is None:
                 rest = error.hint
                 break
-            if not way.is_other_model or not kept or kept == request.quantities or lacking & needed:
+            if not choice.is_other_model or not kept or kept == request.quantities or lacking & needed:
                 return "", ""
             dropped += sorted(lacking)
             request = replace(request, quantities=kept)
@@ -79,33 +79,37 @@ def _try(way: WayOut, needed: set[str], plan: Plan) -> tuple[str, str]:
             return "", ""
         else:
             break
-    return (f"{way.words} (which has no {', '.join(dropped)})" if dropped else way.words), rest
+    return (f"{choice.words} (which has no {', '.join(dropped)})" if dropped else choice.words), rest
 
 
-def list_ways_out(structure: Subject, request: ModelRequest, error: FormulationError) -> Iterator[WayOut]:
+def list_alternatives(
+    structure: Subject, request: ModelRequest, error: FormulationError
+) -> Iterator[Alternative]:
     """Yield the choices that may serve where this request does not, the least changes first."""
     lacking = error.lacking or ()
     for name in EMITTERS:
         if name != request.emitter:
-            yield WayOut(f'emitter = "{name}"', structure, replace(request, emitter=name))
+            yield Alternative(f'emitter = "{name}"', structure, replace(request, emitter=name))
     if isinstance(structure, Structure):
         yield from _formulations(structure, request)
     kept = tuple(name for name in request.quantities if name not in lacking)
     if lacking and kept:
         words = f"leave out {', '.join(name for name in request.quantities if name in lacking)}"
-        yield WayOut(words, structure, replace(request, quantities=kept))
+        yield Alternative(words, structure, replace(request, quantities=kept))
     if "node_mass" in request.parameters:
         parameters = {name: items for name, items in request.parameters.items() if name != "node_mass"}
-        yield WayOut("leave node_mass out of parameters", structure, replace(request, parameters=parameters))
+        yield Alternative(
+            "leave node_mass out of parameters", structure, replace(request, parameters=parameters)
+        )
     if isinstance(structure, Structure) and structure.is_rigid.any():
         rigid = choose_formulation(rigid_bars=True).name
         springs = replace(request, formulation=rigid, options={})
-        for way in _formulations(_stiffened(structure), springs):
-            if way.request.formulation != rigid:
-                yield replace(way, words=f"{STIFFEN}, and {way.words}")
+        for choice in _formulations(_stiffened(structure), springs):
+            if choice.request.formulation != rigid:
+                yield replace(choice, words=f"{STIFFEN}, and {choice.words}")
 
 
-def _formulations(structure: Structure, request: ModelRequest) -> Iterator[WayOut]:
+def _formulations(structure: Structure, request: ModelRequest) -> Iterator[Alternative]:
     variants = [(item.name, dict(words)) for item in FORMULATIONS.values() for words in item.variants]
     for name, options in variants:
         if (name, options) == (request.formulation, dict(request.options)):
@@ -116,7 +120,7 @@ def _formulations(structure: Structure, request: ModelRequest) -> Iterator[WayOu
             words = f"{words}{' with ' if words else ''}options = {{ {inside} }}"
         if words:
             changed = replace(request, formulation=name, options=options, emitter=AUTO)
-            yield WayOut(words, structure, changed, is_other_model=True)
+            yield Alternative(words, structure, changed, is_other_model=True)
 
 
 def _stiffened(structure: Structure) -> Structure:
