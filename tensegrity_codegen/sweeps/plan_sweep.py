@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.scene.schema.schema import Scene
-from tensegrity_codegen.scene.subject import Subject
 from tensegrity_codegen.sweeps.apply.assembler import build_assembler
 from tensegrity_codegen.sweeps.apply.group import CaseGroup
 from tensegrity_codegen.sweeps.apply.group_cases import find_groups
@@ -259,13 +258,13 @@ def _find_outputs(
 ) -> tuple[tuple[Output, ...], bool]:
     """Return the outputs of all cases, and whether libraries with other nodes or members share them."""
     first = groups[0].structure
-    others = [group for group in groups if not _has_same_names(first, group.structure)]
+    others = [
+        group
+        for group in groups
+        if group.structure.node_name != first.node_name or group.structure.member_name != first.member_name
+    ]
     models = [libraries.load(group) for group in (groups[0], *others)]
     return join_outputs([operation.outputs(model.manifest) for model in models]), bool(others)
-
-
-def _has_same_names(one: Subject, other: Subject) -> bool:
-    return one.node_name == other.node_name and one.member_name == other.member_name
 
 
 def _row_bytes(outputs: tuple[Output, ...]) -> int:
@@ -296,7 +295,8 @@ def _note_accuracy(operation: Operation) -> Iterator[str]:
 def _note_groups(cases: Cases, groups: tuple[CaseGroup, ...], known: set[str]) -> Iterator[str]:
     mappers = [group.mapper for group in groups if isinstance(group.mapper, CaseMapper)]
     used = {key for item in mappers for key in item.find_used_keys(known)}
-    idle = [key for number, key in enumerate(cases.keys) if number not in used and _varies(cases, number)]
+    constant = {axis.key for axis in cases.axes if len(axis) == 1}
+    idle = [key for number, key in enumerate(cases.keys) if number not in used and key not in constant]
     if idle and not any(item.assembles_all for item in mappers):
         yield f"no quantity depends on {', '.join(idle)}"
     slow = [item for item in mappers if item.assembles_all]
@@ -305,7 +305,3 @@ def _note_groups(cases: Cases, groups: tuple[CaseGroup, ...], known: set[str]) -
     elif any(item.indirect_keys for item in mappers):
         keys = dict.fromkeys(cases.keys[key] for item in mappers for key in item.indirect_keys)
         yield f"the structure is assembled for every set of values of {', '.join(keys)}"
-
-
-def _varies(cases: Cases, number: int) -> bool:
-    return number >= len(cases.axes) or len(cases.axes[number]) > 1

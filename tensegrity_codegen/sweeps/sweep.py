@@ -146,7 +146,11 @@ def prepare_sweep(
     SceneError, FormulationError, CompilerMissingError, CompileError
         As for `plan_sweep`.
     """
-    count = _check_workers(workers)
+    count = (
+        count_workers()
+        if workers is None
+        else check_whole(workers, "workers", 1, problem="not a number of workers")
+    )
     identity = identify_sweep(scene, cases, operation)
     stored = None
     if out is not None:
@@ -278,9 +282,3 @@ def _open_outcome(outcome: SweepOutcome) -> Any:
     if outcome.empty:
         warnings.warn(outcome.describe_empty(), stacklevel=3)
     return open_sweep(outcome.path)
-
-
-def _check_workers(workers: int | None) -> int:
-    if workers is None:
-        return count_workers()
-    return check_whole(workers, "workers", 1, problem="not a number of workers")

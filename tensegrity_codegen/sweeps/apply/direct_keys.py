@@ -178,7 +178,8 @@ class _KeyReader:
             case ("loads", int(number), "force", int(place)):
                 load = self.scene.loads[number]
                 # Loads on one node add up.
-                if not isinstance(load, Load) or self._count_loads(load.node) > 1:
+                others = [item for item in self.scene.loads if isinstance(item, Load) and item is not load]
+                if not isinstance(load, Load) or load.node in {item.node for item in others}:
                     return []
                 row = self.subject.node_name.index(load.node)
                 return self._in_vectors("node_load", row, self._axis(place, len(load.force)))
@@ -282,6 +283,3 @@ class _KeyReader:
     def _axis(self, place: int, width: int) -> int:
         """Return the axis of a number of a vector, of 3 numbers or of one for each modelled axis."""
         return place if width == 3 or isinstance(self.subject, BodySystem) else self.subject.axes[place]
-
-    def _count_loads(self, node: str) -> int:
-        return sum(isinstance(load, Load) and load.node == node for load in self.scene.loads)

@@ -158,8 +158,12 @@ class _GroupFinder:
         if not distinct:
             self._raise_nothing_good(min(MOST_TRIED, self.cases.count))
         group = np.array([distinct[item] if item else 0 for item in hashes], dtype=np.int64)
-        chosen = group[labels]
-        return [_as_range(np.flatnonzero(chosen == number)) for number in range(len(distinct))]
+        parts: list[range | IntArray] = []
+        for number in range(len(distinct)):
+            rows = np.flatnonzero(group[labels] == number)
+            is_whole = len(rows) > 0 and rows[-1] - rows[0] + 1 == len(rows)
+            parts.append(range(int(rows[0]), int(rows[-1]) + 1) if is_whole else rows)
+        return parts
 
     def _label_sets(self, keys: tuple[int, ...], most: int | None) -> tuple[IntArray, dict[bytes, int]]:
         """Return the number of the set of values of each case, and the sets; no numbers if too many."""
@@ -316,9 +320,3 @@ def _choose_parameters(
             rows = set((inside // (array.size // len(array))).tolist())
             parameters[name] = tuple(sorted({*parameters.get(name, ()), *rows}))
     return parameters
-
-
-def _as_range(rows: IntArray) -> range | IntArray:
-    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
-        return range(int(rows[0]), int(rows[-1]) + 1)
-    return rows

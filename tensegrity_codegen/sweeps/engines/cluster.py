@@ -132,7 +132,8 @@ def _check_workers(client: Any) -> None:
 def describe_versions() -> dict[str, str]:
     """Return the versions in this process, by name."""
     python = ".".join(platform.python_version_tuple()[:2])
-    found = {OWN: VERSION, SOURCE: _hash_source(), "Python": python}
+    source = hash_package(Path(__file__).resolve().parents[2], template_folder())[:12]
+    found = {OWN: VERSION, SOURCE: source, "Python": python}
     for name in PACKAGES:
         try:
             found[name] = version(name)
@@ -152,7 +153,3 @@ def check_versions(expected: Mapping[str, str], found: Mapping[str, str], worker
             allowed=", ".join(f"{name} {expected[name]}" for name in different),
             hint="start the workers in the environment of this process, or in one with the same versions",
         )
-
-
-def _hash_source() -> str:
-    return hash_package(Path(__file__).resolve().parents[2], template_folder())[:12]

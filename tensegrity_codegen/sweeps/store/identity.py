@@ -56,15 +56,16 @@ def _compare(key: str, old: Any, new: Any) -> Iterator[tuple[str, Any, Any]]:
         for name in [*old, *(name for name in new if name not in old)]:
             path = f"{key}.{name}" if key else name
             yield from _compare(path, old.get(name, ABSENT), new.get(name, ABSENT))
-    elif _are_lists(old, new) and len(old) == len(new) and any(isinstance(item, dict) for item in old):
+    elif (
+        isinstance(old, list)
+        and isinstance(new, list)
+        and len(old) == len(new)
+        and any(isinstance(item, dict) for item in old)
+    ):
         for place, (a, b) in enumerate(zip(old, new, strict=True)):
             yield from _compare(f"{key}[{_label(place, a, b)}]", a, b)
     elif old is ABSENT or new is ABSENT or old != new:
         yield key, old, new
-
-
-def _are_lists(*values: Any) -> bool:
-    return all(isinstance(value, list) for value in values)
 
 
 def _label(place: int, a: Any, b: Any) -> str:

@@ -3,7 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -167,14 +167,11 @@ def _flush_one(path: Path) -> None:
 
 def _remove_partial(folder: Path) -> None:
     """Remove the temporary files that a killed process left."""
-    for path in _find_partial(folder):
-        with suppress(OSError):
-            path.unlink()
-
-
-def _find_partial(folder: Path) -> Iterator[Path]:
     for place, _, names in os.walk(folder):
-        yield from (Path(place, name) for name in names if name.endswith(PARTIAL))
+        for name in names:
+            if name.endswith(PARTIAL):
+                with suppress(OSError):
+                    Path(place, name).unlink()
 
 
 def _explain(path: Path, error: OSError) -> OutputError:

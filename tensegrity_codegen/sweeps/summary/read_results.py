@@ -59,7 +59,7 @@ def read_results(path: str | Path) -> SweepResults:
         key_values=_spread(columns, n_axes, layout),
         status=np.where(codes == NOT_COMPUTED_CODE, len(STATUSES), codes),
         words=(*STATUSES, NOT_COMPUTED),
-        message=lambda case: _read_message(group, layout, case),
+        message=lambda case: str(group[MESSAGE][np.unravel_index(case, layout.shape)]),
         kept=_find_kept(group, set(keys.values()), layout),
         key_units={key: str(group[name].attrs.get("units", "")) for key, name in keys.items()},
     )
@@ -95,10 +95,6 @@ def _spread(columns: list[FloatArray], n_axes: int, layout: CaseLayout) -> Float
         inner = math.prod(layout.shape[dim + 1 :])
         values[:, place] = np.tile(np.repeat(column, inner), layout.count // max(inner * len(column), 1))
     return values
-
-
-def _read_message(group: Any, layout: CaseLayout, case: int) -> str:
-    return str(group[MESSAGE][np.unravel_index(case, layout.shape)])
 
 
 def _find_kept(group: Any, coordinates: set[str], layout: CaseLayout) -> dict[str, KeptQuantity]:

@@ -59,14 +59,11 @@ def find_kept_quantities(kept: tuple[KeptText, ...], request: ModelRequest) -> t
     names: dict[str, None] = {}
     for item in kept:
         names |= dict.fromkeys(find_quantities(item.expression))
-        if POSITION in item.expression or "." in item.expression:
-            names |= dict.fromkeys(_placing(request.formulation))
+        needs_places = POSITION in item.expression or "." in item.expression
+        # Where coordinates are no node coordinates, a quantity places nodes.
+        if needs_places and not find_formulation(request.formulation).in_nodes:
+            names[POSITION] = None
     return tuple(names)
-
-
-def _placing(formulation: str) -> tuple[str, ...]:
-    """Return what places nodes where coordinates are no node coordinates."""
-    return () if find_formulation(formulation).in_nodes else (POSITION,)
 
 
 def bind_kept(kept: tuple[KeptText, ...], manifest: Manifest) -> tuple[Kept, ...]:
@@ -93,7 +90,7 @@ def _bind(item: KeptText, manifest: Manifest) -> Kept:
             )
     if item.expression in specs and item.expression != POSITION:
         output = describe_quantity(manifest, specs[item.expression])
-        return Kept(item, _name(output, item), (item.expression,), None)
+        return Kept(item, _name_output(output, item), (item.expression,), None)
     try:
         part = build_part(item.tree, manifest)
     except TensegrityError as error:
@@ -114,7 +111,7 @@ def _bind(item: KeptText, manifest: Manifest) -> Kept:
     return Kept(item, output, names, None if item.expression == POSITION else part)
 
 
-def _name(output: Output, item: KeptText) -> Output:
+def _name_output(output: Output, item: KeptText) -> Output:
     """Return the output of a quantity under the name that it is kept by."""
     return replace(output, name=item.name, expression="" if item.name == item.text else item.text)
 
