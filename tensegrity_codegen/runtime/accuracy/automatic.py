@@ -23,7 +23,7 @@ from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import integrate_radau
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.profiles.knots import follows_in_c
+from tensegrity_codegen.runtime.profiles.driven import follows_in_c
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 

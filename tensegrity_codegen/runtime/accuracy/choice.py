@@ -16,8 +16,7 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.radau import listen_to_members
 from tensegrity_codegen.runtime.model.model import CompiledModel
-from tensegrity_codegen.runtime.profiles.driven import DrivenArguments
-from tensegrity_codegen.runtime.profiles.laws import find_changing
+from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, find_changing
 from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.errors import FormulationError
 from tensegrity_codegen.tables.formulations import find_formulation
@@ -99,10 +98,14 @@ def choose_method(motion: Motion, options: RunOptions) -> Choice:
     watched = set(motion.watch.kinds) if motion.watch else set()
     offered = STIFF_INTEGRATOR in specs and watched <= set(specs[STIFF_INTEGRATOR].events)
     if not offered or not explicit.name or options.keep:
-        return _need(
-            model,
-            explicit if explicit.name else Choice(STIFF_INTEGRATOR if STIFF_INTEGRATOR in specs else "", ""),
-        )
+        if not explicit.name and STIFF_INTEGRATOR not in specs:
+            raise FormulationError(
+                "the library has no integrator with error control",
+                where=model.manifest.name,
+                allowed='a library that was built with integrators = ["rk853"]',
+                hint='build it with integrators=("rk853",), or use one of the methods scipy_*',
+            )
+        return explicit if explicit.name else Choice(STIFF_INTEGRATOR, "")
     if isinstance(motion.schedule, DrivenArguments) and (changed := find_changing(model, motion.schedule)):
         return replace(explicit, why=f"{explicit.why}; the profile changes {changed[0]}, which radau holds")
     rates = _find_rates(motion, specs[STIFF_INTEGRATOR].tensions)
@@ -218,17 +221,6 @@ def _tell_rigid(model: CompiledModel) -> str:
 
 def _explicit_for(rtol: float, jumps: bool) -> str:
     return "rk54" if rtol > LOOSE_RTOL or (jumps and rtol > LOOSE_RTOL_WITH_JUMPS) else "rk853"
-
-
-def _need(model: CompiledModel, choice: Choice) -> Choice:
-    if choice.name:
-        return choice
-    raise FormulationError(
-        "the library has no integrator with error control",
-        where=model.manifest.name,
-        allowed='a library that was built with integrators = ["rk853"]',
-        hint='build it with integrators=("rk853",), or use one of the methods scipy_*',
-    )
 
 
 def _explicit_steps(frequency: float, decay: float, t_end: float, rtol: float) -> float:

@@ -37,7 +37,7 @@ from tensegrity_codegen.tables.manifest import JUMP_KINDS
 # What the evidence of a run says of them [m], [m/s], [N].
 VIBRATION_ERRORS = ("vibration_error", "vibration_speed_error", "vibration_tension_error")
 KINK_SAFETY = 2.0  # times what a member on two free masses does: others at its ends change it a little
-LONGEST_STEP = 3.0  # over the mean one
+LONGEST_TO_MEAN_STEP = 3.0  # over the mean one
 RESOLVED_ANGLE = 0.5  # rad of a vibration in one step, up to which radau follows it
 RATE_SPAN = 1e-3  # of a piece, over which the rate of a force is taken
 
@@ -146,7 +146,7 @@ def _bound_jumps(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...], fre
     law = np.asarray(model.compute("member_law", **motion.arguments))
     mu, c = law[:, 1], law[:, 2] * _may_go_taut(motion, raw)
     c[list(stiff)] = 0.0
-    is_resolved = frequency * LONGEST_STEP * float(raw.time[-1]) < RESOLVED_ANGLE * raw.n_steps
+    is_resolved = frequency * LONGEST_TO_MEAN_STEP * float(raw.time[-1]) < RESOLVED_ANGLE * raw.n_steps
     if not c.any() or is_resolved:
         return np.zeros(3)
     # The force that may jump at each node, and at both ends of each elastic member.
@@ -215,7 +215,7 @@ def _bound_kinks(motion: Motion, raw: RawTrajectory, stiff: tuple[int, ...]) -> 
     for kink in np.flatnonzero(schedule.pieces.is_kink):
         force, rate = _find_jumps(motion, raw, schedule, int(kink))
         amplitude += (_pull(force, ends) + _pull(rate, ends) / omega) / mu
-    step = LONGEST_STEP * float(raw.time[-1]) / max(raw.n_steps, 1)
+    step = LONGEST_TO_MEAN_STEP * float(raw.time[-1]) / max(raw.n_steps, 1)
     amplitude = np.where(omega * step < RESOLVED_ANGLE, 0.0, KINK_SAFETY * amplitude)
     return np.array([amplitude.max(), (amplitude * omega).max(), (amplitude * mu).max()])
 

@@ -25,7 +25,7 @@ from tensegrity_codegen.runtime.integrate.adaptive import integrate_adaptive
 from tensegrity_codegen.runtime.integrate.event_log import Watch
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
-from tensegrity_codegen.runtime.integrate.options import SMALLEST_SCIPY_RTOL, RunOptions
+from tensegrity_codegen.runtime.integrate.options import MIN_SCIPY_RTOL, RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import integrate_scipy
 from tensegrity_codegen.system.arrays import FloatArray
@@ -68,14 +68,14 @@ def integrate_explicit_to_samples(motion: Motion, options: RunOptions) -> RawTra
     lost = _LostVibration(motion, options, find_frequency, integrate_scipy, like)
     checks = Checks(
         least_atol=noise,
-        least_rtol=SMALLEST_SCIPY_RTOL,
+        least_rtol=MIN_SCIPY_RTOL,
         min_counted=MIN_COUNTED_WITH_KINKS if has_kinks else 0.0,
         rounding=rounding,
         lost=partial(lost.estimate, tolerance=tolerance),
     )
 
     def run(rtol: float, atol: float) -> RawTrajectory:
-        return integrate_scipy(motion, options.within(max(rtol, SMALLEST_SCIPY_RTOL), atol))
+        return integrate_scipy(motion, options.within(max(rtol, MIN_SCIPY_RTOL), atol))
 
     return tighten_until_converged(run, tolerance, checks)
 

@@ -23,7 +23,7 @@ from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import NonFiniteError
 
-ROUNDING = 5e-17  # of positions, in velocities that steps still hold
+POSITION_ROUNDING = 5e-17  # of positions, in velocities that steps still hold
 ITERATIONS = 12  # of two evaluations; a few percent from below where frequencies lie close together
 DISPLACEMENT = 1e-6  # of the largest coordinate, by which coordinates are moved
 
@@ -109,7 +109,7 @@ def find_noise(motion: Motion, frequency: float) -> float:
     """
     is_centre = motion.model.manifest.is_centre
     place = motion.state[: len(is_centre)][~is_centre]
-    return ROUNDING * float(np.abs(place).max(initial=0.0)) * frequency
+    return POSITION_ROUNDING * float(np.abs(place).max(initial=0.0)) * frequency
 
 
 def find_fastest(motion: Motion) -> float:

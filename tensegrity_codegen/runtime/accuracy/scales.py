@@ -12,7 +12,7 @@ from tensegrity_codegen.system.errors import NonFiniteError
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-USUAL = 1e-9  # absolute tolerance over length and speed of the structure
+RELATIVE_ATOL = 1e-9  # absolute tolerance over length and speed of the structure
 
 
 def find_length(manifest: Manifest) -> float:
@@ -27,7 +27,7 @@ def scale_to_length(manifest: Manifest, options: RunOptions) -> RunOptions:
     if options.atol is not None:
         return options
     scale = 1.0 if find_formulation(manifest.formulation).has_angles else find_length(manifest)
-    return replace(options, atol=USUAL * scale)
+    return replace(options, atol=RELATIVE_ATOL * scale)
 
 
 def scale_to_motion(motion: Motion, options: RunOptions) -> RunOptions:
@@ -40,7 +40,7 @@ def scale_to_motion(motion: Motion, options: RunOptions) -> RunOptions:
         return options
     scaled = scale_to_length(motion.model.manifest, options)
     n = len(motion.state) // 2
-    length, speed = scaled.absolute / USUAL, float(np.abs(motion.state[n:]).max(initial=0.0))
+    length, speed = scaled.absolute / RELATIVE_ATOL, float(np.abs(motion.state[n:]).max(initial=0.0))
     try:
         found = motion.model.compute(
             "acceleration", coordinate=motion.state[:n], velocity=motion.state[n:], **motion.arguments
@@ -48,7 +48,7 @@ def scale_to_motion(motion: Motion, options: RunOptions) -> RunOptions:
         speed = max(speed, math.sqrt(length * float(np.abs(found).max(initial=0.0))))
     except NonFiniteError:  # the integrator says so
         pass
-    return replace(scaled, atol_speed=USUAL * max(length, speed))
+    return replace(scaled, atol_speed=RELATIVE_ATOL * max(length, speed))
 
 
 def tolerance_of_options(manifest: Manifest, options: RunOptions) -> Tolerance:

@@ -10,7 +10,7 @@ from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.tables.formulations import find_formulation
 from tensegrity_codegen.tables.manifest import Manifest
 
-BLOCK = 2**20  # numbers compared at a time
+BLOCK_SIZE = 2**20  # numbers compared at a time
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Comparison(NamedTuple):
     where: str
 
 
-APART = Comparison(np.inf, np.inf, np.inf, np.inf, "")  # where a run ended early
+NOT_COMPARABLE = Comparison(np.inf, np.inf, np.inf, np.inf, "")  # where a run ended early
 
 
 def tolerance_for(
@@ -91,9 +91,9 @@ def compare_runs(
     and velocities [m/s] that rounding causes, which count in full; more (2,): allowed beyond the tolerance.
     """
     if loose.status != "ok" or loose.state.shape != tight.state.shape:
-        return APART
+        return NOT_COMPARABLE
     count, width = tight.state.shape
-    rows = max(1, BLOCK // max(width, 1))
+    rows = max(1, BLOCK_SIZE // max(width, 1))
     found = Comparison(0.0, 0.0, 0.0, 0.0, "")
     n_groups = len(tolerance.first)
     extra, by_rounding = (
@@ -103,7 +103,7 @@ def compare_runs(
         block = slice(start, start + rows)
         apart = tolerance.lengths(tight.state[block] - loose.state[block])
         if not np.isfinite(apart).all():
-            return APART
+            return NOT_COMPARABLE
         allowed = extra + tolerance.allowed(tight.state[block])
         beyond = part * np.maximum(apart - by_rounding, 0.0)
         error = (np.minimum(apart, by_rounding) + beyond) / allowed

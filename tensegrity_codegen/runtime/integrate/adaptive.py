@@ -5,9 +5,8 @@ from tensegrity_codegen.runtime.integrate.motion import Motion
 from tensegrity_codegen.runtime.integrate.options import RunOptions
 from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory, is_within_reach
 from tensegrity_codegen.system.errors import FormulationError
-from tensegrity_codegen.tables.manifest import IntegratorSpec
 
-FORESIGHT = 10_000  # steps after which a run that would need ten times that many is given up
+STEPS_BEFORE_FORECAST = 10_000  # steps after which a run that would need ten times that many is given up
 
 
 def integrate_adaptive(motion: Motion, options: RunOptions) -> RawTrajectory:
@@ -28,7 +27,14 @@ class _Run(CRun):
 
     def __init__(self, motion: Motion, options: RunOptions) -> None:
         super().__init__(options.method, motion)
-        _require_keep(self.bound.spec, options.keep)
+        spec, keep = self.bound.spec, options.keep
+        if keep and keep not in spec.keeps:
+            raise FormulationError(
+                f"the library was not built to keep the {keep}",
+                where=spec.symbol,
+                allowed=", ".join(spec.keeps) or "nothing",
+                hint=f'build it with keep = ["{keep}"]',
+            )
         self.options, self.step = options, self.bound.ffi.new("double *", 0.0)
         if options.keep:
             self.events.counts.keeps_energy = 1
@@ -36,7 +42,7 @@ class _Run(CRun):
     def may_go_on(self) -> bool:
         """Whether the end is not reached, and may be with so many trials."""
         most, is_open = self.options.max_steps, bool(self.time[0] < self.motion.t_end)
-        return is_open and is_within_reach(self.events.trials, self.fraction, most, FORESIGHT)
+        return is_open and is_within_reach(self.events.trials, self.fraction, most, STEPS_BEFORE_FORECAST)
 
     def advance(self, count: int) -> None:
         """Try so many steps."""
@@ -58,15 +64,4 @@ class _Run(CRun):
             n_steps=int(counts.n_accepted),
             n_evaluations=int(counts.n_evaluations),
             log=events.log(),
-        )
-
-
-def _require_keep(spec: IntegratorSpec, keep: str) -> None:
-    """Raise FormulationError where the library's integrator was not built to keep this."""
-    if keep and keep not in spec.keeps:
-        raise FormulationError(
-            f"the library was not built to keep the {keep}",
-            where=spec.symbol,
-            allowed=", ".join(spec.keeps) or "nothing",
-            hint=f'build it with keep = ["{keep}"]',
         )

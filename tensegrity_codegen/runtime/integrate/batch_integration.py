@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.integrate.adaptive import FORESIGHT
+from tensegrity_codegen.runtime.integrate.adaptive import STEPS_BEFORE_FORECAST
 from tensegrity_codegen.runtime.integrate.c_run import count_steps
 from tensegrity_codegen.runtime.integrate.integration import find_integrator
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
@@ -31,7 +31,7 @@ from tensegrity_codegen.tables.manifest import STATUS, IntegratorSpec
 
 CountArray = NDArray[np.int64]
 
-OWN_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call
+MOTION_STATUS = ("non_finite_input", "non_finite_result", "step_too_small")  # of one state, not of the call
 
 
 def integrate_batch(motion: Motion, options: RunOptions, threads: int = 1) -> RawBatch:
@@ -135,7 +135,7 @@ class _Batch:
                 break
             status = advance(rows, done, chunk, work)
             done += chunk
-            if status > 0 and STATUS[status] not in OWN_STATUS:
+            if status > 0 and STATUS[status] not in MOTION_STATUS:
                 raise LibraryError(
                     f"the library returned the status {STATUS[status]!r}", where=self.spec.symbol
                 )
@@ -147,7 +147,7 @@ class _Batch:
             return bool(good.any()) and done < self.n_steps_wanted
         trials = self.count[rows, :2].sum(axis=1)
         reach = [
-            is_within_reach(int(n), float(t) / self.end, self.max_steps, FORESIGHT)
+            is_within_reach(int(n), float(t) / self.end, self.max_steps, STEPS_BEFORE_FORECAST)
             for n, t in zip(trials, self.times[rows], strict=True)
         ]
         open_ = good & (self.times[rows] < self.end)

@@ -14,7 +14,7 @@ from tensegrity_codegen.tables.manifest import EVENT_KINDS, JUMP_KINDS, Integrat
 # (time [s], coordinate, velocity) -> a number; where its sign changes is an event.
 Condition = Callable[[float, FloatArray, FloatArray], float]
 
-MOST_LOGGED = 100_000  # events of one run that are kept
+MAX_LOGGED = 100_000  # events of one run that are kept
 NAME_OF_KIND = {bit: kind for kind, bit in EVENT_KINDS.items()}
 
 
@@ -43,7 +43,7 @@ class EventLog:
 
     direction: 1 where a cable goes taut, a member grows longer than where its law switches, bars part or the
     condition becomes positive, -1 for the reverse.
-    count: how many there were, of which the first MOST_LOGGED are kept.
+    count: how many there were, of which the first MAX_LOGGED are kept.
     """
 
     time: FloatArray = field(default_factory=lambda: np.empty(0))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MOST_LOGGED, EventLog, choose_watch
+from tensegrity_codegen.runtime.integrate.event_log import EMPTY_LOG, MAX_LOGGED, EventLog, choose_watch
 from tensegrity_codegen.runtime.integrate.integration import BoundIntegrator
 from tensegrity_codegen.runtime.integrate.methods import find_method
 from tensegrity_codegen.runtime.integrate.motion import Motion
@@ -35,7 +35,7 @@ class EventRun:
             self.counts.profile = bound.knots.struct
         if not self.has_events:
             return
-        self.rows = np.empty(MOST_LOGGED if self.watch.kinds else 0, dtype=EVENT_ROW)
+        self.rows = np.empty(MAX_LOGGED if self.watch.kinds else 0, dtype=EVENT_ROW)
         self.counts.watch, self.counts.stop = self.watch.bits, self.watch.stop_bits
         self.counts.event = ffi.cast("integrator_event *", ffi.from_buffer(self.rows))
         self.counts.most_events = len(self.rows)

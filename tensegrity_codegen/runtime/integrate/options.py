@@ -6,18 +6,18 @@ from typing import Any
 import numpy as np
 
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
-from tensegrity_codegen.runtime.integrate.raw_results import MOST_STEPS
+from tensegrity_codegen.runtime.integrate.raw_results import MAX_STEPS
 from tensegrity_codegen.system.checks import check_instance, check_positive, check_whole
 from tensegrity_codegen.system.errors import InvalidValueError, check_choice
 
 ATOL = 1e-9  # of a structure of a metre
-MOST_FIXED_STEPS = 100_000_000  # unless `max_steps` allows more: some seconds for a small structure
-MOST_LONG_STEPS = 100_000_000  # the same of a run that keeps the energy: such runs are long
+MAX_FIXED_STEPS = 100_000_000  # unless `max_steps` allows more: some seconds for a small structure
+MAX_STEPS_KEEPING_ENERGY = 100_000_000  # the same of a run that keeps the energy: such runs are long
 CONTROLS = ("samples", "steps")  # what the tolerance bounds: the error of every sample, or of each step
-KEPT = ("energy",)
-MOST_SAMPLES = 1_000_000
-LARGEST_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
-SMALLEST_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
+KEPT_QUANTITIES = ("energy",)
+MAX_SAMPLES = 1_000_000
+MAX_STEP_COUNT = 2**53  # steps; beyond, the time n h is no longer told from its neighbours
+MIN_SCIPY_RTOL = 100 * np.finfo(np.float64).eps  # SciPy raises smaller ones to this
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class RunOptions:
     rtol: float = 1e-6
     atol: float | None = None
     step: float | None = None
-    max_steps: int = MOST_STEPS
+    max_steps: int = MAX_STEPS
     keep: str = ""
     control: str = "samples"
     atol_speed: float | None = None
@@ -70,7 +70,7 @@ def complete_run_options(
     """
     check_instance(keep, str, "keep", "a text")
     check_instance(control, (str, type(None)), "control", f"{' or '.join(CONTROLS)}, or None")
-    most = MOST_LONG_STEPS if keep else MOST_STEPS
+    most = MAX_STEPS_KEEPING_ENERGY if keep else MAX_STEPS
     usual = "steps" if keep else "samples"
     return RunOptions(
         method, rtol, atol, step, most if max_steps is None else max_steps, keep, control or usual
@@ -84,8 +84,15 @@ def check_options(options: RunOptions, t_end: float, samples: int) -> None:
     """
     find_method(options.method)
     _check_keep(options.keep, options.method)
-    _check_control(options)
-    _check_span(t_end, samples)
+    if options.control not in CONTROLS:
+        raise InvalidValueError(
+            "unknown control of the error",
+            where="control",
+            given=options.control,
+            allowed=", ".join(CONTROLS),
+        )
+    check_positive(t_end, "t_end")
+    check_whole(samples, "samples", 2, MAX_SAMPLES, "not a number of samples")
     _check_tolerances(options)
     _check_steps(options, t_end)
 
@@ -94,7 +101,7 @@ def _check_keep(keep: str, method: str) -> None:
     """Raise UnknownNameError or InvalidValueError for what no method, or not this one, can keep."""
     if not keep:
         return
-    check_choice(keep, KEPT, "quantity to keep constant", "keep")
+    check_choice(keep, KEPT_QUANTITIES, "quantity to keep constant", "keep")
     if not find_method(method).keeps_energy:
         raise InvalidValueError(
             f"method {method!r} cannot keep the energy",
@@ -103,21 +110,6 @@ def _check_keep(keep: str, method: str) -> None:
             allowed=f"with the methods {', '.join(list_methods('keeps_energy'))}",
             hint='`method="auto"`',
         )
-
-
-def _check_control(options: RunOptions) -> None:
-    if options.control not in CONTROLS:
-        raise InvalidValueError(
-            "unknown control of the error",
-            where="control",
-            given=options.control,
-            allowed=", ".join(CONTROLS),
-        )
-
-
-def _check_span(t_end: float, samples: int) -> None:
-    check_positive(t_end, "t_end")
-    check_whole(samples, "samples", 2, MOST_SAMPLES, "not a number of samples")
 
 
 def _check_tolerances(options: RunOptions) -> None:
@@ -131,12 +123,12 @@ def _check_tolerances(options: RunOptions) -> None:
             given=options.rtol,
             allowed="a number > 0 and < 1",
         )
-    if find_method(options.method).scipy and options.rtol < SMALLEST_SCIPY_RTOL:
+    if find_method(options.method).scipy and options.rtol < MIN_SCIPY_RTOL:
         raise InvalidValueError(
             "too small for SciPy's methods",
             where="rtol",
             given=options.rtol,
-            allowed=f"at least {SMALLEST_SCIPY_RTOL:.3g}",
+            allowed=f"at least {MIN_SCIPY_RTOL:.3g}",
         )
 
 
@@ -153,9 +145,9 @@ def _check_steps(options: RunOptions, t_end: float) -> None:
         raise InvalidValueError(
             "only fixed-step methods take a step", where="step", given=options.step, hint='`method="rk4"`'
         )
-    check_whole(options.max_steps, "max_steps", 1, LARGEST_COUNT)
+    check_whole(options.max_steps, "max_steps", 1, MAX_STEP_COUNT)
     if options.step is not None:
-        _check_step(options.step, t_end, max(options.max_steps, MOST_FIXED_STEPS))
+        _check_step(options.step, t_end, max(options.max_steps, MAX_FIXED_STEPS))
 
 
 def _check_step(step: float, t_end: float, most: int) -> None:

@@ -12,7 +12,7 @@ from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
 
 # What the C function counts, in its order.
 RADAU_COUNTS = ("accepted", "rejected", "newton_failures", "factorisations", "iterations", "evaluations")
-FORESIGHT = 5_000  # steps after which a run that would need ten times that many is given up
+STEPS_BEFORE_FORECAST = 5_000  # steps after which a run that would need ten times that many is given up
 
 
 def integrate_radau(motion: Motion, options: RunOptions, *, quiet: float = 0.0) -> RawTrajectory:
@@ -52,7 +52,7 @@ class _Run(CRun):
     def may_go_on(self) -> bool:
         """Whether the end is not reached, and may be with so many trials."""
         most, is_open = self.options.max_steps, bool(self.time[0] < self.motion.t_end)
-        return is_open and is_within_reach(sum(self.count[0:3]), self.fraction, most, FORESIGHT)
+        return is_open and is_within_reach(sum(self.count[0:3]), self.fraction, most, STEPS_BEFORE_FORECAST)
 
     def advance(self, count: int) -> None:
         """Try so many steps."""

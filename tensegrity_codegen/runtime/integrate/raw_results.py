@@ -13,7 +13,7 @@ from tensegrity_codegen.tables.manifest import STATUS
 
 CountArray = NDArray[np.int64]
 
-MOST_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members
+MAX_STEPS = 1_000_000  # steps that a run may try unless told otherwise: seconds for a dozen members
 NOT_ESTIMATED = 'the error at the samples is not estimated (`control="samples"`)'
 GIVEN_UP = -1  # in place of a status of C's: too many steps are in sight
 

@@ -21,8 +21,8 @@ from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.errors import ConvergenceError, NonFiniteError
 
 # Of the time, where a function of time may change anything, or bars may touch: steps must not pass over it.
-LONGEST_STEP = 0.01
-AT_ONCE = 1e-9  # of the largest coordinate: pairs of bars this near touch with the first one
+MAX_STEP = 0.01
+SAME_DISTANCE = 1e-9  # of the largest coordinate: pairs of bars this near touch with the first one
 
 
 def build_derivative(
@@ -72,7 +72,7 @@ class _Contact:
         """Return the pairs of bars that touch at a time [s]."""
         distance, size = self._measure(time, state), float(np.abs(state[: len(state) // 2]).max())
         names = self.motion.model.manifest.bar_pair_name
-        touching = tuple(names[k] for k in np.flatnonzero(distance <= distance.min() + AT_ONCE * size))
+        touching = tuple(names[k] for k in np.flatnonzero(distance <= distance.min() + SAME_DISTANCE * size))
         count = len(touching)
         return EventLog(np.full(count, time), ("contact",) * count, touching, np.full(count, -1), count)
 
@@ -104,7 +104,11 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
         name = f"scipy {method}"
         return RawTrajectory(times[: len(kept)], kept, status, message, name, steps.count, count)
 
-    for start, end in pairwise((0.0, *_list_kinks(motion), motion.t_end)):
+    kinks: list[float] = []
+    if isinstance(motion.schedule, DrivenArguments):
+        pieces = motion.schedule.pieces
+        kinks = [time for time in pieces.time[pieces.is_kink].tolist() if time < motion.t_end]
+    for start, end in pairwise((0.0, *kinks, motion.t_end)):
         is_last = end == motion.t_end
         inside = times[(times >= start) & ((times < end) | is_last)]
         try:
@@ -133,15 +137,6 @@ def integrate_scipy(motion: Motion, options: RunOptions) -> RawTrajectory:
     return finish("ok", f"{steps.count} steps")
 
 
-def _list_kinks(motion: Motion) -> list[float]:
-    """Return the times [s] within the motion at which its profile has a kink; none without a profile."""
-    if not isinstance(motion.schedule, DrivenArguments):
-        return []
-    pieces = motion.schedule.pieces
-    kinks = pieces.time[pieces.is_kink]
-    return [float(time) for time in kinks[kinks < motion.t_end]]
-
-
 def _run(
     motion: Motion,
     options: RunOptions,
@@ -168,6 +163,6 @@ def _run(
             t_eval=times,
             rtol=options.rtol,
             atol=options.absolute,
-            max_step=LONGEST_STEP * motion.t_end if is_function or watched[1] else np.inf,
+            max_step=MAX_STEP * motion.t_end if is_function or watched[1] else np.inf,
             events=[event for event in watched if event is not None],
         )

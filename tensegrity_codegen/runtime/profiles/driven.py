@@ -1,9 +1,12 @@
-"""A profile bound to a model: the arguments of the model over time."""
+"""A profile bound to a model: its arguments over time, in Python and as the C integrators read them.
+
+A profile must not change lengths of rigid bars and, for radau, laws of members with own tensions.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -14,8 +17,11 @@ from tensegrity_codegen.runtime.profiles.pieces import Pieces
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.system.arrays import FloatArray, IntArray
 from tensegrity_codegen.system.errors import InvalidValueError
+from tensegrity_codegen.tables.integrators import STIFF_INTEGRATOR
+from tensegrity_codegen.tables.manifest import Manifest
 
 SAME_TIME = 1e-12  # of t_end, by which rounding may have a profile end before it
+EXTRA_TIME = 1e-12  # of the last time, by which n steps of a fixed length may end beyond it
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +125,118 @@ def check_not_constant(
             given=f"{named[0]} in the profile, and {arguments[named[0]]!r}",
             allowed="one of them",
         )
+
+
+class KnotsInC:
+    """The struct that an integration in C follows, and the arrays that it points to.
+
+    Raises KeyError for an argument that the integrators of the library do not take over time.
+    """
+
+    def __init__(self, ffi: Any, manifest: Manifest, driven: DrivenArguments) -> None:
+        first = _find_places(manifest)
+        pieces = driven.pieces
+        time = pieces.time.copy()
+        time[-1] += EXTRA_TIME * abs(time[-1])
+        n_pieces, rows, n_values = pieces.coefficient.shape
+        self._arrays = (
+            np.array([first[name] + k for name, k in driven.place], dtype=np.int32),
+            time,
+            np.ascontiguousarray(pieces.coefficient, dtype=np.float64),
+            np.ascontiguousarray(pieces.is_kink, dtype=np.int32),
+        )
+        kinds = ("int[]", "double[]", "double[]", "int[]")
+        names = ("place", "time", "coefficient", "is_kink")
+        self._kept = [ffi.from_buffer(kind, array) for kind, array in zip(kinds, self._arrays, strict=True)]
+        self.struct = ffi.new("integrator_profile *")
+        self.struct.n_pieces, self.struct.degree, self.struct.n_values = n_pieces, rows - 1, n_values
+        for name, pointer in zip(names, self._kept, strict=True):
+            setattr(self.struct, name, pointer)
+
+
+def follows_in_c(schedule: Any, manifest: Manifest) -> TypeGuard[DrivenArguments]:
+    """Return whether the C integrators of a library can follow a schedule."""
+    if not isinstance(schedule, DrivenArguments):
+        return False
+    return all(name in manifest.driven for name, _ in schedule.place)
+
+
+def _find_places(manifest: Manifest) -> dict[str, int]:
+    """Return where each argument begins among the numbers that can change with time."""
+    found, place = {}, 0
+    for name in manifest.driven:
+        found[name] = place
+        place += len(manifest.argument(name).nominal) if name != "pull" else 0  # which stands last
+    return found
+
+
+def find_changing(model: CompiledModel, schedule: DrivenArguments) -> tuple[str, ...]:
+    """Return the members whose laws radau holds constant and this profile changes.
+
+    "masses" where these change; () for a library without radau.
+    """
+    tensions = next(
+        (spec.tensions for spec in model.manifest.integrators if spec.name == STIFF_INTEGRATOR), ()
+    )
+    if not model.has("member_law") or not model.has("mass_matrix"):
+        return ()
+    chosen = list(tensions)
+    law, mass = _evaluate(model, schedule, 0.0)
+    changed, masses = np.zeros(len(chosen), dtype=bool), False
+    for time in _list_times(schedule):
+        other, other_mass = _evaluate(model, schedule, time)
+        changed |= (other[chosen] != law[chosen]).any(axis=1)
+        masses |= bool((other_mass != mass).any())
+    names = [model.manifest.member_name[chosen[k]] for k in np.flatnonzero(changed)]
+    return (*names, "masses") if masses else tuple(names)
+
+
+def check_laws(model: CompiledModel, schedule: Any) -> None:
+    """Raise InvalidValueError where radau cannot follow a profile, naming the members that it changes."""
+    names = find_changing(model, schedule)
+    if names:
+        shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        raise InvalidValueError(
+            "radau holds masses, and rest lengths and stiffnesses of members without slack, constant",
+            where="schedule",
+            given=f"a profile that changes {shown}",
+            allowed="profiles of cables that can go slack, loads and forces",
+            hint='method="auto" or an explicit method follows this profile',
+        )
+
+
+def check_rigid(model: CompiledModel, schedule: DrivenArguments) -> None:
+    """Raise InvalidValueError for a profile that changes the length of a rigid bar.
+
+    The equations of motion know constraints that stand still: they lack velocities and accelerations of a
+    bar that grows.
+    """
+    name = "consistent_coordinate"
+    if not model.has(name) or not set(schedule.base) & set(model.function(name).spec.arguments):
+        return
+    place = model.nominal("coordinate")
+    first = model.compute(name, coordinate=place, **schedule(0.0))
+    for time in _list_times(schedule):
+        if (model.compute(name, coordinate=place, **schedule(time)) != first).any():
+            raise InvalidValueError(
+                "rigid bars keep their lengths during a motion",
+                where="schedule",
+                given=f"a profile that changes them at t = {time:.6g} s",
+                allowed="profiles of members with a stiffness, loads and forces",
+                hint="give the bar an axial_stiffness",
+            )
+
+
+def _list_times(schedule: DrivenArguments) -> list[float]:
+    """Return times [s] of every piece; a polynomial that is constant at so many points is constant."""
+    pieces = schedule.pieces
+    start, end = pieces.time[:-1], pieces.time[1:]
+    rows = pieces.coefficient.shape[1]
+    shares = np.arange(rows) / rows
+    return list(np.sort(np.concatenate([start + share * (end - start) for share in shares])).tolist())
+
+
+def _evaluate(model: CompiledModel, schedule: DrivenArguments, time: float) -> tuple[Any, Any]:
+    """Return laws (n_members, ...) and the entries of the mass matrix at a time [s]."""
+    given = schedule(time)
+    return np.asarray(model.compute("member_law", **given)), model.compute("mass_matrix", **given).data

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensegrity_codegen.system.arrays import FloatArray
 
-JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
+MIN_JUMP = 1e-9  # of the largest value: a larger difference of two neighbouring pieces is a jump
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Pieces:
         size = max(map(abs, values))
         ends = [self.polynomial(k, float(t))[column] for k, t in enumerate(np.diff(self.time))]
         steps = np.abs(np.array(ends[:-1]) - self.coefficient[1:, 0, column])
-        jumps = bool((steps > JUMP * size).any())
+        jumps = bool((steps > MIN_JUMP * size).any())
         return (min(values), max(values)), np.inf if jumps else max(map(abs, rates))
 
 

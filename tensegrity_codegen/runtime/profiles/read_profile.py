@@ -9,7 +9,7 @@ from tensegrity_codegen.scene.formats.files.csv_table import Row, read_table
 from tensegrity_codegen.system.checks import check_names, check_path
 from tensegrity_codegen.system.errors import InvalidValueError, TensegrityError
 
-TIME = "time"
+TIME_COLUMN = "time"
 
 
 def read_profile(path: str | Path, input_name: Sequence[str], kind: Any = "linear") -> Profile:
@@ -59,17 +59,17 @@ def read_profile(path: str | Path, input_name: Sequence[str], kind: Any = "linea
             where=str(file),
             hint="state them under [[inputs]] in the scene",
         )
-    rows = read_table(file, (TIME, *input_name), (TIME,))
-    names = [name for name in (rows[0].cells if rows else ()) if name != TIME]
+    rows = read_table(file, (TIME_COLUMN, *input_name), (TIME_COLUMN,))
+    names = [name for name in (rows[0].cells if rows else ()) if name != TIME_COLUMN]
     if not names:
         raise InvalidValueError(
             "the profile has no rows" if not rows else "the profile has no column of an input",
             where=str(file),
             allowed=f"rows with time and {' or '.join(input_name)}",
         )
-    columns = {name: [_read_cell(row, name) for row in rows] for name in (TIME, *names)}
+    columns = {name: [_read_cell(row, name) for row in rows] for name in (TIME_COLUMN, *names)}
     try:
-        return Profile(columns.pop(TIME), columns, kind)
+        return Profile(columns.pop(TIME_COLUMN), columns, kind)
     except TensegrityError as error:
         error.where = f"{file}: {error.where}"
         raise

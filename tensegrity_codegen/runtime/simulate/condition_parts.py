@@ -24,7 +24,7 @@ from tensegrity_codegen.tables.manifest import FunctionSpec, Manifest
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
 # The names that the entries of a quantity can be asked for by.
-NAMED = {"n_members": "member_name", "n_coordinates": "coordinate_name", "n_bar_pairs": "bar_pair_name"}
+ENTRY_NAMES = {"n_members": "member_name", "n_coordinates": "coordinate_name", "n_bar_pairs": "bar_pair_name"}
 
 Values = Mapping[str, Any]
 
@@ -183,7 +183,7 @@ class _Translator:
             return self.manifest.node_name
         if dimension == "n_axes":
             return tuple("xyz"[k] for k in self.manifest.axes)
-        names: tuple[str, ...] = getattr(self.manifest, NAMED.get(dimension, ""), ())
+        names: tuple[str, ...] = getattr(self.manifest, ENTRY_NAMES.get(dimension, ""), ())
         return names
 
 

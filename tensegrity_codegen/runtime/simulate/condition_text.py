@@ -18,8 +18,8 @@ from tensegrity_codegen.system.errors import InvalidValueError, NonFiniteError, 
 from tensegrity_codegen.tables.quantities import QUANTITIES
 
 WHERE = "condition"
-LONGEST = 500  # characters
-DEEPEST = 50  # levels of parts within parts
+MAX_LENGTH = 500  # characters
+MAX_DEPTH = 50  # levels of parts within parts
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -38,7 +38,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": np.max,
     "sum": np.sum,
 }
-OF_ONE_PART = ("abs", "sqrt")
+UNARY_FUNCTIONS = ("abs", "sqrt")
 ALLOWED = f"numbers, time, quantities, node.x, + - * / **, {', '.join(FUNCTIONS)}, one comparison"
 
 
@@ -48,9 +48,9 @@ def parse_condition(text: str) -> ast.expr:
     Raises InvalidValueError for what is no such expression, UnknownNameError for unknown quantities and
     functions, NonFiniteError for a constant part that is no finite number, such as 1/0.
     """
-    if len(text) > LONGEST:
+    if len(text) > MAX_LENGTH:
         raise InvalidValueError(
-            "too long", where=WHERE, given=f"{len(text)} characters", allowed=f"up to {LONGEST}"
+            "too long", where=WHERE, given=f"{len(text)} characters", allowed=f"up to {MAX_LENGTH}"
         )
     try:
         with warnings.catch_warnings():
@@ -101,14 +101,14 @@ def _compared(body: ast.expr) -> tuple[ast.expr, ...]:
 
 def _check_depth(body: ast.expr) -> None:
     level: list[ast.AST] = [body]
-    for _ in range(DEEPEST):
+    for _ in range(MAX_DEPTH):
         level = [child for node in level for child in ast.iter_child_nodes(node)]
         if not level:
             return
     raise InvalidValueError(
         "the condition is nested too deeply",
         where=WHERE,
-        allowed=f"up to {DEEPEST} levels",
+        allowed=f"up to {MAX_DEPTH} levels",
         hint="simplify it",
     )
 
@@ -170,8 +170,8 @@ def _check_call(node: ast.Call, name: str) -> np.float64 | None:
         raise UnknownNameError(
             "unknown function in a condition", where=WHERE, given=name[:80], hint=suggest(name, FUNCTIONS)
         )
-    if not node.args or (name in OF_ONE_PART and len(node.args) > 1):
-        count = "one argument" if name in OF_ONE_PART else "one argument or more"
+    if not node.args or (name in UNARY_FUNCTIONS and len(node.args) > 1):
+        count = "one argument" if name in UNARY_FUNCTIONS else "one argument or more"
         raise _refuse(f"{name} takes {count}, not {len(node.args)}", node, f"{name}(...) of {count}")
     function, values = FUNCTIONS[name], [_check(part) for part in node.args]
     return _fold(lambda *numbers: function(numbers if len(numbers) > 1 else numbers[0]), values)

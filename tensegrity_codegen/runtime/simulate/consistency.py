@@ -11,7 +11,7 @@ from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.formulations import find_formulation
 
 TOLERANCE = 1e-9  # of the largest entry
-ROUNDS = 4  # lengths that follow the tension depend on the state that they correct
+MAX_ITERATIONS = 4  # lengths that follow the tension depend on the state that they correct
 
 
 def make_consistent(
@@ -26,7 +26,7 @@ def make_consistent(
     if not model.has("consistent_coordinate"):
         return coordinate, velocity
     state = {"coordinate": coordinate, "velocity": velocity}
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         found = dict(state)
         for name in found:
             found[name] = model.compute(f"consistent_{name}", **{**arguments, **found})

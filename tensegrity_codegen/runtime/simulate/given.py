@@ -8,14 +8,19 @@ from numpy.typing import ArrayLike
 
 from tensegrity_codegen.runtime.integrate.methods import find_method, list_methods
 from tensegrity_codegen.runtime.integrate.motion import Schedule
-from tensegrity_codegen.runtime.integrate.options import MOST_SAMPLES, RunOptions
+from tensegrity_codegen.runtime.integrate.options import MAX_SAMPLES, RunOptions
 from tensegrity_codegen.runtime.model.arguments import check_arguments
 from tensegrity_codegen.runtime.model.arrays import check_finite, check_shape, to_array
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.named_inputs import INPUT, merge_inputs, unify_name
-from tensegrity_codegen.runtime.profiles.driven import DrivenArguments, bind_profile, check_not_constant
-from tensegrity_codegen.runtime.profiles.knots import follows_in_c
-from tensegrity_codegen.runtime.profiles.laws import check_laws, check_rigid
+from tensegrity_codegen.runtime.profiles.driven import (
+    DrivenArguments,
+    bind_profile,
+    check_laws,
+    check_not_constant,
+    check_rigid,
+    follows_in_c,
+)
 from tensegrity_codegen.runtime.profiles.profile import Profile
 from tensegrity_codegen.runtime.simulate.consistency import make_consistent
 from tensegrity_codegen.system.arrays import FloatArray
@@ -64,11 +69,11 @@ def read_sample_times(samples: int | ArrayLike, t_end: float) -> FloatArray:
     """
     check_positive(t_end, "t_end", "[s]")
     if not isinstance(samples, Sequence | np.ndarray):
-        count = check_whole(samples, "samples", 2, MOST_SAMPLES, "not a number of samples")
+        count = check_whole(samples, "samples", 2, MAX_SAMPLES, "not a number of samples")
         return np.linspace(0.0, t_end, count)
-    allowed = f"increasing times [s], the first 0 and the last t_end = {t_end}, at most {MOST_SAMPLES}"
+    allowed = f"increasing times [s], the first 0 and the last t_end = {t_end}, at most {MAX_SAMPLES}"
     times = np.array(to_array(samples, PRECISIONS["double"], "samples", allowed))
-    good = times.ndim == 1 and 2 <= times.size <= MOST_SAMPLES
+    good = times.ndim == 1 and 2 <= times.size <= MAX_SAMPLES
     if not (good and times[0] == 0.0 and times[-1] == t_end and (np.diff(times) > 0.0).all()):
         raise InvalidValueError("not times of samples", where="samples", given=samples, allowed=allowed)
     return times

@@ -12,7 +12,7 @@ from tensegrity_codegen.system.errors import InvalidValueError, SceneSyntaxError
 from tensegrity_codegen.tables.manifest import Manifest
 
 OF_NODES = {"node_position": "coordinate", "node_velocity": "velocity"}
-HELD = 1e-9  # of the largest entry, by which what is held may differ from the scene
+HELD_TOLERANCE = 1e-9  # of the largest entry, by which what is held may differ from the scene
 
 
 def read_starts(path: str | Path, manifest: Manifest) -> dict[str, Any]:
@@ -77,8 +77,8 @@ def _pick(array: FloatArray, name: str, manifest: Manifest, where: str) -> Float
     is_held = np.ones(stated.shape, dtype=bool)
     is_held[places[:, 0], places[:, 1]] = False
     apart = np.where(is_held, np.abs(array - stated), 0.0)
-    if not np.all(apart <= HELD * max(1.0, float(np.abs(stated).max()))):
-        motion, node, _ = (int(k) for k in np.argwhere(~(apart <= HELD))[0])
+    if not np.all(apart <= HELD_TOLERANCE * max(1.0, float(np.abs(stated).max()))):
+        motion, node, _ = (int(k) for k in np.argwhere(~(apart <= HELD_TOLERANCE))[0])
         raise InvalidValueError(
             "an anchored node cannot start at another position",
             where=f"{where}: {name}",

@@ -15,9 +15,9 @@ from tensegrity_codegen.runtime.integrate.raw_results import RawTrajectory
 from tensegrity_codegen.runtime.integrate.scipy_methods import find_distances
 from tensegrity_codegen.runtime.model.model import CompiledModel
 from tensegrity_codegen.runtime.model.require import require_quantities
-from tensegrity_codegen.runtime.profiles.knots import follows_in_c
+from tensegrity_codegen.runtime.profiles.driven import follows_in_c
 from tensegrity_codegen.runtime.simulate.condition import build_condition, is_comparison
-from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+from tensegrity_codegen.runtime.trajectory.trajectory import MotionEvent
 from tensegrity_codegen.system.errors import InvalidValueError
 from tensegrity_codegen.tables.manifest import JUMP_KINDS
 

@@ -13,7 +13,7 @@ from tensegrity_codegen.tables.manifest import Manifest
 ENERGY_TOLERANCE = 0.1
 # Change of coordinates over the largest of them, below which nothing moves: a hundredth of the default
 # absolute tolerance. Multipliers of rigid bars make that of rounding: 1e-13 in a tenth of a second.
-ROUNDING = 1e-11
+MIN_RELATIVE_MOTION = 1e-11
 
 
 @dataclass(frozen=True)
@@ -56,22 +56,16 @@ def balance_energy(kinetic: FloatArray, total: FloatArray, coordinate: FloatArra
     floor = 1e-9 * np.fmax.reduce(np.abs(total - kinetic), axis=-1)
     scale = np.fmax(np.fmax.reduce(kinetic, axis=-1), floor)
     scale = np.where(scale == 0.0, 1.0, scale)
-    scale = np.where(_is_still(coordinate), np.inf, scale)
+    # Motions that keep their coordinates up to rounding.
+    axes = (-2, -1)
+    moved = np.fmax.reduce(np.abs(coordinate - coordinate[..., :1, :]), axis=axes, initial=0.0)
+    size = np.fmax.reduce(np.abs(coordinate), axis=axes, initial=0.0)
+    scale = np.where(moved <= MIN_RELATIVE_MOTION * size, np.inf, scale)
     return EnergyBalance(
         drift=np.asarray(np.fmax.reduce(np.abs(change), axis=-1) / scale),
         has_grown=change > ENERGY_TOLERANCE * scale[..., None],
         has_lost=np.asarray(np.fmax.reduce(-change, axis=-1) > ENERGY_TOLERANCE * scale),
     )
-
-
-def _is_still(coordinate: FloatArray) -> NDArray[np.bool_]:
-    """Return whether each motion (...) keeps its coordinates (..., n_t, n_coordinates) up to rounding."""
-    change = np.abs(coordinate - coordinate[..., :1, :])
-    axes = (-2, -1)
-    moved = np.fmax.reduce(change, axis=axes, initial=0.0)
-    size = np.fmax.reduce(np.abs(coordinate), axis=axes, initial=0.0)
-    still: NDArray[np.bool_] = np.asarray(moved <= ROUNDING * size)
-    return still
 
 
 def find_energy_flow(

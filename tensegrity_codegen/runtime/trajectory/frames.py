@@ -1,12 +1,17 @@
-"""Motions as objects of pandas and xarray, which are optional packages."""
+"""Motions as a table with a row for each sample, and as objects of pandas and xarray (optional packages)."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tensegrity_codegen.runtime.trajectory.columns import FIRST_OF_BATCH, list_columns, list_input_units
+from tensegrity_codegen.structure.bodies import BodySystem
+from tensegrity_codegen.structure.structure import Structure
 from tensegrity_codegen.system.extras import TABLES, import_extra
+from tensegrity_codegen.tables.quantities.arguments import INPUT_UNITS
 
+MOTION_COLUMN = "motion"  # column of the number of each motion of a batch
 # Arrays of a motion, their axes after the samples, units and meanings.
 VARIABLES = {
     "node_position": (("node", "axis"), "m", "position"),
@@ -17,6 +22,45 @@ VARIABLES = {
 }
 
 
+def list_columns(motion: Any) -> dict[str, NDArray[Any]]:
+    """Return the columns of a Trajectory, or of the motions of a BatchTrajectory, by their names.
+
+    The names have their units: ``time [s]``, ``t1.x [m]``, ``t1.vx [m/s]``, ``bar1.tension [N]``, and those
+    of inputs where the structure is known. The table of a batch starts with a column ``motion``, the number
+    of each motion from 0 on, and has the samples that each motion reached.
+    """
+    if motion.node_position.ndim == 3:
+        return _list_one(motion)
+    motions = list(motion)
+    tables = [_list_one(one) for one in motions]
+    numbers = [np.full(len(one.time), number) for number, one in enumerate(motions)]
+    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    return {MOTION_COLUMN: np.concatenate(numbers), **joined}
+
+
+def list_input_units(structure: Structure | BodySystem | None) -> Mapping[str, str]:
+    """Return the unit of each input by its name; empty where the structure is not known."""
+    return {} if structure is None else {item.name: INPUT_UNITS[item.kind] for item in structure.inputs}
+
+
+def _list_one(motion: Any) -> dict[str, NDArray[Any]]:
+    columns: dict[str, NDArray[Any]] = {"time [s]": motion.time}
+    for values, prefix, unit in ((motion.node_position, "", "m"), (motion.node_velocity, "v", "m/s")):
+        for k, node in enumerate(motion.node_name):
+            for axis, letter in enumerate("xyz"):
+                columns[f"{node}.{prefix}{letter} [{unit}]"] = values[:, k, axis]
+    for k, member in enumerate(motion.member_name):
+        columns[f"{member}.tension [N]"] = motion.member_tension[:, k]
+    columns["kinetic_energy [J]"] = motion.kinetic_energy
+    columns["total_energy [J]"] = motion.total_energy
+    units = list_input_units(motion.structure)
+    if getattr(motion, "input", None) is not None:
+        for k, name in enumerate(motion.input_name):
+            unit = f" [{units[name]}]" if name in units else ""
+            columns[f"input.{name}{unit}"] = motion.input[:, k]
+    return columns
+
+
 def build_frame(motion: Any) -> Any:
     """Return a Trajectory as a pandas.DataFrame over time, a BatchTrajectory over motion and time.
 
@@ -24,7 +68,7 @@ def build_frame(motion: Any) -> Any:
     """
     pandas = import_extra("pandas", TABLES)
     columns = list_columns(motion)
-    names = [name for name in (FIRST_OF_BATCH, "time [s]") if name in columns]
+    names = [name for name in (MOTION_COLUMN, "time [s]") if name in columns]
     index = [columns.pop(name) for name in names]
     if len(index) == 1:
         return pandas.DataFrame(columns, index=pandas.Index(index[0], name=names[0]))
@@ -37,7 +81,7 @@ def build_dataset(motion: Any) -> Any:
     Raises MissingExtraError where xarray is not installed.
     """
     xarray = import_extra("xarray", TABLES)
-    first = ("time",) if motion.node_position.ndim == 3 else (FIRST_OF_BATCH, "time")
+    first = ("time",) if motion.node_position.ndim == 3 else (MOTION_COLUMN, "time")
     data: dict[str, Any] = {
         name: ((*first, *axes), getattr(motion, name), {"units": unit, "long_name": meaning})
         for name, (axes, unit, meaning) in VARIABLES.items()
@@ -49,7 +93,7 @@ def build_dataset(motion: Any) -> Any:
         "axis": ["x", "y", "z"],
     }
     if len(first) == 2:
-        coords[FIRST_OF_BATCH] = np.arange(len(motion.node_position))
+        coords[MOTION_COLUMN] = np.arange(len(motion.node_position))
     values, names = getattr(motion, "input", None), getattr(motion, "input_name", ())
     if values is not None:
         units = list_input_units(motion.structure)

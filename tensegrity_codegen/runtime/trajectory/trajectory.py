@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,26 @@ from tensegrity_codegen.runtime.trajectory.sampled import Sampled
 from tensegrity_codegen.system.arrays import FloatArray
 from tensegrity_codegen.system.summaries import Fact, count_names, describe_number
 
-if TYPE_CHECKING:
-    from tensegrity_codegen.runtime.trajectory.motion_event import MotionEvent
+
+@dataclass(frozen=True)
+class MotionEvent:
+    """What has ended a motion.
+
+    kind: "contact" or "condition"; names: all pairs of bars that touch at once, as by symmetry, or the
+    condition; time [s]; margin: distance of these bars [m], zero to rounding, negative where the motion
+    started with an overlap; coordinate, velocity (n_coordinates,): the state there.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    time: float
+    margin: float
+    coordinate: FloatArray
+    velocity: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the event as one JSON-ready object, without the state."""
+        return {"kind": self.kind, "names": self.names, "time": self.time, "margin": self.margin}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -76,7 +94,7 @@ class Trajectory(Sampled):
     n_evaluations: int = 0
     step: float | None = None
     error_estimate: float | None = None
-    events: "tuple[MotionEvent, ...]" = ()
+    events: tuple[MotionEvent, ...] = ()
     log: EventLog = EMPTY_LOG
     evidence: Mapping[str, float] = field(default_factory=dict)
     why_method: str = ""

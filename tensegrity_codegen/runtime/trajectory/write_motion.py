@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tensegrity_codegen.runtime.model.array_file import write_arrays
-from tensegrity_codegen.runtime.trajectory.columns import list_columns
+from tensegrity_codegen.runtime.trajectory.frames import list_columns
 from tensegrity_codegen.system.files import check_ending
 from tensegrity_codegen.system.table_files import require_packages, write_csv, write_mat, write_parquet
 

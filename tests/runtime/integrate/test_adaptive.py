@@ -261,7 +261,7 @@ def test_differences_of_runs_are_found_in_blocks(monkeypatch: pytest.MonkeyPatch
     states = rng.normal(size=(2, 7, 6))
     loose, tight = (RawTrajectory(np.linspace(0, 1, 7), state, "ok", "", "rk54", 1, 1) for state in states)
     whole = compare_runs(loose, tight, single(1e-3, 1e-6, 3))
-    monkeypatch.setattr(tolerance, "BLOCK", 10)
+    monkeypatch.setattr(tolerance, "BLOCK_SIZE", 10)
     assert compare_runs(loose, tight, single(1e-3, 1e-6, 3)) == whole
     ratio = np.abs(states[1] - states[0]) / (1e-6 + 1e-3 * np.abs(states[1]))
     assert whole.error == pytest.approx(ratio.max(), rel=1e-12)

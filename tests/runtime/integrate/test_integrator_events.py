@@ -271,7 +271,7 @@ def test_the_same_bits_come_out_again_and_in_many_calls(method: str, monkeypatch
 def test_events_beyond_the_log_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     model = build(net())
     whole = run("rk853", model, [0.0, 3.0], 1e-8)
-    monkeypatch.setattr(event_run, "MOST_LOGGED", 7)
+    monkeypatch.setattr(event_run, "MAX_LOGGED", 7)
     short = run("rk853", model, [0.0, 3.0], 1e-8)
     assert short.log.count == whole.log.count > 7
     np.testing.assert_array_equal(short.log.time, whole.log.time[:7])
@@ -357,7 +357,7 @@ def test_a_condition_that_is_no_number_ends_the_run() -> None:
 
 
 def test_the_log_keeps_at_least_a_hundred_thousand_events() -> None:
-    assert event_log.MOST_LOGGED >= 100_000
+    assert event_log.MAX_LOGGED >= 100_000
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])

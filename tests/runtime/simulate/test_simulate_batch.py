@@ -201,7 +201,7 @@ def test_a_tolerance_that_no_step_meets_is_told_of_each(
     model: CompiledModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     coordinate = starts(model, 3)
-    monkeypatch.setattr(batch_integration, "FORESIGHT", 1)
+    monkeypatch.setattr(batch_integration, "STEPS_BEFORE_FORECAST", 1)
     monkeypatch.setattr(c_run, "FIRST_CHUNK", 4)
     found = simulate_batch(model, T_END, max_steps=2, coordinate=coordinate)
     assert found.status == ("not_converged",) * 3
